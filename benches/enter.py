@@ -53,7 +53,7 @@ class _Typed(TypedSession[SteppedEngine]):
     def passes(self, seconds: float) -> None:
         """Let virtual time pass, tick by tick, as the threads of a session see it."""
         for _ in range(math.ceil(seconds * self.session.schedule.rate / TICK)):
-            self.session.pump()
+            self.session.do_once()
             _ = self.session.scope
             self.engine.process(TICK)
 

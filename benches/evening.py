@@ -90,7 +90,7 @@ class _Evening(TypedSession[_CountingEngine]):
         """Let virtual time pass, as the session's own thread looks at it, only less often."""
         ticks = int(_LOOK * self.session.schedule.rate) // TICK
         for _ in range(round(seconds / _LOOK)):
-            self.session.pump()
+            self.session.do_once()
             _ = self.session.scope
             self.engine.pass_frames(ticks * TICK)
 

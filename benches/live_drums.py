@@ -74,11 +74,11 @@ def _load(
                 assert reply.taken, f"{line}: {reply.text}"
             rate = session.schedule.rate
             for _ in range(int(_WARM_SECONDS * rate / _BLOCK)):
-                session.pump()
+                session.do_once()
                 engines[-1].process(_BLOCK)
             cpu_seconds, late, n_blocks = 0.0, 0, int(seconds * rate / _BLOCK)
             for _ in range(n_blocks):
-                session.pump()
+                session.do_once()
                 cpu_start, start = time.process_time(), time.perf_counter()
                 engines[-1].process(_BLOCK)
                 cpu_seconds += time.process_time() - cpu_start

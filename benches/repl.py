@@ -73,7 +73,7 @@ def _answered_by_work(text: str) -> Row:
 
     def passes(seconds: float) -> None:
         for _ in range(int(seconds * session.schedule.rate / (_LOOK * _TICK))):
-            session.pump()
+            session.do_once()
             _ = session.scope  # as the session's own thread does between lines
             engines[0].process(_LOOK * _TICK)
 

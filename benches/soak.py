@@ -144,7 +144,7 @@ def _stepped(folder: Path, typed: Sequence[str], seconds: int) -> tuple[list[Hel
             left = int(session.schedule.rate)
             while left > 0:
                 n = min(left, _LOOK * _TICK)
-                session.pump()
+                session.do_once()
                 engines[0].process(n)
                 left -= n
             if number % 60 == 59:

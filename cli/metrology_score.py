@@ -41,7 +41,7 @@ def path(console: Console, score: str | None, key_name: str | None) -> Floats | 
     from ergon.api import score as scores
     from ergon.api.options import ReadOptions
     from ergon.notation.text.errors import Collector
-    from ergon.scores.staging.live import standin
+    from ergon.scores.staging.live import standin_positions
     from ergon.workshop.metrology.ladder import TICK_RATE
     from ergon.workshop.metrology.takes import HELD_OUT_DURATION
 
@@ -53,7 +53,7 @@ def path(console: Console, score: str | None, key_name: str | None) -> Floats | 
         if player.key != moved_key:
             continue
         with scores.staging(lambda: loaded, console):
-            path = standin(piece, player, tick_frames, Collector())
+            path = standin_positions(piece, player, tick_frames, Collector())
         moving = np.flatnonzero(np.abs(path - path[0]) > _MOVEMENT_MIN)
         if moving.size:
             path = path[max(0, int(moving[0]) - 1) :]

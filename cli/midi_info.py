@@ -35,7 +35,7 @@ def midi(console: Console, path: Path) -> None:
     meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
     all_features = dict.fromkeys(("has_pedal", "has_tempo", "has_meter", "has_wheel"), True)
     left_out = [
-        *unused_contents(file, **all_features, follows=lambda move: move.kind in FOLLOWED_KINDS)
+        *unused_contents(file, **all_features, is_followed=lambda move: move.kind in FOLLOWED_KINDS)
     ]
     if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
         left_out.append(plural(n_unread_bytes, "byte") + " after the end of tracks")
@@ -43,7 +43,7 @@ def midi(console: Console, path: Path) -> None:
         left_out.append(plural(file.n_missing, "track") + " announced in the header but missing")
     left_out += [
         f"{n} × {message_kind}" if n > 1 else message_kind
-        for message_kind, n in sorted(file.odd.items())
+        for message_kind, n in sorted(file.odd_counts.items())
     ]
     played = [*_understood(file)]
     if console.json:
@@ -80,7 +80,7 @@ def midi(console: Console, path: Path) -> None:
 def _fields(track: MidiTrack) -> dict[str, object]:
     channels = [
         {"channel": channel, "notes": notes.count, "low": notes.low, "high": notes.high}
-        for channel, notes in sorted(track.notes.items())
+        for channel, notes in sorted(track.counts_by_channel.items())
     ]
     return {"name": track.name, "channels": channels}
 
@@ -95,7 +95,7 @@ def _notes(track: MidiTrack) -> str:
             if notes.low < notes.high
             else name(notes.low)
         )
-        for channel, notes in sorted(track.notes.items())
+        for channel, notes in sorted(track.counts_by_channel.items())
     ]
     return "; ".join(words) or "no notes"
 

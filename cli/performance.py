@@ -45,7 +45,7 @@ class ShownPerformance:
 
         self._console, self._stage, self._performance = console, stage, performance
         self._watcher = PerformanceViewer(stage)
-        self._players = [hand.player for hand in stage.live]
+        self._players = [hand.player for hand in stage.live_hands]
         self._hands = hands
         self._boards = [board.display_name for board in hands.boards]
         self._strict = strict

@@ -89,8 +89,8 @@ def reports_and_score(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]
         try:
             played.simulation.process(frames)
         except _core.DivergedError as error:
-            reports.append(played.fault(error))
-        return [*reports, *played.gains()], loaded
+            reports.append(played.fault_diagnostic(error))
+        return [*reports, *played.energy_gains()], loaded
 
 
 def reports_in_full(entry: Code, text: str) -> list[str]:

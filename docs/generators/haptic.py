@@ -65,7 +65,7 @@ def force(text: str, strokes: float) -> tuple[Floats, Floats]:
     loaded = load("effect.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
     staged = stage(loaded.piece, planned=True, real_hands={_PLAYER: None})
-    (hand,) = staged.live
+    (hand,) = staged.live_hands
     tick = hand.tick_frames / staged.rate
     out = np.zeros((hand.tick_frames, staged.simulation.n_out))
     n_ticks = round((_SETTLED + 1) / strokes / tick)

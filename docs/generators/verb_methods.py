@@ -44,7 +44,7 @@ def _method(name: str) -> str:
         parameters.append("**named: object")
     else:
         parameters += [f"{word}: object = ..." for word in names]
-    written = "\n".join(f"        {form.written}" for form in forms).strip()
+    written = "\n".join(f"        {form.usage}" for form in forms).strip()
     return f'    def {name}({", ".join(parameters)}) -> Reply:\n        """{written}"""\n'
 
 
@@ -52,14 +52,14 @@ def _words(form: Form) -> Iterator[str]:
     """The names by which the values of a form may be given."""
     for slot in form.slots:
         yield from filter(str.isidentifier, map(_python_name, _slot_words(slot)))
-    if form.timed:
+    if form.takes_time:
         yield from map(_python_name, building.WHEN)
 
 
 def _slot_words(slot: Slot) -> Iterator[str]:
-    yield slot.lead.rstrip("=")
+    yield slot.keyword.rstrip("=")
     yield slot.field
-    yield from slot.value.heads if slot.value is not None else ()
+    yield from slot.value.first_words if slot.value is not None else ()
 
 
 def _python_name(word: str) -> str:

@@ -94,7 +94,7 @@ def _key_entries(stage: Stage) -> list[tuple[str, int, bool]]:
 
     Keys without a real hand come first.
     """
-    hands = {hand.key: hand.mat for hand in stage.live}
+    hands = {hand.key: hand.mat for hand in stage.live_hands}
     mats = stage.built.assembly.mats
     key_rows = [
         (name, mats[name, key.struck], False)
@@ -156,7 +156,7 @@ def _part_entry(stage: Stage, instrument_name: str, run: LookRun) -> dict[str, A
     mode_table = None
     if run.modes is not None:
         mode_table = dict(zip(("first", "count", "of"), run.modes, strict=True))
-    is_frozen = run.why == "unheard" and instrument_name in stage.listening.silent
+    is_frozen = run.why == "unheard" and instrument_name in stage.listening.silent_instruments
     return {
         "name": instrument_name,
         "first": run.first,

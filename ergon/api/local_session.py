@@ -267,7 +267,7 @@ def _frozen_and_folder(
     other_parts = [part.name for part in folder.parts if part.name not in part_names]
     if other_parts:
         report.say(f"computed live, because the session has changed them: {', '.join(other_parts)}")
-    return folder.beside(Path(session_options.journal)), loaded_parts
+    return folder.relative_to(Path(session_options.journal)), loaded_parts
 
 
 def _performance_config(
@@ -318,7 +318,7 @@ def _preflight_stage(piece: Piece, frozen: Sequence[LoadedPart]) -> Stage:
         piece, frozen = rehearsal_piece(piece), ()
     silent = frozenset(part.name for part in frozen)
     staged = stage(piece, planned=True, store=user_store(), silent=silent, on_fault="mute")
-    staged.placed = place_samples(frozen, staged.listening, Clock(0.0), staged.rate)
+    staged.recalled_outputs = place_samples(frozen, staged.listening, Clock(0.0), staged.rate)
     return staged
 
 

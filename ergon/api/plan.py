@@ -119,7 +119,7 @@ def plan(
         (*loaded.inputs, *options.files),
         budget,
         {
-            highest_mode.name: highest_mode.hertz
+            highest_mode.name: highest_mode.frequency
             for highest_mode in highest_modes(staged.piece, staged.stage.built)
         },
         work_pieces(staged.stage.simulation, plan_rows, staged.stage.rate),

@@ -132,7 +132,7 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
     """Warn of each hand whose forces are scaled because its device cannot bear the piece."""
     for hand_limit in performance.hand_limits():
         if hand_limit.scale < 1.0:
-            live = stage.live[hand_limit.hand]
+            live = stage.live_hands[hand_limit.hand]
             report.warn(
                 f"{live.player} on {live.key}: the piece is {hand_limit.stiffness:,.0f} N/m stiff "
                 f"at this key, and the device is stable up to {hand_limit.limit:,.0f} N/m at "
@@ -145,7 +145,7 @@ def _fault_sentence(error: _core.EngineError, stage: Stage) -> str:
     """The sentence of an error of the core, with the player whose hand is at fault."""
     if error.index is None:
         return str(error)
-    hand = stage.live[error.index]
+    hand = stage.live_hands[error.index]
     return f"{hand.player} on {hand.key}: {error.sentence}"
 
 
@@ -248,7 +248,7 @@ def _recording_description(
         "seed": piece.seed if play_options.seed is None else play_options.seed,
         "plan": stage.plan.hash if stage.plan else "",
         "level": level_header(config),
-        "axes": [devices.get(hand.player, {"device": None}) for hand in stage.live],
+        "axes": [devices.get(hand.player, {"device": None}) for hand in stage.live_hands],
     }
 
 
@@ -275,7 +275,7 @@ def _input_file(play_options: PlayOptions, piece: Piece) -> Path | None:
 
 
 def _recording_file(path: str, stage: Stage) -> Path:
-    if not stage.live:
+    if not stage.live_hands:
         raise OptionError("record", "this score has no live hands to record; leave this option out")
     record_path = Path(path)
     if record_path.exists():

@@ -106,7 +106,7 @@ def drawn_curves(
     curves = asked_and_done(
         stage.simulation,
         first_gesture.key_index,
-        first_gesture.struck,
+        first_gesture.struck_mat,
         start,
         stop,
         reach,

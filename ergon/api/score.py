@@ -239,10 +239,10 @@ def computing(stage: Stage, loaded: Loaded, report: Report) -> Iterator[None]:
     try:
         yield
     except _core.DivergedError as error:
-        diagnostics = [stage.fault(error)]
+        diagnostics = [stage.fault_diagnostic(error)]
         show(report, loaded, diagnostics)
         raise DivergedError(diagnostics, loaded.files) from error
-    if gains := stage.gains():
+    if gains := stage.energy_gains():
         show(report, loaded, gains)
 
 

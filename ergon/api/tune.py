@@ -170,7 +170,7 @@ def tune(
         np.array(list(target_frequencies.values())),
         frequencies,
         tuple(
-            TunedValue(tuned_part.target(new), old.number, new.number, tuned_part.text(new))
+            TunedValue(tuned_part.target(new), old.number, new.number, tuned_part.value_text(new))
             for old, new in changed
         ),
         search.rank,
@@ -256,7 +256,7 @@ def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> li
     values_by_name: dict[str, list[Value]] = {}
     for part_value in part_values:
         full = tunable_part.target(part_value)
-        value_words = [part_value.field, tunable_part.listed(part_value), full]
+        value_words = [part_value.field, tunable_part.field_name(part_value), full]
         value_words += [word.removeprefix(f"{tunable_part.name}.") for word in value_words[1:]]
         for name in dict.fromkeys(value_words):
             values_by_name.setdefault(name, []).append(part_value)
@@ -293,7 +293,7 @@ def _edited_texts(
     )
     edited_texts = original_texts = edited_texts.complete()
     try:
-        edited_texts = tunable_part.edit(edited_texts, tuned_values)
+        edited_texts = tunable_part.with_values(edited_texts, tuned_values)
     except EditError as error:
         return None, str(error)
     other_files = [

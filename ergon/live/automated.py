@@ -76,7 +76,7 @@ def _engine_values(
 def tangible_modules(stage: Stage, players: Collection[str]) -> dict[str, list[str]]:
     """The modules with automation that real hands can feel, by player; players that feel none are
     left out."""
-    hands = [hand for hand in stage.live if hand.player in players]
+    hands = [hand for hand in stage.live_hands if hand.player in players]
     mats = [hand.mat for hand in hands]
     modules_by_player = {
         hand.player: [

@@ -77,7 +77,7 @@ class PerformanceViewer:
                 hand_status.sent,
                 hand_status.scale,
             )
-            for hand, hand_status in zip(stage.live, status.hands, strict=False)
+            for hand, hand_status in zip(stage.live_hands, status.hands, strict=False)
         )
         peak = max(status.peaks, default=0.0)
         return PerformanceView(

@@ -146,7 +146,7 @@ class ForceBoundsFinder:
             return ()
         moments = _moments(stage, start, glides)
         glided_bounds = tuple(bounds_before) if len(moments) > 1 else ()
-        hands = [hand for hand in stage.live if hand.index in self._real]
+        hands = [hand for hand in stage.live_hands if hand.index in self._real]
         automation_values = [_automation_sets(stage, hand, hands, start) for hand in hands]
         query = moments, glided_bounds, automation_values
         if (

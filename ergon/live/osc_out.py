@@ -74,7 +74,7 @@ class OscSender:
         """
         self._performance, self._stage, self._send = performance, stage, send
         self._hearing_clock = HearingClock(stage.rate, start)
-        self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live]
+        self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live_hands]
         self._session = events
         message_bytes = (
             _EventsFrom(_piece_beats(stage), start),
@@ -115,7 +115,7 @@ class OscSender:
             self._late = late_and_gaps
             self._send("/ergon/late", late_and_gaps)
         recording = self._performance.recording_trouble()
-        players = [hand.player for hand in self._stage.live]
+        players = [hand.player for hand in self._stage.live_hands]
         status_troubles = troubles(status, players, recording, is_endless=self._session is not None)
         if self._session is not None:
             status_troubles = (*self._session.troubles(), *status_troubles)

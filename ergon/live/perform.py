@@ -66,7 +66,7 @@ class PlaybackConfig:
 
 def tick_frames(stage: Stage) -> int:
     """Frames of a tick."""
-    return stage.live[0].tick_frames if stage.live else DEFAULT_TICK_FRAMES
+    return stage.live_hands[0].tick_frames if stage.live_hands else DEFAULT_TICK_FRAMES
 
 
 def perform(
@@ -86,9 +86,9 @@ def perform(
     _compute_unheard(
         simulation, mixer, stage.n_channels, config, config.start // tick * tick, progress
     )
-    hand_numbers = {hand.player: hand.index for hand in stage.live}
+    hand_numbers = {hand.player: hand.index for hand in stage.live_hands}
     driven_players = {player for board in config.boards for _, player in board.axes}
-    played_hands = [hand for hand in stage.live if hand.player in driven_players]
+    played_hands = [hand for hand in stage.live_hands if hand.player in driven_players]
     hands = [
         _core.LiveHand(
             hand.standin,
@@ -100,7 +100,7 @@ def perform(
             stage.piece.keys[hand.key].measured,
             _written_forces(stage, config, hand, tick),
         )
-        for hand in stage.live
+        for hand in stage.live_hands
     ]
     boards = [
         _core.LiveBoard(
@@ -113,7 +113,7 @@ def perform(
     ]
     record_target = None
     if config.record is not None:
-        axes = [(hand.player, hand.key) for hand in stage.live]
+        axes = [(hand.player, hand.key) for hand in stage.live_hands]
         header_json = json.dumps({**config.about, "sent": "wire"}, ensure_ascii=False)
         record_target = _core.RecordTarget(config.record, axes, header_json)
     fades_from = None

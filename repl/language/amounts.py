@@ -22,7 +22,7 @@ from ergon.repl.language.values import (
     check_new_name,
     name_completions,
     name_value,
-    unknown_name,
+    unknown_name_error,
 )
 from ergon.scores.reading.automatable import amount_reader
 
@@ -35,7 +35,7 @@ def unit_completions(
     """Completions of a quantity: an example, or what is typed with each unit."""
     unit_words = [unit for unit in unit_names if unit.isascii()]
 
-    def offers(context: CompletionContext) -> Iterator[Completion]:
+    def complete_units(context: CompletionContext) -> Iterator[Completion]:
         number_match = NUMBER.match(context.typed)
         if number_match is None:
             yield Completion(example, quantity_name)
@@ -44,13 +44,19 @@ def unit_completions(
                 Completion(number_match.group() + unit, quantity_name) for unit in unit_words
             )
 
-    return offers
+    return complete_units
 
 
-def quantity_value(shape: Text, example: str, units: Iterable[str], what: str = "") -> Value:
+def quantity_value(
+    shape: Text, example_text: str, units: Iterable[str], description: str = ""
+) -> Value:
     """A value that is read as a score reads it."""
-    what = what or shape.what
-    return Value(what, lambda text, *_: shape.parse(text), unit_completions(example, units, what))
+    description = description or shape.what
+    return Value(
+        description,
+        lambda text, *_: shape.parse(text),
+        unit_completions(example_text, units, description),
+    )
 
 
 DIMENSIONS = {
@@ -123,12 +129,12 @@ def _read_grid(grid_text: str, *_: Any) -> Now | Length:
     if grid_text in _GRID_BY_WORD:
         return _GRID_BY_WORD[grid_text]
     if grid_text[:1].isalpha():
-        raise unknown_name(grid_text, "a boundary", (*_GRID_BY_WORD, "2bar"))
-    grid = _read_length(grid_text)
-    if grid.seconds:
+        raise unknown_name_error(grid_text, "a boundary", (*_GRID_BY_WORD, "2bar"))
+    grid_length = _read_length(grid_text)
+    if grid_length.seconds:
         message = "a boundary lies on beats or bars, not on seconds: write one such as 2bar"
         raise TextError(message, length=len(grid_text), suggestion="bar")
-    return grid
+    return grid_length
 
 
 def read_position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Position:
@@ -139,7 +145,7 @@ def read_position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -
         and parsed_position.text not in scope.marks
         and parsed_position.mark not in scope.marks
     ):
-        raise unknown_name(parsed_position.mark, "a mark", scope.marks)
+        raise unknown_name_error(parsed_position.mark, "a mark", scope.marks)
     return parsed_position
 
 
@@ -166,7 +172,7 @@ _VOICE_VALUE = name_value("the name of strikes, or a player", "strikes", "player
 # That the voice exists is checked when the line is typed, not when it is replayed: the voice may be
 # gone then, and the beat is known.
 SYNC_VALUE = Value(
-    _VOICE_VALUE.what, lambda text, *_: Sync(check_new_name(text)), _VOICE_VALUE.completions
+    _VOICE_VALUE.description, lambda text, *_: Sync(check_new_name(text)), _VOICE_VALUE.completions
 )
 GRID_VALUE = Value(
     "a boundary: now, beat, bar or a length such as 2bar",
@@ -209,7 +215,7 @@ def _near_targets(text: str, scope: Scope) -> list[str]:
 
 def _read_target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text not in scope.targets:
-        raise unknown_name(text, "a parameter", _near_targets(text, scope))
+        raise unknown_name_error(text, "a parameter", _near_targets(text, scope))
     return text
 
 
@@ -234,21 +240,21 @@ def _change_completions(context: CompletionContext) -> Iterator[Completion]:
 
 def _target_completions(context: CompletionContext) -> Iterator[Completion]:
     """The completions up to the next dot: a part, then its modules, then their parameters."""
-    typed = context.typed
+    typed_text = context.typed
     for target_path, shape in context.scope.targets.items():
-        if target_path.startswith(typed):
-            dot = target_path.find(".", len(typed))
-            if dot < 0:
+        if target_path.startswith(typed_text):
+            dot_index = target_path.find(".", len(typed_text))
+            if dot_index < 0:
                 yield Completion(target_path, shape.what)
             else:
-                yield Completion(target_path[: dot + 1], "its parameters")
+                yield Completion(target_path[: dot_index + 1], "its parameters")
 
 
 TARGET_VALUE = Value("a parameter, such as bell.m.K", _read_target, _target_completions)
 TUNING = "tuning"  # what `show` may be followed by, as by a name of the score
 
 
-def _read_shown(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
+def _read_shown_name(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
     shown_name: str = (
         text if text == TUNING or text in scope.targets else ANY_NAME.read(text, scope, slots_read)
     )
@@ -261,7 +267,7 @@ def _shown_completions(context: CompletionContext) -> Iterator[Completion]:
     yield from _target_completions(context)
 
 
-NAME_OR_PARAMETER = Value("a name of this score", _read_shown, _shown_completions)
+NAME_OR_PARAMETER = Value("a name of this score", _read_shown_name, _shown_completions)
 CHANGE_VALUE = Value(
     "a value with its unit, or a factor such as x1.5", _read_change, _change_completions
 )

@@ -15,7 +15,7 @@ from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, When, Word
 from ergon.repl.language.forms import OFF_SLOT, Slot, form
-from ergon.repl.language.midi import source_words
+from ergon.repl.language.midi import source_word_count
 from ergon.repl.language.scope import MIDI_SUFFIXES, Scope, files_in
 from ergon.scores.gesture.midi_source import SOURCES, parse_source
 from ergon.scores.pattern.order import CHOICE_WORDS
@@ -60,8 +60,8 @@ _LFO_OPTIONS = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"
 def _read_target(path_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
     target_path = str(amounts.TARGET_VALUE.read(path_text, scope, slots_read))
     if target_path.rpartition(".")[2] not in ALL_PARAMETERS:
-        known = ", ".join(ALL_PARAMETERS)
-        message = f"only these parameters change by themselves: {known}"
+        known_parameters = ", ".join(ALL_PARAMETERS)
+        message = f"only these parameters change by themselves: {known_parameters}"
         raise TextError(message, length=len(path_text))
     return target_path
 
@@ -71,7 +71,7 @@ def _split_options(
 ) -> tuple[str, int, dict[str, str]]:
     """The text before the options, where it ends, and the options, each of them checked."""
     try:
-        text_before, placed_options = parse_strikes(line_text, option_examples)
+        values_text, placed_options = parse_strikes(line_text, option_examples)
     except TextError as error:
         faulty_word = line_text[error.offset : error.offset + error.length]
         if faulty_word in option_examples:
@@ -87,7 +87,7 @@ def _split_options(
         except TextError as error:
             error.offset += option_word.offset
             raise
-    end = text_before[-1].offset + len(text_before[-1].text) if text_before else 0
+    end = values_text[-1].offset + len(values_text[-1].text) if values_text else 0
     return line_text[:end], end, {name: word.text for name, word in placed_options.items()}
 
 
@@ -112,8 +112,10 @@ def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Ma
             )
     if is_curve(values_text):
         parse_curve(values_text, read_field)
-        if extra := placed_options.keys() - {"until"}:
-            raise TextError(f"a curve has no steps; leave out `{min(extra)}`", offset=values_end)
+        if extra_options := placed_options.keys() - {"until"}:
+            raise TextError(
+                f"a curve has no steps; leave out `{min(extra_options)}`", offset=values_end
+            )
         return {"to": " ".join(values_text.split()), **placed_options}
     is_pitch = slots_read["target"].endswith(".f")
     parse_values(values_text, read_field, is_pitch=is_pitch)
@@ -125,28 +127,30 @@ def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Ma
 
 def _read_lfo(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
-    ends, ends_index, placed_options = _split_options(slot_text, scope, _LFO_OPTIONS)
-    parse_range(ends, _amount_reader(scope, slots_read))
+    range_text, range_offset, placed_options = _split_options(slot_text, scope, _LFO_OPTIONS)
+    parse_range(range_text, _amount_reader(scope, slots_read))
     if "period" not in placed_options:
         message = "the length of one swing is missing: period 4bar"
-        raise TextError(message, offset=ends_index, length=max(1, len(slot_text) - ends_index))
-    return {"range": ends, **placed_options}
+        raise TextError(message, offset=range_offset, length=max(1, len(slot_text) - range_offset))
+    return {"range": range_text, **placed_options}
 
 
 def _completions(option_examples: Mapping[str, str], first_example: str = "") -> Any:
     def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if not context.before:
             shape = context.scope.targets[context.fields["target"]]
-            offered = (
+            completions = (
                 (v.Completion(first_example, "its ends"),)
                 if first_example
                 else amounts.dimension_value(shape).completions(context)
             )
-            yield from offered
+            yield from completions
             return
-        last = context.before[-1]
-        if last in option_examples:
-            yield v.Completion(option_examples[last].split()[0], AUTOMATION.by_name[last].doc)
+        last_word = context.before[-1]
+        if last_word in option_examples:
+            yield v.Completion(
+                option_examples[last_word].split()[0], AUTOMATION.by_name[last_word].doc
+            )
             return
         for name in option_examples:
             if name not in context.before:
@@ -160,20 +164,20 @@ def _read_source(text: str, *_: object) -> str:
     return " ".join(text.split())
 
 
-def _source_offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _source_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before[-1:] == ("cc",):
         yield v.Completion("1/33", "a controller, or two")
         return
-    for word, effect in SOURCES.items():
-        yield v.Completion(word.partition(" ")[0], effect)
+    for word, hint in SOURCES.items():
+        yield v.Completion(word.partition(" ")[0], hint)
 
 
-def _read_ends(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
-    parse_range(text, _amount_reader(scope, given))
+def _read_range_ends(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
+    parse_range(text, _amount_reader(scope, slots_read))
     return text
 
 
-def _midi_files(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _midi_file_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
     for path in files_in(context.scope.folder, MIDI_SUFFIXES):
         yield v.Completion(path.name, "a MIDI file")
 
@@ -191,22 +195,28 @@ def follow_file(
     words: Mapping[str, Word],
 ) -> Automate:
     """`set bell.m.K from tune.mid by cc 1 range 1..5`."""
-    others = {"channel": channel, "start": start, "until": until}
-    written = {name: words[name].text for name, value in others.items() if value is not None}
-    fields = {"from": file, "by": source, "range": ends, **written}
+    file_options = {"channel": channel, "start": start, "until": until}
+    written_texts = {
+        name: words[name].text for name, value in file_options.items() if value is not None
+    }
+    fields = {"from": file, "by": source, "range": ends, **written_texts}
     return Automate(target, "set", fields, when=when, words=words)
 
 
-MIDI_FILE = v.Value("the name of a MIDI file, such as tune.mid", v.FILE_VALUE.read, _midi_files)
+MIDI_FILE = v.Value(
+    "the name of a MIDI file, such as tune.mid", v.FILE_VALUE.read, _midi_file_completions
+)
 FILE_SOURCE = v.Value(
     "what moves in the file, such as cc 1",
     _read_source,
-    _source_offers,
-    count=source_words,
-    heads=("cc", "bend", "pressure"),
+    _source_completions,
+    count=source_word_count,
+    first_words=("cc", "bend", "pressure"),
 )
 FILE_RANGE = v.Value(
-    "two values or factors, such as 1..5", _read_ends, lambda _: [v.Completion("0.8..1.2", "ends")]
+    "two values or factors, such as 1..5",
+    _read_range_ends,
+    lambda _: [v.Completion("0.8..1.2", "ends")],
 )
 CHANNEL_VALUE = amounts.quantity_value(k.integer(1, 16, "1"), "1", (), "a channel from 1 to 16")
 FILE_START = amounts.quantity_value(
@@ -244,7 +254,7 @@ def stop_lfo(target: str, *, when: When, words: Mapping[str, Word]) -> StopLfo:
 SET_PATTERN_FORM = form("set", "set", "a parameter follows a pattern of values, or a curve",
     "set bell.m.f A3 C4 E4 every 1", automate,
     Slot("target", "PATH", AUTOMATED_TARGET),
-    Slot("fields", "VALUE … every LENGTH …", AUTOMATION_VALUES, many=True))
+    Slot("fields", "VALUE … every LENGTH …", AUTOMATION_VALUES, takes_many=True))
 SET_FILE_FORM = form("set", "set", "a parameter follows a MIDI file",
     "set bell.m.K from tune.mid by cc 1/33 range 0.5..2", follow_file,
     Slot("target", "PATH", AUTOMATED_TARGET),
@@ -258,7 +268,7 @@ LFO_FORM = form("lfo", "lf", "a parameter swings between two values",
     "lfo bell.m.K 0.8..1.2 period 4bar", automate_lfo,
     Slot("target", "PATH", AUTOMATED_TARGET),
     Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", LFO_VALUE,
-    many=True))
+    takes_many=True))
 LFO_OFF_FORM = form("lfo", "lf", "a parameter has its own value again",
     "lfo bell.m.K off", stop_lfo,
     Slot("target", "PATH", AUTOMATED_TARGET), OFF_SLOT)

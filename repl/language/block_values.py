@@ -46,8 +46,8 @@ def with_values(block_lines: Iterable[str], value_words: Sequence[str]) -> list[
     values_by_name = defaults(block_lines)
     value_names = [*values_by_name]
     for word_index, value_word in enumerate(value_words):
-        value_name, equals, value_text = value_word.partition("=")
-        if not equals:
+        value_name, equals_sign, value_text = value_word.partition("=")
+        if not equals_sign:
             if word_index >= len(value_names):
                 message = (
                     f"the block takes {_value_count(len(value_names))}, and "
@@ -74,13 +74,17 @@ def with_values(block_lines: Iterable[str], value_words: Sequence[str]) -> list[
 
 def defaults(block_lines: Iterable[str]) -> dict[str, str]:
     """The values that the lines of a block set, in their order. Raises TextError."""
-    values_by_name = dict(pair for line in block_lines if (pair := parse_setting(line)) is not None)
+    values_by_name = dict(
+        name_and_value
+        for line in block_lines
+        if (name_and_value := parse_setting(line)) is not None
+    )
     if len(values_by_name) > MAX_VALUES:
         raise TextError(f"this block has {len(values_by_name)} values; {MAX_VALUES} are the most")
     return values_by_name
 
 
-def counts_runs(block_lines: Iterable[str]) -> bool:
+def has_tick(block_lines: Iterable[str]) -> bool:
     """Whether any line has `$tick`."""
     return any(
         match[1] == TICK_NAME for line in block_lines for match in _USE_PATTERN.finditer(line)
@@ -91,9 +95,9 @@ def variants(block_line: str, values_by_name: Mapping[str, str]) -> Iterator[str
     """A line as it is in successive runs, with all of the words in its brackets. Raises
     TextError.
     """
-    rings = [len((match[2] or "").split()) for match in _USE_PATTERN.finditer(block_line)]
-    for tick in range(min(max(rings, default=1) or 1, _MAX_TICKS)):
-        yield _filled_line(block_line, {**values_by_name, TICK_NAME: str(tick)})
+    choice_counts = [len((match[2] or "").split()) for match in _USE_PATTERN.finditer(block_line)]
+    for tick_number in range(min(max(choice_counts, default=1) or 1, _MAX_TICKS)):
+        yield _filled_line(block_line, {**values_by_name, TICK_NAME: str(tick_number)})
 
 
 def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
@@ -108,16 +112,16 @@ def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
         value_text = values_by_name[value_name]
         if choice_words is None:
             return value_text
-        choices = choice_words.split()
-        if not value_text.isdecimal() or not choices:
+        choice_list = choice_words.split()
+        if not value_text.isdecimal() or not choice_list:
             missing_text = (
                 f"${value_name} is {value_text}, and counts"
-                if choices
+                if choice_list
                 else f"${value_name}[] needs"
             )
             message = f"{missing_text} words in brackets from 0 on: $tick[C4 E4 G4]"
             raise TextError(message, offset=bracket_match.start(), length=len(bracket_match[0]))
-        return choices[int(value_text) % len(choices)]
+        return choice_list[int(value_text) % len(choice_list)]
 
     return _USE_PATTERN.sub(value_of, line_text)
 

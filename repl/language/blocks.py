@@ -59,8 +59,8 @@ def _block_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str
     if not slot_text.endswith(":"):
         message = f"a ':' is missing: def {slot_text}: and then its lines"
         raise TextError(message, length=len(slot_text), suggestion=f"{slot_text}:")
-    first, *setting_words = slot_text[:-1].split()
-    block_name = v.check_new_name(first)
+    name_word, *setting_words = slot_text[:-1].split()
+    block_name = v.check_new_name(name_word)
     if block_name in _CONDITION_WORDS:
         message = f"{quote(block_name)} is a word of conditions: give the block another name"
         raise TextError(message, length=len(block_name))
@@ -75,15 +75,15 @@ def _block_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str
 
 def _setting_line(slot_text: str) -> str:
     """The line of a block that sets a value, from `n=8`."""
-    value_name, equals, value_text = slot_text.partition("=")
-    if not equals:
+    value_name, equals_sign, value_text = slot_text.partition("=")
+    if not equals_sign:
         raise TextError(
             f"{quote(slot_text)} has no value: write {slot_text}=8", length=len(slot_text)
         )
     return "${} = {}".format(*checked_name_and_value(value_name, value_text))
 
 
-def _name_words(words: Sequence[str]) -> int:
+def _words_to_colon(words: Sequence[str]) -> int:
     """How many words there are up to the colon."""
     return next((number for number, word in enumerate(words, 1) if word.endswith(":")), 1)
 
@@ -119,9 +119,11 @@ def _rule_completions(context: CompletionContext) -> Iterator[Completion]:
         yield Completion("and", "a further condition")
         yield from v.name_completions(context.scope.blocks)
     else:
-        last = context.before[-1]
-        follows = {"bar": ("%", "=="), "beat": ("==", "%"), "and": ("bar", "beat")}.get(last, ())
-        yield from (Completion(text, "as in when bar % 4 == 3 fill") for text in follows)
+        last_word = context.before[-1]
+        next_words = {"bar": ("%", "=="), "beat": ("==", "%"), "and": ("bar", "beat")}.get(
+            last_word, ()
+        )
+        yield from (Completion(text, "as in when bar % 4 == 3 fill") for text in next_words)
 
 
 BLOCK_VALUE = v.name_value("a block", "blocks")
@@ -129,7 +131,7 @@ NEW_BLOCK = Value(
     "a name and ':'",
     _block_name,
     lambda context: v.name_completions(context.scope.blocks),
-    count=_name_words,
+    count=_words_to_colon,
 )
 VALUES_VALUE = Value(
     "values, such as 16 or n=16", lambda text, *_: tuple(text.split()), lambda _: ()
@@ -173,16 +175,16 @@ def run_when(rule: tuple[Condition, str], *, when: When, words: Words) -> RunByR
 DEF_FORM = form("def", "de", "gives one line a name, or those below it up to `end`",
     "def fill: ada plays lean times 2", define,
     Slot("name", "NAME [NAME=VALUE …]:", NEW_BLOCK),
-    Slot("lines", "LINE …", LINES_VALUE, many=True), timed=False)
+    Slot("lines", "LINE …", LINES_VALUE, takes_many=True), takes_time=False)
 RUN_FORM = form("run", "ru", "does all lines of a block; its name alone does the same",
     "run fill", run, Slot("name", "NAME", BLOCK_VALUE),
-    Slot("values", "VALUE|NAME=VALUE …", VALUES_VALUE, optional=True, many=True))
+    Slot("values", "VALUE|NAME=VALUE …", VALUES_VALUE, optional=True, takes_many=True))
 EVERY_FORM = form("every", "ev", "runs a block again and again, the first time from here on",
     "fill every 4bar", run_every, Slot("name", "NAME", BLOCK_VALUE),
-    Slot("trigger", "LENGTH", EVERY_VALUE), subject=True)
+    Slot("trigger", "LENGTH", EVERY_VALUE), begins_with_subject=True)
 WHEN_FORM = form("when", "w", "runs a block where a condition on bar or beat is true",
     "when bar % 4 == 3 fill", run_when,
-    Slot("rule", "CONDITION NAME", RULE_VALUE, many=True))
+    Slot("rule", "CONDITION NAME", RULE_VALUE, takes_many=True))
 STOP_BLOCK_FORM = form("stop", "st", "stops a block that runs by itself", "stop fill", StopBlock,
     Slot("name", "NAME", BLOCK_VALUE))
 # fmt: on

@@ -21,14 +21,14 @@ FUNCTIONS = {
 WHEN = ("now", "at", "in", "sync")  # the names of a time
 
 
-def build_line(verb: str, slot_values: Sequence[object], named: Mapping[str, object]) -> str:
+def build_line(verb: str, slot_values: Sequence[object], named_values: Mapping[str, object]) -> str:
     """The line of a verb, from values in the order in which they are written, or by name.
 
     A name is the word that comes before a value (`over`, `as_`, `K`), an option of `plays`, or
     one of `now=True`, `at=`, `in_=`. Values that are None or False are left out. Raises
     TypeError if the verb has no such form, ValueError for a value of more than one line.
     """
-    option_values = {name.rstrip("_"): value for name, value in named.items()}
+    option_values = {name.rstrip("_"): value for name, value in named_values.items()}
     option_values = {
         name: value
         for name, value in option_values.items()
@@ -37,75 +37,91 @@ def build_line(verb: str, slot_values: Sequence[object], named: Mapping[str, obj
     for verb_form in forms_of(verb):
         # A time is accepted only by verbs that take one.
         time_words = {
-            name: option_values[name] for name in WHEN if name in option_values and verb_form.timed
+            name: option_values[name]
+            for name in WHEN
+            if name in option_values and verb_form.takes_time
         }
-        rest = {name: value for name, value in option_values.items() if name not in time_words}
-        words = _words_in_order(verb_form, slot_values, rest)
+        untimed_values = {
+            name: value for name, value in option_values.items() if name not in time_words
+        }
+        words = _words_in_order(verb_form, slot_values, untimed_values)
         if words is not None and len(time_words) <= 1:
             return " ".join([*words, *_play_options(time_words)])
-    raise TypeError("write it as " + ", or: ".join(form.written for form in forms_of(verb)))
+    raise TypeError("write it as " + ", or: ".join(form.usage for form in forms_of(verb)))
 
 
 def _words_in_order(
-    verb_form: Form, slot_values: Sequence[object], named: Mapping[str, object]
+    verb_form: Form, slot_values: Sequence[object], named_values: Mapping[str, object]
 ) -> list[str] | None:
     """The words of a line without its time; None where the values do not fit the form."""
-    values_left = dict(named)
-    bound: dict[int, object] = {}
+    values_left = dict(named_values)
+    value_by_slot: dict[int, object] = {}
     for slot_index, slot in enumerate(verb_form.slots):
-        for slot_name in (slot.lead.rstrip("="), slot.field):
-            if slot_name in values_left and slot_index not in bound:
-                bound[slot_index] = values_left.pop(slot_name)
-        for slot_name in slot.value.heads if slot.value is not None else ():
-            if slot_name in values_left and slot_index not in bound:
-                bound[slot_index] = _play_options({slot_name: values_left.pop(slot_name)})[0]
-    open_ = [number for number in range(len(verb_form.slots)) if number not in bound]
+        for slot_name in (slot.keyword.rstrip("="), slot.field):
+            if slot_name in values_left and slot_index not in value_by_slot:
+                value_by_slot[slot_index] = values_left.pop(slot_name)
+        for slot_name in slot.value.first_words if slot.value is not None else ():
+            if slot_name in values_left and slot_index not in value_by_slot:
+                value_by_slot[slot_index] = _play_options({slot_name: values_left.pop(slot_name)})[
+                    0
+                ]
+    open_slots = [
+        slot_number
+        for slot_number in range(len(verb_form.slots))
+        if slot_number not in value_by_slot
+    ]
     # If there are more values than required places, they fill optional places from the left.
-    spare = len(slot_values) - sum(not verb_form.slots[number].optional for number in open_)
+    spare_values = len(slot_values) - sum(
+        not verb_form.slots[slot_number].optional for slot_number in open_slots
+    )
     value_iterator = iter(slot_values)
-    for slot_index in open_:
+    for slot_index in open_slots:
         if verb_form.slots[slot_index].optional:
-            if spare <= 0:
+            if spare_values <= 0:
                 continue
-            spare -= 1
-        elif spare < 0:
+            spare_values -= 1
+        elif spare_values < 0:
             return None
-        bound[slot_index] = next(value_iterator)
+        value_by_slot[slot_index] = next(value_iterator)
     option_words = (
         _play_options(values_left)
         if any(slot.value is PLAYING_VALUE for slot in verb_form.slots)
         else []
     )
-    if spare > 0 or (values_left and not option_words):
+    if spare_values > 0 or (values_left and not option_words):
         return None
-    slot_texts = [_slot_text(verb_form.slots[number], bound[number]) for number in sorted(bound)]
+    slot_texts = [
+        _slot_text(verb_form.slots[slot_number], value_by_slot[slot_number])
+        for slot_number in sorted(value_by_slot)
+    ]
     if None in slot_texts:
         return None
     words = [word for word in slot_texts if word is not None] + option_words
-    words.insert(1 if verb_form.subject else 0, verb_form.verb)
+    words.insert(1 if verb_form.begins_with_subject else 0, verb_form.verb)
     return words
 
 
 def _slot_text(form_slot: Slot, slot_value: object) -> str | None:
     slot_text = _option_text(slot_value)
     if form_slot.value is None:  # a word that stands alone
-        return form_slot.lead if slot_value is True or slot_text == form_slot.lead else None
+        return form_slot.keyword if slot_value is True or slot_text == form_slot.keyword else None
     if form_slot.value is NEW_BLOCK:
         return f"{slot_text}:"
     if form_slot.value in (v.FILE_VALUE, MIDI_FILE, FAMILY_VALUE) and " " in slot_text:
         slot_text = f'"{slot_text}"'
     return (
-        form_slot.lead + slot_text
-        if form_slot.lead.endswith("=")
-        else f"{form_slot.lead} {slot_text}".lstrip()
+        form_slot.keyword + slot_text
+        if form_slot.keyword.endswith("=")
+        else f"{form_slot.keyword} {slot_text}".lstrip()
     )
 
 
-def _play_options(named: Mapping[str, object]) -> list[str]:
+def _play_options(named_values: Mapping[str, object]) -> list[str]:
     """Options of `plays`; `do` is last, because it takes the rest of a line."""
-    order = sorted(named, key=lambda name: name == "do")
+    option_names = sorted(named_values, key=lambda name: name == "do")
     return [
-        name if named[name] is True else f"{name} {_option_text(named[name])}" for name in order
+        name if named_values[name] is True else f"{name} {_option_text(named_values[name])}"
+        for name in option_names
     ]
 
 

@@ -22,7 +22,7 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     if len(text_before) - statement_start > MAX_LINE or _in_comment(text_before):
         return []
     word_start = max(
-        (m.end() for m in _SEPARATOR_PATTERN.finditer(text_before, statement_start)),
+        (match.end() for match in _SEPARATOR_PATTERN.finditer(text_before, statement_start)),
         default=statement_start,
     )
     hints = Hints(text_before[word_start:])
@@ -31,11 +31,13 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
         read_command(line, scope, hints)
     except TextError:
         pass  # offer what was found before the mistake
-    typed = hints.typed.lower()
+    typed_beginning = hints.typed.lower()
     suggestions: dict[str, Suggestion] = {}
-    for offer in hints.completions:
-        if offer.text.lower().startswith(typed) and offer.text != hints.typed:
-            suggestions.setdefault(offer.text, Suggestion(offer.text, word_start, offer.hint))
+    for completion in hints.completions:
+        if completion.text.lower().startswith(typed_beginning) and completion.text != hints.typed:
+            suggestions.setdefault(
+                completion.text, Suggestion(completion.text, word_start, completion.hint)
+            )
     return list(suggestions.values())[:MAX_SUGGESTIONS]
 
 
@@ -45,13 +47,13 @@ def _statement_start(text_before: str) -> int:
     """
     line_start = text_before.rfind("\n") + 1
     while line_start > 0 and len(text_before) - line_start <= MAX_LINE:
-        above = text_before.rfind("\n", 0, line_start - 1) + 1
-        if not is_continued(text_before[above : line_start - 1]):
+        line_above_start = text_before.rfind("\n", 0, line_start - 1) + 1
+        if not is_continued(text_before[line_above_start : line_start - 1]):
             break
-        line_start = above
+        line_start = line_above_start
     return line_start
 
 
-def _in_comment(head: str) -> bool:
-    line = head[head.rfind("\n") + 1 :]
+def _in_comment(line_head: str) -> bool:
+    line = line_head[line_head.rfind("\n") + 1 :]
     return comment_start(line) < len(line)

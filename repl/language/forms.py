@@ -15,28 +15,28 @@ from ergon.repl.language.values import Value
 class Slot:
     """One place of a form: the field for its value, its name in the help, and its lead word.
 
-    A `lead` that ends in "=" is one word with its value (`K=40N/m`); a lead without a value is a
-    word of its own (`off`). `many` takes all words up to the next lead.
+    A `keyword` that ends in "=" is one word with its value (`K=40N/m`); a keyword without a value
+    is a word of its own (`off`). `takes_many` takes all words up to the next lead.
     """
 
     field: str
     placeholder: str
     value: Value | None = None
-    lead: str = ""
+    keyword: str = ""
     optional: bool = False
-    many: bool = False
+    takes_many: bool = False
 
     @property
-    def written(self) -> str:
+    def usage(self) -> str:
         """As help writes it: `[over LENGTH]`."""
-        joint = "" if self.lead[-1:] == "=" or not self.placeholder else " "
-        text = f"{self.lead}{joint}{self.placeholder}".strip()
+        separator = "" if self.keyword[-1:] == "=" or not self.placeholder else " "
+        text = f"{self.keyword}{separator}{self.placeholder}".strip()
         return f"[{text}]" if self.optional else text
 
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """One way to write a verb. With `subject`, its first slot comes before the verb."""
+    """One way to write a verb. With `begins_with_subject`, its first slot comes before the verb."""
 
     verb: str
     short: str
@@ -44,15 +44,15 @@ class Form:
     example: str
     make: Callable[..., Command]
     slots: tuple[Slot, ...] = ()
-    timed: bool = True  # whether a line may end in `now`, `at C` or `in 2`
-    subject: bool = False
-    quoted: bool = False  # the argument is in quotes
+    takes_time: bool = True  # whether a line may end in `now`, `at C` or `in 2`
+    begins_with_subject: bool = False
+    needs_quotes: bool = False  # the argument is in quotes
 
     @property
-    def written(self) -> str:
+    def usage(self) -> str:
         """As help writes it: `rest PLAYER|all`."""
-        words = [slot.written for slot in self.slots]
-        words.insert(1 if self.subject else 0, self.verb)
+        words = [slot.usage for slot in self.slots]
+        words.insert(1 if self.begins_with_subject else 0, self.verb)
         return " ".join(words)
 
 
@@ -66,9 +66,9 @@ def form(
     example: str,
     make: Callable[..., Command],
     *slots: Slot,
-    timed: bool = True,
-    subject: bool = False,
-    quoted: bool = False,
+    takes_time: bool = True,
+    begins_with_subject: bool = False,
+    needs_quotes: bool = False,
 ) -> Form:
     """A form: its verb, the shortest beginning by which that is understood, its effect, an example,
     what makes its command, its places.
@@ -76,7 +76,9 @@ def form(
     A short form is fixed: a verb that is added later gets one that leaves these alone, so that
     habits stay true.
     """
-    return Form(verb, short, effect, example, make, slots, timed, subject, quoted)
+    return Form(
+        verb, short, effect, example, make, slots, takes_time, begins_with_subject, needs_quotes
+    )
 
 
 # Places that several verbs have.

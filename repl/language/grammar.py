@@ -22,7 +22,7 @@ from ergon.repl.language.line_verb import find_verb_of
 from ergon.repl.language.lines import Line, split_words
 from ergon.repl.language.scope import Scope
 
-_TIME_LEADS = {
+_TIME_KEYWORDS = {
     "at": amounts.POSITION_VALUE,
     "in": amounts.LENGTH_VALUE,
     "sync": amounts.SYNC_VALUE,
@@ -70,9 +70,9 @@ def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> 
     line_end = line_words[-1].end
     refusals = []
     for form in _possible_forms(verb, verb_words):
-        reading = _FormReader(form, typed_line, list(verb_words), line_end, scope, hints)
+        form_reader = _FormReader(form, typed_line, list(verb_words), line_end, scope, hints)
         try:
-            command = reading.command()
+            command = form_reader.command()
         except TextError as error:
             refusals.append(error)
         else:
@@ -88,7 +88,7 @@ def _possible_forms(verb: str, verb_words: list[Word]) -> Iterator[Form]:
     """The forms that a line may have: what is in quotes belongs to one alone."""
     is_quoted = len(verb_words) > 1 and verb_words[1].text.startswith('"')
     for form in verbs.forms_of(verb):
-        if len(verb_words) < 2 or verb != "=" or form.quoted == is_quoted:
+        if len(verb_words) < 2 or verb != "=" or form.needs_quotes == is_quoted:
             yield form
 
 
@@ -100,10 +100,10 @@ def _split_joined_words(line_words: list[Word]) -> list[Word]:
     if first_word.text[0] == "?" and len(first_word.text) > 1:
         return [*_split_word(first_word, 1), *later_words]
     if "=" in first_word.text[1:]:
-        name, equals = _split_word(first_word, first_word.text.index("=", 1))
+        name, equals_sign = _split_word(first_word, first_word.text.index("=", 1))
         return [
             name,
-            *(_split_word(equals, 1) if len(equals.text) > 1 else (equals,)),
+            *(_split_word(equals_sign, 1) if len(equals_sign.text) > 1 else (equals_sign,)),
             *later_words,
         ]
     if later_words and later_words[0].text[0] == "=" and len(later_words[0].text) > 1:
@@ -111,9 +111,11 @@ def _split_joined_words(line_words: list[Word]) -> list[Word]:
     return line_words
 
 
-def _split_word(word: Word, at: int) -> tuple[Word, Word]:
-    middle = word.start + at
-    return Word(word.text[:at], word.start, middle), Word(word.text[at:], middle, word.end)
+def _split_word(word: Word, length: int) -> tuple[Word, Word]:
+    split_offset = word.start + length
+    return Word(word.text[:length], word.start, split_offset), Word(
+        word.text[length:], split_offset, word.end
+    )
 
 
 def _first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None:
@@ -126,13 +128,13 @@ def _first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None:
         return
     first_text = line_words[0].text
     if first_text in scope.players:
-        about = [verbs.forms_of(verb)[0] for verb in verbs.SUBJECT_VERBS]
-        effects = (
-            (f.verb, f.effect)
-            for f in about
-            if f.slots[0].value in (v.PLAYER_VALUE, v.DOING_PLAYER)
+        subject_forms = [verbs.forms_of(verb)[0] for verb in verbs.SUBJECT_VERBS]
+        verb_effects = (
+            (verb_form.verb, verb_form.effect)
+            for verb_form in subject_forms
+            if verb_form.slots[0].value in (v.PLAYER_VALUE, v.TRANSFORMED_PLAYER)
         )
-        hints.completions.extend(v.Completion(*pair) for pair in effects)
+        hints.completions.extend(v.Completion(*verb_and_effect) for verb_and_effect in verb_effects)
     elif first_text in scope.blocks:
         hints.completions.append(v.Completion("every", verbs.forms_of("every")[0].effect))
     elif first_text in scope.gestures:
@@ -170,91 +172,102 @@ class _FormReader:
     def command(self) -> Command | None:
         """The command; None where hints are wanted. Raises TextError."""
         self._read_time()
-        option_slots = [slot for slot in self.form.slots if slot.lead and slot.optional]
-        places = [slot for slot in self.form.slots if slot not in option_slots]
-        for number, slot in enumerate(places):
-            if not self._read_slot(slot, places[number + 1 :], option_slots):
+        option_slots = [slot for slot in self.form.slots if slot.keyword and slot.optional]
+        fixed_slots = [slot for slot in self.form.slots if slot not in option_slots]
+        for number, slot in enumerate(fixed_slots):
+            if not self._read_slot(slot, fixed_slots[number + 1 :], option_slots):
                 return None
         while (option := self._next_option(option_slots)) is not None:
             option_slots.remove(option)
             self._read_option(option)
         if self.hints is not None:
-            self._offer_rest(option_slots)
+            self._offer_options(option_slots)
             return None
         self._check_end(option_slots)
         return self.form.make(**self.fields, when=self.when, words=self.as_written)
 
     def _read_time(self) -> None:
         """Take the time `now`, `at C` or `in 2` from the end of the words."""
-        if not self.form.timed or not self.words:
+        if not self.form.takes_time or not self.words:
             return
         last_word = self.words[-1]
-        lead = self.words[-2].text if len(self.words) > 1 else ""
+        keyword = self.words[-2].text if len(self.words) > 1 else ""
         if last_word.text == "now":
             self.when = NOW
             self.has_when, self.as_written["when"] = True, last_word
             del self.words[-1:]
-        elif lead in _TIME_LEADS:
-            self.when = self._read_value(_TIME_LEADS[lead], last_word)
+        elif keyword in _TIME_KEYWORDS:
+            self.when = self._read_value(_TIME_KEYWORDS[keyword], last_word)
             self.has_when, self.as_written["when"] = True, last_word
             del self.words[-2:]
-        elif last_word.text in _TIME_LEADS:
-            self._offer(_TIME_LEADS[last_word.text])
-            noun = _TIME_LEADS[last_word.text].what
+        elif last_word.text in _TIME_KEYWORDS:
+            self._offer_value(_TIME_KEYWORDS[last_word.text])
+            description = _TIME_KEYWORDS[last_word.text].description
             raise TextError(
-                f"'{last_word.text}' needs {noun}",
+                f"'{last_word.text}' needs {description}",
                 offset=last_word.start,
                 length=len(last_word.text),
             )
 
-    def _read_slot(self, form_slot: Slot, later: list[Slot], option_slots: list[Slot]) -> bool:
+    def _read_slot(
+        self, form_slot: Slot, later_slots: list[Slot], option_slots: list[Slot]
+    ) -> bool:
         """Read a place that has a fixed order; False if that word is still being typed."""
-        needed = sum(
-            (slot.value is not None) + bool(slot.lead) for slot in later if not slot.optional
+        words_needed = sum(
+            (slot.value is not None) + bool(slot.keyword)
+            for slot in later_slots
+            if not slot.optional
         )
         if form_slot.optional and self.words:
-            typing = self.hints is not None
-            if len(self.words) + typing <= needed:
+            is_typing = self.hints is not None
+            if len(self.words) + is_typing <= words_needed:
                 return True
-        if form_slot.lead:
+        if form_slot.keyword:
             if not self.words:
-                self._offer_lead(form_slot)
+                self._offer_keyword(form_slot)
                 return self._refuse_missing(form_slot)
             word = self.words[0]
-            if word.text != form_slot.lead:
-                raise self._unexpected(word, [form_slot.lead])
+            if word.text != form_slot.keyword:
+                raise self._unexpected_word_error(word, [form_slot.keyword])
             del self.words[0]
         if form_slot.value is None:
             return True
-        if form_slot.many:
+        if form_slot.takes_many:
             return self._read_many(form_slot, option_slots)
         word_texts = [word.text for word in self.words]
         n_words = form_slot.value.count(word_texts)
         if len(word_texts) < n_words:
-            self._offer(form_slot.value, tuple(word_texts))
+            self._offer_value(form_slot.value, tuple(word_texts))
             self.words = []
             return form_slot.optional or self._refuse_missing(form_slot)
         words, self.words = self.words[:n_words], self.words[n_words:]
-        self._store(form_slot, self._joined(words))
+        self._store(form_slot, self._joined_words(words))
         return True
 
-    def _joined(self, words: list[Word]) -> Word:
+    def _joined_words(self, words: list[Word]) -> Word:
         """Successive words as one."""
         start, end = words[0].start, words[-1].end
         text = self.line.text[start - self.line.start : end - self.line.start]
         return Word(text, start, end)
 
-    def _read_many(self, form_slot: Slot, options: list[Slot]) -> bool:
+    def _read_many(self, form_slot: Slot, option_slots: list[Slot]) -> bool:
         """Read all words up to the next lead as one value."""
-        leads = [option.lead for option in options]
-        stop = next((i for i, w in enumerate(self.words) if w.text in leads), len(self.words))
+        keywords = [option.keyword for option in option_slots]
+        stop = next(
+            (
+                word_index
+                for word_index, line_word in enumerate(self.words)
+                if line_word.text in keywords
+            ),
+            len(self.words),
+        )
         slot_words, self.words = self.words[:stop], self.words[stop:]
         if self.hints is not None and not self.words and form_slot.value is not None:
-            self._offer(form_slot.value, tuple(word.text for word in slot_words))
+            self._offer_value(form_slot.value, tuple(word.text for word in slot_words))
         if not slot_words:
             return form_slot.optional or self._refuse_missing(form_slot)
-        self._store(form_slot, self._joined(slot_words))
-        self.has_when |= any(word.text in _TIME_LEADS for word in slot_words)
+        self._store(form_slot, self._joined_words(slot_words))
+        self.has_when |= any(word.text in _TIME_KEYWORDS for word in slot_words)
         return True
 
     def _next_option(self, option_slots: list[Slot]) -> Slot | None:
@@ -263,10 +276,10 @@ class _FormReader:
             return None
         next_word = self.words[0]
         for option_slot in option_slots:
-            if option_slot.lead[-1] == "=" and next_word.text.startswith(option_slot.lead):
-                self.words[0] = _split_word(next_word, len(option_slot.lead))[1]
+            if option_slot.keyword[-1] == "=" and next_word.text.startswith(option_slot.keyword):
+                self.words[0] = _split_word(next_word, len(option_slot.keyword))[1]
                 return option_slot
-            if next_word.text == option_slot.lead:
+            if next_word.text == option_slot.keyword:
                 del self.words[0]
                 return option_slot
         return None
@@ -275,9 +288,9 @@ class _FormReader:
         assert option_slot.value is not None
         if not self.words or not self.words[0].text:
             if not self.words:
-                self._offer(option_slot.value)
-            noun = option_slot.value.what
-            raise TextError(f"'{option_slot.lead}' needs {noun}", offset=self.end_of_line)
+                self._offer_value(option_slot.value)
+            description = option_slot.value.description
+            raise TextError(f"'{option_slot.keyword}' needs {description}", offset=self.end_of_line)
         self._store(option_slot, self.words.pop(0))
 
     def _store(self, slot: Slot, word: Word) -> None:
@@ -296,9 +309,9 @@ class _FormReader:
         if self.hints is not None:
             return False
         missing_text = (
-            f"'{missing_slot.lead}'"
-            if missing_slot.lead
-            else missing_slot.value.what
+            f"'{missing_slot.keyword}'"
+            if missing_slot.keyword
+            else missing_slot.value.description
             if missing_slot.value
             else ""
         )
@@ -310,19 +323,19 @@ class _FormReader:
         error_offset = self.words[0].start if self.words else self.end_of_line
         raise TextError(f"{missing_text} is missing: {example}", offset=error_offset)
 
-    def _check_end(self, options: list[Slot]) -> None:
+    def _check_end(self, option_slots: list[Slot]) -> None:
         if not self.words:
             return
         first_word = self.words[0]
-        if not self.form.timed and first_word.text == "now" and len(self.words) == 1:
+        if not self.form.takes_time and first_word.text == "now" and len(self.words) == 1:
             return  # the verb acts at once anyway
-        raise self._unexpected(first_word, [option.lead for option in options])
+        raise self._unexpected_word_error(first_word, [option.keyword for option in option_slots])
 
-    def _unexpected(self, unexpected_word: Word, leads: list[str]) -> TextError:
-        whens = ("now", *_TIME_LEADS) if self.form.timed else ()
+    def _unexpected_word_error(self, unexpected_word: Word, keywords: list[str]) -> TextError:
+        time_words = ("now", *_TIME_KEYWORDS) if self.form.takes_time else ()
         message = f"{quote(unexpected_word.text)} does not belong here"
-        if (joined := self._joined_with_unit(unexpected_word)) is not None:
-            message = f"a number and its unit are one word: {joined}"
+        if (joined_word := self._joined_with_unit(unexpected_word)) is not None:
+            message = f"a number and its unit are one word: {joined_word}"
             return TextError(
                 message, offset=unexpected_word.start, length=len(unexpected_word.text)
             )
@@ -333,11 +346,12 @@ class _FormReader:
                     message, offset=unexpected_word.start, length=len(unexpected_word.text)
                 )
         nearest_word = nearest(
-            unexpected_word.text, (*(lead for lead in leads if lead[-1] != "="), *whens)
+            unexpected_word.text,
+            (*(keyword for keyword in keywords if keyword[-1] != "="), *time_words),
         )
         if nearest_word is None:
-            message = f"{message}; write {self.form.written}"
-        if not self.form.timed and unexpected_word.text in _TIME_LEADS:
+            message = f"{message}; write {self.form.usage}"
+        if not self.form.takes_time and unexpected_word.text in _TIME_KEYWORDS:
             message = f"'{self.form.verb}' acts at once: leave out '{unexpected_word.text}'"
         return TextError(
             message,
@@ -360,34 +374,36 @@ class _FormReader:
 
     # --- completions ------------------------------------------------------------------------------
 
-    def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
+    def _offer_value(self, value: v.Value, earlier_words: tuple[str, ...] = ()) -> None:
         if self.hints is not None and not self.has_when:
-            context = v.CompletionContext(self.hints.typed, before, self.scope, self.fields)
+            context = v.CompletionContext(self.hints.typed, earlier_words, self.scope, self.fields)
             self.hints.completions.extend(value.completions(context))
 
-    def _offer_lead(self, slot: Slot) -> None:
+    def _offer_keyword(self, slot: Slot) -> None:
         if self.hints is not None and not self.has_when:
             self.hints.completions.append(
-                v.Completion(slot.lead, slot.value.what if slot.value else self.form.effect)
+                v.Completion(
+                    slot.keyword, slot.value.description if slot.value else self.form.effect
+                )
             )
 
-    def _offer_rest(self, option_slots: list[Slot]) -> None:
+    def _offer_options(self, option_slots: list[Slot]) -> None:
         """Offer what may still follow when all required places are filled."""
         if self.hints is None or self.words or self.has_when:
             return
         for option in option_slots:
-            self._offer_lead(option)
-            if option.lead[-1] == "=" and self.hints.typed.startswith(option.lead):
+            self._offer_keyword(option)
+            if option.keyword[-1] == "=" and self.hints.typed.startswith(option.keyword):
                 self._offer_joined(option)
-        if self.form.timed:
+        if self.form.takes_time:
             self.hints.completions.extend(_TIME_COMPLETIONS)
 
     def _offer_joined(self, option_slot: Slot) -> None:
         assert self.hints is not None
         assert option_slot.value is not None
-        typed = self.hints.typed[len(option_slot.lead) :]
-        context = v.CompletionContext(typed, (), self.scope, self.fields)
-        offers = option_slot.value.completions(context)
+        typed_value = self.hints.typed[len(option_slot.keyword) :]
+        context = v.CompletionContext(typed_value, (), self.scope, self.fields)
+        completions = option_slot.value.completions(context)
         self.hints.completions.extend(
-            v.Completion(option_slot.lead + text, hint) for text, hint in offers
+            v.Completion(option_slot.keyword + text, hint) for text, hint in completions
         )

@@ -13,7 +13,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import Slot, Words, form
-from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.scope import Scope, playable_instruments
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import Word
 
@@ -54,31 +54,31 @@ def _read_stroke(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
     if later_words and later_words[-1].text == "now":  # `hear` acts at once without `now`
         later_words.pop()
     target_path = _target_path(first_word.text, scope)
-    note_texts: list[str] = []
-    strength = None
+    note_words: list[str] = []
+    stroke_level = None
     for later_word in later_words:
         try:
             if later_word.text in ("at", "in", "now"):
                 message = f"'hear' acts at once: leave out '{later_word.text}'"
                 raise TextError(message, length=len(later_word.text))
-            if strength is not None:
+            if stroke_level is not None:
                 message = "a stroke has one level, behind its notes"
                 raise TextError(f"{message}: hear {target_path} f", length=len(later_word.text))
             note = _note_part(later_word.text)
             if note is not None:
-                note_texts.append(note)
+                note_words.append(note)
             elif is_level(later_word.text):
-                strength = level(later_word.text)
-                _check_level(strength, later_word.text, target_path, scope)
+                stroke_level = level(later_word.text)
+                _check_level(stroke_level, later_word.text, target_path, scope)
             else:
                 check_note(later_word.text)
         except TextError as error:
             error.offset += later_word.offset
             raise
-    if strength is None:
-        strength = MEZZO_FORTE
-        _check_level(strength, "", target_path, scope)
-    return Stroke(target_path, tuple(note_texts), strength)
+    if stroke_level is None:
+        stroke_level = MEZZO_FORTE
+        _check_level(stroke_level, "", target_path, scope)
+    return Stroke(target_path, tuple(note_words), stroke_level)
 
 
 def is_stroke_word(text: str) -> bool:
@@ -92,39 +92,46 @@ def _note_part(text: str) -> str | None:
 
 def _target_path(target_text: str, scope: Scope) -> str:
     """The path of what is struck, as a line may play it. Raises TextError."""
-    family, slash, path = target_text.rpartition("/")
+    family, _slash, path = target_text.rpartition("/")
     part_name = path.partition(".")[0]
-    if part_name in playable(scope) and (not slash or part_name in scope.families.get(family, ())):
+    if part_name in playable_instruments(scope) and (
+        not _slash or part_name in scope.families.get(family, ())
+    ):
         return path
-    families = [family] if slash else [*scope.families]
-    known = [group for group in families if part_name in scope.families.get(group, ())]
-    if known:
-        error = v.family_missing(part_name, known[0], f"hear {path}")
+    families = [family] if _slash else [*scope.families]
+    families_of_part = [
+        family_name for family_name in families if part_name in scope.families.get(family_name, ())
+    ]
+    if families_of_part:
+        error = v.missing_family_error(part_name, families_of_part[0], f"hear {path}")
         error.length = len(target_text)
         raise error
     if family in scope.families:
-        raise v.unknown_name(part_name, f"an instrument of {family}", scope.families[family])
-    if slash:
-        raise v.unknown_name(family, "a family of instruments", scope.families)
-    raise v.unknown_name(target_text, "an instrument", playable(scope))
+        raise v.unknown_name_error(part_name, f"an instrument of {family}", scope.families[family])
+    if _slash:
+        raise v.unknown_name_error(family, "a family of instruments", scope.families)
+    raise v.unknown_name_error(target_text, "an instrument", playable_instruments(scope))
 
 
-def _check_level(strength: Level, level_text: str, target_path: str, scope: Scope) -> None:
+def _check_level(level: Level, level_text: str, target_path: str, scope: Scope) -> None:
     """Refuse a range, and a strength of what does not say how it is played."""
-    if strength.low != strength.high:
+    if level.low != level.high:
         message = (
             f"one stroke has one level, and {quote(level_text)} is a range: write one of its ends"
         )
         raise TextError(message, length=len(level_text))
     part_name, _, module_path = target_path.partition(".")
     acts = scope.acts.get(part_name, ())
-    if not strength.is_strength or (acts and (not module_path or module_path in acts)):
+    if not level.is_strength or (acts and (not module_path or module_path in acts)):
         return
-    why = f"{quote(part_name)} does not say how it is played"
+    refusal_reason = f"{quote(part_name)} does not say how it is played"
     if acts:
-        why = f"{quote(module_path)} is not a way to play {part_name}, which are {', '.join(acts)}"
+        refusal_reason = (
+            f"{quote(module_path)} is not a way to play {part_name}, which are {', '.join(acts)}"
+        )
     raise TextError(
-        f"the impulse is missing: {why}; write hear {target_path} 2mNs", length=len(level_text)
+        f"the impulse is missing: {refusal_reason}; write hear {target_path} 2mNs",
+        length=len(level_text),
     )
 
 
@@ -143,6 +150,6 @@ STROKE_VALUE = Value(
 # fmt: off
 HEAR_FORM = form("hear", "hea", "strikes once, now: an instrument, an act or a module",
     "hear gong f", hear,
-    Slot("stroke", "INSTRUMENT[.ACT]|MODULE [NOTE …] [LEVEL]", STROKE_VALUE, many=True),
-    timed=False)
+    Slot("stroke", "INSTRUMENT[.ACT]|MODULE [NOTE …] [LEVEL]", STROKE_VALUE, takes_many=True),
+    takes_time=False)
 # fmt: on

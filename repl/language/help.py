@@ -14,7 +14,7 @@ from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.turn_chain import TURN_FORMS
 from ergon.scores.pattern.words import OPTION_EXAMPLES
 
-WHEN = (
+TIME_WORDS = (
     ("", "at the next boundary of `quant`: the next bar, unless it was set"),
     ("now", "at the next tick"),
     ("at C, at 9|1, at B+2", "at a mark, at a bar and beat, some beats after a mark"),
@@ -61,11 +61,11 @@ def verb_help(verb: str) -> tuple[str, ...]:
     """One verb: how it is written, what it does, and the words that belong to it."""
     help_lines = []
     for form in forms_of(verb):
-        time_text = " [now | at WHERE | in LENGTH | sync NAME]" if form.timed else ""
-        help_lines += [f"{form.written}{time_text}", f"  {form.effect}", f"  {form.example}"]
+        time_text = " [now | at WHERE | in LENGTH | sync NAME]" if form.takes_time else ""
+        help_lines += [f"{form.usage}{time_text}", f"  {form.effect}", f"  {form.example}"]
     if SHORTEST_BY_VERB[verb] != verb:
         help_lines.append(f"  in short: {SHORTEST_BY_VERB[verb]}")
-    return (*help_lines, *(f"  {word:<25} {means}" for word, means in _verb_words(verb)))
+    return (*help_lines, *(f"  {word:<25} {meaning}" for word, meaning in _verb_words(verb)))
 
 
 def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
@@ -73,7 +73,8 @@ def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
         return tuple(SOURCES.items())
     if verb == "plays":
         options = tuple(
-            (f"{w} {OPTION_EXAMPLES[w] or ''}", hint) for w, hint in OPTION_HINTS.items()
+            (f"{option_name} {OPTION_EXAMPLES[option_name] or ''}", hint)
+            for option_name, hint in OPTION_HINTS.items()
         )
         return (*options, *PATTERNS)
     if verb == "do":
@@ -99,11 +100,11 @@ def cheat_sheet() -> str:
     sheet_lines += ["A verb may be cut down to its short form; the short forms stay.", ""]
     for title, group_forms in GROUPS.items():
         rows = (
-            (form.written, form.effect, form.example, _shortest_form(form.verb))
+            (form.usage, form.effect, form.example, _shortest_form(form.verb))
             for form in group_forms
         )
         sheet_lines += _markdown_table(title, ("write", "effect", "example", "in short"), rows)
-    sheet_lines += _markdown_table("when a line acts", ("at its end", "effect"), WHEN)
+    sheet_lines += _markdown_table("when a line acts", ("at its end", "effect"), TIME_WORDS)
     sheet_lines += _markdown_table("notation", ("write", "meaning"), NOTATION)
     option_lines = (
         (f"{word} {OPTION_EXAMPLES[word] or ''}".strip(), hint)
@@ -124,17 +125,22 @@ def _shortest_form(verb: str) -> str:
 
 
 def _markdown_table(
-    title: str, heads: tuple[str, ...], table_rows: Iterable[tuple[str, ...]]
+    title: str, column_titles: tuple[str, ...], table_rows: Iterable[tuple[str, ...]]
 ) -> Iterator[str]:
     """A table whose cells are set as code, except those of the second column."""
     yield f"## {title.capitalize()}"
     yield ""
-    yield "| " + " | ".join(heads) + " |"
-    yield "|---" * len(heads) + "|"
+    yield "| " + " | ".join(column_titles) + " |"
+    yield "|---" * len(column_titles) + "|"
     for row in table_rows:
         cells = (cell.replace("|", "\\|") for cell in row)
-        shown = (f"`{c}`" if c and i != 1 and "`" not in c else c for i, c in enumerate(cells))
-        yield "| " + " | ".join(shown) + " |"
+        cell_texts = (
+            f"`{cell_text}`"
+            if cell_text and column_index != 1 and "`" not in cell_text
+            else cell_text
+            for column_index, cell_text in enumerate(cells)
+        )
+        yield "| " + " | ".join(cell_texts) + " |"
     yield ""
 
 

@@ -33,13 +33,13 @@ def highlighted_tokens(submitted_text: str, scope: Scope) -> list[Token]:
     """
     if len(submitted_text) > MAX_LINE:
         return []
-    lexical = list(_lexical_tokens(submitted_text, scope))
+    lexical_tokens = list(_lexical_tokens(submitted_text, scope))
     error = first_error(submitted_text, scope)
     if error is not None and submitted_text[error.offset : error.offset + error.length].strip():
         start, end = error.offset, error.offset + error.length
-        lexical = [t for t in lexical if t[1] <= start or t[0] >= end]
-        lexical.append((start, end, "unknown"))
-    return sorted(lexical)
+        lexical_tokens = [token for token in lexical_tokens if token[1] <= start or token[0] >= end]
+        lexical_tokens.append((start, end, "unknown"))
+    return sorted(lexical_tokens)
 
 
 def _lexical_tokens(text: str, scope: Scope) -> Iterator[Token]:
@@ -48,8 +48,8 @@ def _lexical_tokens(text: str, scope: Scope) -> Iterator[Token]:
         code_end = comment_start(text_line)
         word_matches = list(_WORD_PATTERN.finditer(text_line, 0, code_end))
         verb = _verb_index(word_matches, scope)
-        for i, word_match in enumerate(word_matches):
-            if i == verb:
+        for word_index, word_match in enumerate(word_matches):
+            if word_index == verb:
                 yield line_offset + word_match.start(), line_offset + word_match.end(), "verb"
             elif verb == 0 and word_matches[0].group() == "py":
                 break

@@ -74,8 +74,8 @@ class Meters(Command):
 
 
 # fmt: off
-_SOUNDING = Slot("name", "NAME", v.WITH_LEVEL)
-_SOUNDING_OR_ALL = Slot("name", "NAME", v.WITH_LEVEL, optional=True)
+_SOUNDING = Slot("name", "NAME", v.LEVELLED_VALUE)
+_SOUNDING_OR_ALL = Slot("name", "NAME", v.LEVELLED_VALUE, optional=True)
 _STRIKES = Slot("name", "STRIKES", v.STRIKES_VALUE)
 GAIN_FORM = form("gain", "ga", "sets the level of an instrument, a player or everything",
     "gain bell -6dB", Gain,
@@ -94,5 +94,5 @@ UNMUTE_FORM = form("unmute", "unm", "ends mute and solo, of one or of everything
 UNMUTE_STRIKES_FORM = form("unmute", "unm", "lets strikes strike again", "unmute rain",
     UnmuteStrikes, _STRIKES)
 METERS_FORM = form("meters", "me", "shows the level of every channel",
-    "meters", Meters, timed=False)
+    "meters", Meters, takes_time=False)
 # fmt: on

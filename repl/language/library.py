@@ -70,10 +70,13 @@ def _read_family(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[st
     if slot_text in library():
         return slot_text, file_of(slot_text)
     folder, _slash, family_name = slot_text.rpartition("/")
-    if (known := unused_family(family_name, scope)) and folder in ("", known):
-        message = f"{quote(slot_text)} is an instrument: type `use {known}` for its family, or "
+    if (known_family := unused_family(family_name, scope)) and folder in ("", known_family):
+        message = (
+            f"{quote(slot_text)} is an instrument: type `use {known_family}` for its family, or "
+        )
         raise TextError(
-            f"{message}`{family_name} = {known}/{family_name}` for it alone", length=len(slot_text)
+            f"{message}`{family_name} = {known_family}/{family_name}` for it alone",
+            length=len(slot_text),
         )
     path = PurePosixPath(
         slot_text[1:-1]
@@ -82,7 +85,7 @@ def _read_family(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[st
     )
     if path.suffix not in SUFFIXES:
         family_noun = "a family of the library, or a file such as drums.yaml"
-        raise v.unknown_name(slot_text, family_noun, library())
+        raise v.unknown_name_error(slot_text, family_noun, library())
     if not NAME.fullmatch(path.stem) or len(path.stem) > MAX_NAME:
         message = f"{quote(path.stem)} is not a name, and the file gives the family its name: "
         message += "use letters, digits, '-' and '_'"
@@ -97,16 +100,16 @@ def _family_offers(context: CompletionContext) -> Iterator[Completion]:
         yield Completion(path.name, "a file of instruments")
 
 
-def _read_listed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_listed_family(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text not in scope.families:
-        raise v.unknown_name(text, "a family of instruments", scope.families)
+        raise v.unknown_name_error(text, "a family of instruments", scope.families)
     return text
 
 
 FAMILY_VALUE = Value("a family, such as skins, or a file", _read_family, _family_offers)
 LISTED_VALUE = Value(
     "a family, such as skins",
-    _read_listed,
+    _read_listed_family,
     lambda context: (
         Completion(name, family_hint(context.scope, name)) for name in context.scope.families
     ),
@@ -117,14 +120,14 @@ LISTED_VALUE = Value(
 USE_FORM = form("use", "us", "brings in a family, so that its instruments can be played",
     "use skins", use, Slot("family", "FAMILY|FILE", FAMILY_VALUE))
 SHOW_FORM = form("show", "sh", "lists who plays what, or shows where a name is defined",
-    "show ada", Show, SHOWN_SLOT, timed=False)
+    "show ada", Show, SHOWN_SLOT, takes_time=False)
 VOICES_FORM = form("voices", "vo", "lists who plays what, and what is muted", "voices",
-    voices, timed=False)
+    voices, takes_time=False)
 INSTRUMENTS_FORM = form("instruments", "ins", "lists the instruments of the score or of a family",
     "instruments skins", ListInstruments,
-    Slot("family", "FAMILY", LISTED_VALUE, optional=True), timed=False)
+    Slot("family", "FAMILY", LISTED_VALUE, optional=True), takes_time=False)
 GESTURES_FORM = form("gestures", "ge", "lists the gestures and the takes", "gestures", ListGestures,
-    timed=False)
+    takes_time=False)
 SCENES_FORM = form("scenes", "scenes", "lists the scenes beside the score", "scenes", ListScenes,
-    timed=False)
+    takes_time=False)
 # fmt: on

@@ -44,44 +44,44 @@ def submitted_lines(submitted_text: str) -> Iterator[Line]:
         )
     if submitted_text.count("\n") > MAX_LINES:
         raise TextError(f"this text has more than {MAX_LINES} lines")
-    joined, line_start, line_offset = "", 0, 0
+    joined_text, line_start, line_offset = "", 0, 0
     open_block: Line | None = None  # the part that is read so far
     for text_line in submitted_text.split("\n"):
-        if len(joined) + len(text_line) > MAX_LINE:
-            message = f"this line has {len(joined) + len(text_line):,} characters"
+        if len(joined_text) + len(text_line) > MAX_LINE:
+            message = f"this line has {len(joined_text) + len(text_line):,} characters"
             raise TextError(f"{message}; {MAX_LINE:,} are the most", offset=line_offset)
         _check_characters(text_line, line_offset)
-        code = (
+        code_text = (
             text_line if _PYTHON_PATTERN.match(text_line) else _COMMENT_PATTERN.sub("", text_line)
         )
-        line_start = line_start if joined else line_offset
+        line_start = line_start if joined_text else line_offset
         line_offset += len(text_line) + 1
         if is_continued(text_line):
-            joined += code.rstrip()[:-1].ljust(len(text_line)) + " "
+            joined_text += code_text.rstrip()[:-1].ljust(len(text_line)) + " "
             continue
-        full_line, joined = Line(joined + code, line_start), ""
+        full_line, joined_text = Line(joined_text + code_text, line_start), ""
         if open_block is not None and (
             not text_line.strip() or full_line.text.strip() == _END_WORD
         ):
             yield open_block
             open_block = None
         elif open_block is not None:
-            open_block = _with_line(open_block, full_line)
+            open_block = _block_with_line(open_block, full_line)
         elif _BLOCK_PATTERN.fullmatch(full_line.text):
             open_block = full_line
         elif full_line.text.strip():
             yield full_line
-    if joined.strip():
+    if joined_text.strip():
         open_block = (
-            Line(joined, line_start)
+            Line(joined_text, line_start)
             if open_block is None
-            else _with_line(open_block, Line(joined, line_start))
+            else _block_with_line(open_block, Line(joined_text, line_start))
         )
     if open_block is not None:
         yield open_block
 
 
-def _with_line(block: Line, line: Line) -> Line:
+def _block_with_line(block: Line, line: Line) -> Line:
     """A block with one more line, at the place where that line was typed."""
     text = block.text.ljust(line.start - block.start - 1) + "\n" + line.text
     return Line(text, block.start)
@@ -92,7 +92,7 @@ def is_continued(line: str) -> bool:
     return line.rstrip().endswith("\\") and not _COMMENT_PATTERN.search(line)
 
 
-def is_whole(submitted_text: str) -> bool:
+def is_complete(submitted_text: str) -> bool:
     r"""Whether a submission is complete: its last line does not end in "\\", and its blocks end."""
     if is_continued(submitted_text[submitted_text.rfind("\n") + 1 :][-MAX_LINE:]):
         return False
@@ -109,8 +109,8 @@ def split_words(line: Line) -> list[Word]:
     """The words of a line; text between double quotes is one word."""
     start = line.start
     return [
-        Word(w.group(), start + w.start(), start + w.end())
-        for w in _WORD_PATTERN.finditer(line.text)
+        Word(word_match.group(), start + word_match.start(), start + word_match.end())
+        for word_match in _WORD_PATTERN.finditer(line.text)
     ]
 
 
@@ -123,15 +123,17 @@ def comment_start(line: str) -> int:
 def _check_characters(line_text: str, text_offset: int) -> None:
     if line_text.isprintable():
         return
-    unprintable = [i for i, c in enumerate(line_text) if not c.isprintable() and c not in "\t\r"]
-    if unprintable:
-        first_strange, last_strange = unprintable[0], unprintable[-1]
+    unprintable_offsets = [
+        offset for offset, c in enumerate(line_text) if not c.isprintable() and c not in "\t\r"
+    ]
+    if unprintable_offsets:
+        first_strange, last_strange = unprintable_offsets[0], unprintable_offsets[-1]
         message = (
             "this line contains a character that has no meaning here "
             f"(U+{ord(line_text[first_strange]):04X})"
         )
         part = line_text[first_strange : last_strange + 1]
-        clean = "".join(c if c.isprintable() else " " if c.isspace() else "" for c in part)
+        printable_part = "".join(c if c.isprintable() else " " if c.isspace() else "" for c in part)
         raise TextError(
-            message, offset=text_offset + first_strange, length=len(part), suggestion=clean
+            message, offset=text_offset + first_strange, length=len(part), suggestion=printable_part
         )

@@ -72,8 +72,8 @@ class MapNotes(Command):
         """The line that makes the map."""
         impulse = None
         if self.impulse is not None:
-            weak, strong = self.impulse
-            impulse = f"{weak!r}Ns..{strong!r}Ns"
+            softest, loudest = self.impulse
+            impulse = f"{softest!r}Ns..{loudest!r}Ns"
         curve = None if self.curve == EVEN else f"curve {self.curve}"
         return " ".join(filter(None, ("map", self.name, self.target, self.gesture, impulse, curve)))
 

@@ -144,16 +144,16 @@ BUILD_FORM = form("=", "=", "adds an instrument like another, or from a file",
     "bell2 = bell/bell transpose 7st", build,
     Slot("name", "NAME", s.PART_NAME),
     Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE_VALUE,
-    many=True), subject=True)
+    takes_many=True), begins_with_subject=True)
 LINK_FORM = form("link", "li", "joins two modules, or a key and a module, by a link",
     "link k1 bell.m BUT K=4kN/m", Link,
     Slot("a", "MODULE", s.LINK_END), Slot("b", "MODULE", s.OTHER_END),
     Slot("kind", "KIND", s.LINK_KIND),
-    Slot("fields", "FIELD=VALUE …", s.LINK_FIELDS, many=True))
+    Slot("fields", "FIELD=VALUE …", s.LINK_FIELDS, takes_many=True))
 TAKES_FORM = form("takes", "t", "the player takes a key; who and what is new is added",
     "mia takes k3 like k1", Takes,
     Slot("player", "NAME", s.PLAYER_NAME), Slot("key", "KEY", s.KEY_NAME),
-    Slot("like", "KEY", v.KEY_VALUE, "like", optional=True), subject=True)
+    Slot("like", "KEY", v.KEY_VALUE, "like", optional=True), begins_with_subject=True)
 REMOVE_FORM = form("remove", "rem", "removes what has a name, and what belongs to it alone",
     "remove bell", Remove, Slot("name", "NAME", s.REMOVABLE_VALUE))
 RENAME_FORM = form("rename", "ren", "gives what has a name another name",

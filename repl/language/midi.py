@@ -27,7 +27,7 @@ from ergon.repl.language.mapping import (
     Monitor,
     Unmap,
 )
-from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.scope import Scope, playable_instruments
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.gesture import midi_source
 from ergon.scores.gesture.midi_notes import note_number
@@ -43,10 +43,12 @@ SOURCES = {**midi_source.SOURCES, LEARN: "the next of these that moves"}
 def _read_source(source_text: str, *_: Any) -> str:
     if source_text == LEARN:
         return source_text
-    head = source_text.partition(" ")[0]
-    heads = [source for source in SOURCES if " " not in source]
-    if head not in ("cc", *heads) or (head == "bend" and head != source_text):
-        raise v.unknown_name(source_text, "what moves", ("cc 21", *heads))
+    source_name = source_text.partition(" ")[0]
+    source_names = [source for source in SOURCES if " " not in source]
+    if source_name not in ("cc", *source_names) or (
+        source_name == "bend" and source_name != source_text
+    ):
+        raise v.unknown_name_error(source_text, "what moves", ("cc 21", *source_names))
     return str(parse_source(source_text))
 
 
@@ -58,7 +60,7 @@ def is_source(slot_text: str) -> bool:
         return False
 
 
-def source_words(line_words: Sequence[str]) -> int:
+def source_word_count(line_words: Sequence[str]) -> int:
     """How many of these words say what moves."""
     if line_words[:1] == ["cc"]:
         return 2
@@ -83,8 +85,8 @@ SOURCE_VALUE = Value(
     "what moves (cc 21, bend, pressure or learn)",
     _read_source,
     _source_offers,
-    count=source_words,
-    heads=("cc", "bend", "pressure", LEARN),
+    count=source_word_count,
+    first_words=("cc", "bend", "pressure", LEARN),
 )
 
 
@@ -93,8 +95,8 @@ SOURCE_VALUE = Value(
 
 def _range_ends(slot_text: str, example: str) -> tuple[str, str]:
     """Both ends of a range; a single value is both."""
-    low_end, dots, high_end = slot_text.partition("..")
-    if dots and not (low_end and high_end):
+    low_end, _dots, high_end = slot_text.partition("..")
+    if _dots and not (low_end and high_end):
         raise TextError(f"a range has two ends, such as {example}", length=max(1, len(slot_text)))
     return low_end, high_end or low_end
 
@@ -118,8 +120,10 @@ def _read_levels(range_text: str, *_: Any) -> tuple[float, float]:
     low_level, high_level = (k.LEVEL.parse(end) for end in _range_ends(range_text, "-40dB..0dB"))
     if max(low_level, high_level) > q.LOUDEST_DB:
         message = f"{quote(range_text)} goes above the highest level, {q.LOUDEST_DB:g}dB"
-        within = "..".join(f"{min(end, q.LOUDEST_DB):g}dB" for end in (low_level, high_level))
-        raise TextError(message, length=len(range_text), suggestion=within)
+        allowed_range = "..".join(
+            f"{min(end, q.LOUDEST_DB):g}dB" for end in (low_level, high_level)
+        )
+        raise TextError(message, length=len(range_text), suggestion=allowed_range)
     return low_level, high_level
 
 
@@ -155,14 +159,14 @@ def map_control(
 ) -> MapControl | Learn:
     """Map a controller to a parameter."""
     low, high, unit = range
-    return _learnt_source(MapControl(source, target, (low, high), unit, when=when, words=words))
+    return _learned_source(MapControl(source, target, (low, high), unit, when=when, words=words))
 
 
 def map_tempo(
     source: str, range: tuple[float, float], *, when: When, words: Words
 ) -> MapControl | Learn:
     """Map a controller to the tempo."""
-    return _learnt_source(MapControl(source, None, range, BPM_UNIT, when=when, words=words))
+    return _learned_source(MapControl(source, None, range, BPM_UNIT, when=when, words=words))
 
 
 def map_gain(
@@ -174,7 +178,7 @@ def map_gain(
     words: Words,
 ) -> MapControl | Learn:
     """Map a controller to a level."""
-    return _learnt_source(MapControl(source, None, range, "dB", sounding, when=when, words=words))
+    return _learned_source(MapControl(source, None, range, "dB", sounding, when=when, words=words))
 
 
 def unmap_control(source: str, *, when: When, words: Words) -> Unmap | Learn:
@@ -184,11 +188,11 @@ def unmap_control(source: str, *, when: When, words: Words) -> Unmap | Learn:
     return Unmap(source, when=when, words=words)
 
 
-def _learnt_source(control: MapControl) -> MapControl | Learn:
+def _learned_source(control_map: MapControl) -> MapControl | Learn:
     return (
-        Learn(control, when=control.when, words=control.words)
-        if control.source == LEARN
-        else control
+        Learn(control_map, when=control_map.when, words=control_map.words)
+        if control_map.source == LEARN
+        else control_map
     )
 
 
@@ -229,9 +233,12 @@ def _read_played_instrument(instrument_text: str, scope: Scope, _: Mapping[str, 
     part_name = instrument_text.split(".")[0]
     if instrument_text in scope.blocks:
         return instrument_text
-    if part_name not in playable(scope):
-        raise v.unknown_instrument(
-            instrument_text, "an instrument or a block", (*playable(scope), *scope.blocks), scope
+    if part_name not in playable_instruments(scope):
+        raise v.unknown_instrument_error(
+            instrument_text,
+            "an instrument or a block",
+            (*playable_instruments(scope), *scope.blocks),
+            scope,
         )
     if part_name not in scope.acts:
         message = (
@@ -243,7 +250,7 @@ def _read_played_instrument(instrument_text: str, scope: Scope, _: Mapping[str, 
 
 def _read_curve(text: str, *_: Any) -> str:
     if text not in LAWS:
-        raise v.unknown_name(text, "a curve", LAWS)
+        raise v.unknown_name_error(text, "a curve", LAWS)
     return text
 
 
@@ -255,7 +262,7 @@ NOTES_VALUE = Value(
 STRUCK_VALUE = Value(
     "a module, such as bell.m",
     _read_struck,
-    lambda context: v.up_to_dot(context.typed, v.module_names(context.scope)),
+    lambda context: v.complete_to_dot(context.typed, v.module_names(context.scope)),
 )
 PLAYED_BY_NOTES = Value(
     "an instrument that says how it is played, or a block",
@@ -344,13 +351,13 @@ MAP_LEARN_FORM = form("map", "map", "the next MIDI note plays an instrument or r
     "map learn note gong", learn_note, Slot("", "", None, LEARN),
     Slot("target", "INSTRUMENT|BLOCK", PLAYED_BY_NOTES, "note"))
 MAPS_FORM = form("maps", "maps", "lists the maps, and what came and has none", "maps", Maps,
-    timed=False)
+    takes_time=False)
 UNMAP_FORM = form("unmap", "unma", "ends the map of a controller, or lets none be learnt",
     "unmap cc 21", unmap_control, _SOURCE_SLOT)
 UNMAP_NOTES_FORM = form("unmap", "unma", "ends a map of notes", "unmap note C3..C5", unmap_notes,
     _NOTES_SLOT)
 MONITOR_FORM = form("monitor", "mon", "prints MIDI messages as they come", "monitor on",
-    lambda **more: monitor(True, **more), Slot("", "", None, "on"), timed=False)
+    lambda **more: monitor(True, **more), Slot("", "", None, "on"), takes_time=False)
 MONITOR_OFF_FORM = form("monitor", "mon", "ends that", "monitor off", monitor, OFF_SLOT,
-    timed=False)
+    takes_time=False)
 # fmt: on

@@ -17,7 +17,7 @@ from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, Command, When
 from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope
-from ergon.repl.language.structure import check_value, pairs
+from ergon.repl.language.structure import check_value, field_pairs
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.mix_tables import ROOM_RECORD
 
@@ -113,7 +113,7 @@ def fade(name: str, way: str, over: Length, *, when: When, words: Words) -> Fade
 def _read_send(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
     room, *level_words = slot_text.split()
     if room not in scope.rooms:
-        raise v.unknown_name(room, "a room; `room hall t60=2s` adds one", scope.rooms)
+        raise v.unknown_name_error(room, "a room; `room hall t60=2s` adds one", scope.rooms)
     if len(level_words) != 1:
         raise TextError(f"a send needs a room and a level: {_SEND_EXAMPLE}", offset=len(slot_text))
     try:
@@ -132,7 +132,7 @@ def _send_completions(context: CompletionContext) -> Iterator[Completion]:
 
 def _read_filter_kind(text: str, *_: Any) -> str:
     if text not in _FILTER_SHAPES:
-        raise v.unknown_name(text, "a filter of a route", tuple(_FILTER_SHAPES))
+        raise v.unknown_name_error(text, "a filter of a route", tuple(_FILTER_SHAPES))
     return text
 
 
@@ -170,7 +170,7 @@ def _room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 def _room_fields(text: str, *_: Any) -> dict[str, str]:
     room_fields: dict[str, str] = {}
-    for field_name, field_text, field_offset in pairs(text):
+    for field_name, field_text, field_offset in field_pairs(text):
         if field_name not in _ROUTE_FIELDS:
             message = f"a room has no field {quote(field_name)}; it has {', '.join(_ROUTE_FIELDS)}"
             raise TextError(message, offset=field_offset, length=len(field_name))
@@ -189,9 +189,9 @@ def _room_completions(_: CompletionContext) -> Iterator[Completion]:
     return (Completion(f"{name}=", field.doc) for name, field in _ROUTE_FIELDS.items())
 
 
-def _read_faded(faded_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_faded_name(faded_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if faded_name != _MASTER_NAME and faded_name not in scope.instruments:
-        raise v.unknown_instrument(
+        raise v.unknown_instrument_error(
             faded_name, "an instrument or master", (*scope.instruments, _MASTER_NAME), scope
         )
     return faded_name
@@ -241,7 +241,7 @@ ROOM_NAME = Value(
     "a name of a room", _room_name, lambda context: v.name_completions(context.scope.rooms)
 )
 ROOM_FIELDS = Value("fields, such as t60=2s size=12m", _room_fields, _room_completions)
-FADED_VALUE = Value("an instrument or master", _read_faded, _faded_completions)
+FADED_VALUE = Value("an instrument or master", _read_faded_name, _faded_completions)
 FADE_DIRECTION = Value(
     "in or out",
     _read_fade_direction,
@@ -253,7 +253,7 @@ FADE_DIRECTION = Value(
 ROUTE_FORM = form("route", "ro", "an instrument sounds from these channels, and no others",
     "route bell 3 4 gain -6dB pan -0.3", route,
     Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
-    Slot("channels", "CHANNEL …|nearest", s.CHANNELS_VALUE, many=True),
+    Slot("channels", "CHANNEL …|nearest", s.CHANNELS_VALUE, takes_many=True),
     Slot("gain", "LEVEL", amounts.LEVEL_VALUE, "gain", optional=True),
     Slot("pan", "PLACE", PAN_VALUE, "pan", optional=True))
 ROUTE_GAIN_FORM = form("route", "ro", "an instrument has this level where it sounds",
@@ -272,14 +272,14 @@ FILTER_FORM = form("filter", "fil", "a filter or a delay on what is heard; off: 
     "filter bell lowpass 2kHz", filtered,
     Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
     Slot("kind", "lowpass|highpass|lowshelf|highshelf|delay", FILTER_KIND),
-    Slot("fields", "VALUE [LEVEL]|off", FILTER_FIELDS, many=True))
+    Slot("fields", "VALUE [LEVEL]|off", FILTER_FIELDS, takes_many=True))
 SEND_FORM = form("route", "ro", "an instrument sounds in a room too",
     "route bell send hall -12dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
-    Slot("send", "ROOM LEVEL", SEND_VALUE, "send", many=True))
+    Slot("send", "ROOM LEVEL", SEND_VALUE, "send", takes_many=True))
 ROOM_FORM = form("room", "roo", "adds a room that routes send to, or changes one",
     "room hall t60=2s size=12m", Room,
     Slot("name", "NAME", ROOM_NAME),
-    Slot("fields", "FIELD=VALUE …", ROOM_FIELDS, many=True))
+    Slot("fields", "FIELD=VALUE …", ROOM_FIELDS, takes_many=True))
 FADE_FORM = form("fade", "fa", "fades an instrument or everything in or out",
     "fade bell out over 8bar", fade,
     Slot("name", "INSTRUMENT|master", FADED_VALUE),

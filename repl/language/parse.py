@@ -28,13 +28,13 @@ def parse(submitted_text: str, scope: Scope) -> tuple[Command, ...]:
     try:
         return tuple(_commands_of_lines(submitted_text, scope))
     except TextError as error:
-        try_ = _corrected_text(submitted_text, scope, error)
+        corrected_text = _corrected_text(submitted_text, scope, error)
         message = error.message
-        if error.suggestion and try_ is None:
+        if error.suggestion and corrected_text is None:
             message += f"; did you mean {quote(error.suggestion)}?"
         if "\n" in submitted_text.strip("\n"):
             message = f"line {submitted_text.count(chr(10), 0, error.offset) + 1}: {message}"
-        raise Refusal(message, error.offset, error.length, try_) from None
+        raise Refusal(message, error.offset, error.length, corrected_text) from None
 
 
 def first_error(submitted_text: str, scope: Scope) -> TextError | None:
@@ -75,7 +75,7 @@ def parse_block_line(line_text: str, scope: Scope) -> Command:
         raise Refusal(error.message, error.offset, error.length, None) from None
 
 
-def _check_block(defined_block: DefineBlock, scope: Scope) -> None:
+def _check_block(defined_block: DefineBlock, block_scope: Scope) -> None:
     """Refuse a block whose name is a verb, or that has a line which no block may hold."""
     if defined_block.name in VERBS:
         word = defined_block.words["name"]
@@ -87,10 +87,10 @@ def _check_block(defined_block: DefineBlock, scope: Scope) -> None:
         if parse_setting(block_line.text) is not None:
             continue
         if "$" in block_line.text:
-            scope = _check_variants(block_line, lines_word.start, values_by_name, scope)
+            block_scope = _check_variants(block_line, lines_word.start, values_by_name, block_scope)
             continue
-        if (read := _block_command(block_line, lines_word.start, scope)) is not None:
-            scope = _scope_after(scope, read)
+        if (block_command := _block_command(block_line, lines_word.start, block_scope)) is not None:
+            block_scope = _scope_after(block_scope, block_command)
 
 
 def _check_variants(
@@ -119,10 +119,12 @@ def _block_command(block_line: Line, block_offset: int, scope: Scope) -> Command
         return command
     line_content = block_line.text.strip()
     content_place = block_offset + block_line.start + block_line.text.index(line_content)
-    why = "says when it acts, and the lines of a block act when the block is run"
+    refusal_reason = "says when it acts, and the lines of a block act when the block is run"
     if not isinstance(command, BlockCommand):
-        why = "does not change the music, moves a real hand, or is about files, history or blocks"
-    message = f"a block cannot hold {quote(line_content)}: the line {why}"
+        refusal_reason = (
+            "does not change the music, moves a real hand, or is about files, history or blocks"
+        )
+    message = f"a block cannot hold {quote(line_content)}: the line {refusal_reason}"
     raise TextError(message, offset=content_place, length=len(line_content))
 
 
@@ -165,8 +167,8 @@ def _corrected_text(submitted_text: str, scope: Scope, error: TextError) -> str 
             + error.suggestion
             + submitted_text[error.offset + error.length :]
         )
-        further = first_error(submitted_text, scope)
-        if further is None:
+        next_error = first_error(submitted_text, scope)
+        if next_error is None:
             return submitted_text
-        error = further
+        error = next_error
     return None

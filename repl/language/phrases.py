@@ -14,13 +14,13 @@ from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, When
 from ergon.repl.language.forms import Slot, Words, form
-from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.scope import Scope, playable_instruments
 from ergon.repl.language.striking import NAMED_VALUE, check_options, strikes
-from ergon.repl.language.transforming import split_at_do, transform_offers
+from ergon.repl.language.transforming import split_at_transforms, transform_completions
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY_RECORD
-from ergon.scores.reading.phrase_do import split_do
+from ergon.scores.reading.phrase_do import split_transforms
 from ergon.scores.reading.strike_tables import STRIKES_RECORD
 
 
@@ -50,7 +50,10 @@ def _parse_entries(entries_text: str, *_: Any) -> tuple[Entry, ...]:
     phrase_entries: list[Entry] = []
     entry_start = 0
     for entry_text in entries_text.split(","):
-        slot_words = [(w.group(), entry_start + w.start()) for w in re.finditer(r"\S+", entry_text)]
+        slot_words = [
+            (word_match.group(), entry_start + word_match.start())
+            for word_match in re.finditer(r"\S+", entry_text)
+        ]
         if not slot_words:
             message = "an entry is missing: write for instance 0 C4 1mNs, 1/2 E4"
             raise TextError(message, offset=entry_start)
@@ -91,13 +94,13 @@ def _phrase_name(phrase_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return phrase_name
 
 
-def _read_played(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_played_phrase(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that play a phrase, as texts."""
-    first = slot_text.split()[0]
-    if first not in scope.phrases:  # the previous form reports mistakes in modules
-        raise TextError(f"{quote(first)} is not a phrase", length=len(first))
-    text_before, do = split_at_do(slot_text)
-    placed_words, placed_options = parse_strikes(text_before, _OPTION_EXAMPLES)
+    phrase_name = slot_text.split()[0]
+    if phrase_name not in scope.phrases:  # the previous form reports mistakes in modules
+        raise TextError(f"{quote(phrase_name)} is not a phrase", length=len(phrase_name))
+    options_text, transforms_start = split_at_transforms(slot_text)
+    placed_words, placed_options = parse_strikes(options_text, _OPTION_EXAMPLES)
     if len(placed_words) > 1:
         message = (
             f"{quote(placed_words[1].text)} does not belong here: one phrase is played at a time"
@@ -108,18 +111,18 @@ def _read_played(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[
         "play": placed_words[0].text,
         **{name: word.text for name, word in placed_options.items()},
     }
-    if do is not None:
-        if not slot_text[do:].strip():
+    if transforms_start is not None:
+        if not slot_text[transforms_start:].strip():
             message = "'do' needs a transformation: do scale 0.5, from 2"
             raise TextError(
-                message, offset=len(text_before), length=max(1, len(slot_text) - len(text_before))
+                message, offset=len(options_text), length=max(1, len(slot_text) - len(options_text))
             )
         try:
-            split_do(slot_text[do:])
+            split_transforms(slot_text[transforms_start:])
         except TextError as error:
-            error.offset += do
+            error.offset += transforms_start
             raise
-        strike_fields["do"] = " ".join(slot_text[do:].split())
+        strike_fields["do"] = " ".join(slot_text[transforms_start:].split())
     return strike_fields
 
 
@@ -131,7 +134,7 @@ def _completions(context: CompletionContext) -> Iterator[Completion]:
         return
     elif "do" in context.before:
         yield from v.transform_completions(context)
-        yield from transform_offers(context.before[context.before.index("do") + 1 :])
+        yield from transform_completions(context.before[context.before.index("do") + 1 :])
     elif last_word in _OPTION_EXAMPLES:
         yield Completion(_OPTION_EXAMPLES[last_word], STRIKES_RECORD.by_name[last_word].doc)
     else:
@@ -140,7 +143,7 @@ def _completions(context: CompletionContext) -> Iterator[Completion]:
                 yield Completion(name, STRIKES_RECORD.by_name[name].doc)
 
 
-def _entry_offers(context: CompletionContext) -> Iterator[Completion]:
+def _entry_completions(context: CompletionContext) -> Iterator[Completion]:
     """What an entry strikes, behind its time; the time of the first entry."""
     step_words: list[str] = []
     for word in context.before:
@@ -154,8 +157,10 @@ def _entry_offers(context: CompletionContext) -> Iterator[Completion]:
 def _read_struck(struck_path: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if not NAME.fullmatch(struck_path.split(".")[0]) or len(struck_path) > 4 * MAX_NAME:
         raise TextError(f"{quote(struck_path)} is not an instrument", length=len(struck_path))
-    if struck_path.split(".")[0] not in playable(scope):
-        raise v.unknown_instrument(struck_path, "an instrument", playable(scope), scope)
+    if struck_path.split(".")[0] not in playable_instruments(scope):
+        raise v.unknown_instrument_error(
+            struck_path, "an instrument", playable_instruments(scope), scope
+        )
     return struck_path
 
 
@@ -165,14 +170,14 @@ NEW_PHRASE = Value(
 ENTRIES_VALUE = Value(
     "entries, such as 0 C4 1mNs, 1/2 E4 G4",
     _parse_entries,
-    _entry_offers,
+    _entry_completions,
 )
 TO_VALUE = Value(
     "an instrument whose notes are struck",
     _read_struck,
-    lambda context: v.name_completions(playable(context.scope)),
+    lambda context: v.name_completions(playable_instruments(context.scope)),
 )
-PLAYED_VALUE = Value("a phrase, and how it is repeated", _read_played, _completions)
+PLAYED_VALUE = Value("a phrase, and how it is repeated", _read_played_phrase, _completions)
 
 
 def define_phrase(
@@ -193,11 +198,11 @@ PHRASE_STRIKES_FORM = form("strikes", "str", "plays a phrase on what it strikes"
     "hook strikes tune transpose 3st", strikes,
     Slot("name", "NAME", NAMED_VALUE),
     Slot("fields", "PHRASE [every LENGTH] [times N] [transpose Nst] [do …]",
-    PLAYED_VALUE, many=True), subject=True)
+    PLAYED_VALUE, takes_many=True), begins_with_subject=True)
 PHRASE_FORM = form("phrase", "ph", "defines or redefines a phrase: when, what, how strongly",
     "phrase tune 0 C4, 1/2 E4 to bell", define_phrase,
     Slot("name", "NAME", NEW_PHRASE),
-    Slot("entries", "TIME NOTE … [IMPULSE], …", ENTRIES_VALUE, many=True),
+    Slot("entries", "TIME NOTE … [IMPULSE], …", ENTRIES_VALUE, takes_many=True),
     Slot("to", "INSTRUMENT", TO_VALUE, "to", optional=True),
     Slot("length", "LENGTH", amounts.LENGTH_VALUE, "length", optional=True))
 # fmt: on

@@ -54,7 +54,7 @@ class Do(BlockCommand):
     do: tuple[Change, ...]
 
     @property
-    def chain(self) -> tuple[str, ...]:
+    def transform_texts(self) -> tuple[str, ...]:
         """Each transformation as it was written."""
         text = self.words["do"].text
         return tuple(text[change.offset : change.offset + change.length] for change in self.do)
@@ -68,27 +68,27 @@ _SCORE_ONLY = {"rate": "'rate' belongs to the score: leave it out here"}
 class ParsedPlay:
     """What is played, a name or a pattern, and how.
 
-    `written` has the place of each word, relative to the first.
+    `parsed_words` has the place of each word, relative to the first.
     """
 
-    what: str
+    played_text: str
     options: Mapping[str, Any]
-    do: tuple[Change, ...]
-    written: play_words.PlayWords
+    transforms: tuple[Change, ...]
+    parsed_words: play_words.PlayWords
 
 
 def _read_play(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> ParsedPlay:
     gesture_names: list[play_words.Word] = []
 
-    def called(word: str, at: int) -> str:
-        gesture_names.append(play_words.Word(word, at))
+    def name_at(word: str, offset: int) -> str:
+        gesture_names.append(play_words.Word(word, offset))
         return word
 
-    parsed = play_words.parse(slot_text, called=called)
-    for played in gesture_names or [parsed.what]:
-        _with_offset(played.offset, v.PLAYED_VALUE, played.text, scope)
+    parsed_words = play_words.parse(slot_text, name_at=name_at)
+    for played_name in gesture_names or [parsed_words.played]:
+        _with_offset(played_name.offset, v.PLAYED_VALUE, played_name.text, scope)
     play_options = {}
-    for option_name, option_word in parsed.options.items():
+    for option_name, option_word in parsed_words.options.items():
         if option_name in _SCORE_ONLY:
             raise TextError(
                 _SCORE_ONLY[option_name], offset=option_word.offset, length=len(option_word.text)
@@ -96,7 +96,12 @@ def _read_play(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> P
         play_options[option_name] = _with_offset(
             option_word.offset, _option_value(option_name), option_word.text, scope
         )
-    return ParsedPlay(" ".join(parsed.what.text.split()), play_options, parsed.do, parsed)
+    return ParsedPlay(
+        " ".join(parsed_words.played.text.split()),
+        play_options,
+        parsed_words.transforms,
+        parsed_words,
+    )
 
 
 def _with_offset(word_offset: int, value: v.Value, text: str, scope: Scope) -> Any:
@@ -111,8 +116,8 @@ def _by_example(option: str) -> v.Value:
     """A value whose completion is its example."""
     shape, example = OPTION_SHAPES[option], play_words.OPTION_EXAMPLES[option] or ""
     assert isinstance(shape, Text), option
-    parse, offered = shape.parse, v.Completion(example, PLAY_RECORD.by_name[option].doc)
-    return v.Value(shape.what, lambda text, *_: parse(text), lambda _: (offered,))
+    parse, completion = shape.parse, v.Completion(example, PLAY_RECORD.by_name[option].doc)
+    return v.Value(shape.what, lambda text, *_: parse(text), lambda _: (completion,))
 
 
 # Values that a line checks or completes better than the table of a part: marks and completions.
@@ -172,18 +177,21 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
     play_options = dict(play.options)
     words_by_field = {
         "player": words["player"],
-        "what": _option_word(play.written.what, words["play"]),
+        "what": _option_word(play.parsed_words.played, words["play"]),
     }
     words_by_field |= {
-        name: _option_word(word, words["play"]) for name, word in play.written.options.items()
+        name: _option_word(word, words["play"]) for name, word in play.parsed_words.options.items()
     }
     if when is not None:
         words_by_field["when"] = words["when"]
-    if play.do:
+    if play.transforms:
         text = words["play"].text
-        chain = ", ".join(text[t.offset : t.offset + t.length] for t in play.do)
+        transforms_text = ", ".join(
+            text[transform.offset : transform.offset + transform.length]
+            for transform in play.transforms
+        )
         words_by_field["do"] = _option_word(
-            play_words.Word(chain, play.do[0].offset), words["play"]
+            play_words.Word(transforms_text, play.transforms[0].offset), words["play"]
         )
     written_position: Position | None = play_options.pop("at", None)
     if written_position is not None and when is not None:
@@ -198,13 +206,13 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
     )
     return Plays(
         player,
-        play.what,
+        play.played_text,
         play_options.get("every"),
         play_options.get("times"),
         play_options.get("until"),
-        play.do,
+        play.transforms,
         playing_options(cast("OptionValues", play_options)),
-        entry_of_play(play.written, words["play"].text).with_fields(at=None),
+        entry_of_play(play.parsed_words, words["play"].text).with_fields(at=None),
         when=written_position or when,
         words=words_by_field,
     )
@@ -212,12 +220,16 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
 
 def _part_text(words_by_field: Mapping[str, Word], parsed_play: ParsedPlay) -> str:
     """The text of an entry of a part: what is played and how, without the time."""
-    options = [name for name in parsed_play.written.options if name != "at"]
-    flags = [name for name in options if play_words.OPTION_EXAMPLES.get(name, "") is None]
+    options = [name for name in parsed_play.parsed_words.options if name != "at"]
+    flag_names = [name for name in options if play_words.OPTION_EXAMPLES.get(name, "") is None]
     words = {play_words.NTH_OPTION: "every"}
-    values = [f"{words.get(n, n)} {words_by_field[n].text}" for n in options if n not in flags]
-    chain = [f"do {words_by_field['do'].text}"] if parsed_play.do else []
-    return " ".join([parsed_play.what, *values, *flags, *chain])
+    values = [
+        f"{words.get(option_name, option_name)} {words_by_field[option_name].text}"
+        for option_name in options
+        if option_name not in flag_names
+    ]
+    chain = [f"do {words_by_field['do'].text}"] if parsed_play.transforms else []
+    return " ".join([parsed_play.played_text, *values, *flag_names, *chain])
 
 
 def _option_word(word: play_words.Word, play: Word) -> Word:
@@ -229,13 +241,13 @@ def _option_word(word: play_words.Word, play: Word) -> Word:
 _PLAY_FORM = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
 PLAYS_FORM = form("plays", "p", "the player plays a gesture, take or pattern from here on",
     "ada plays knock every 1 times 8", plays,
-    PLAYER_SLOT, Slot("play", _PLAY_FORM, PLAYING_VALUE, many=True), subject=True)
+    PLAYER_SLOT, Slot("play", _PLAY_FORM, PLAYING_VALUE, takes_many=True), begins_with_subject=True)
 DO_FORM = form("do", "d", "transforms further what the player plays",
     "ada do scale 1.2, mirror", Do,
-    Slot("player", "PLAYER", v.DOING_PLAYER),
-    Slot("do", "TRANSFORMATION, …", v.DO_VALUE, many=True), subject=True)
+    Slot("player", "PLAYER", v.TRANSFORMED_PLAYER),
+    Slot("do", "TRANSFORMATION, …", v.DO_VALUE, takes_many=True), begins_with_subject=True)
 DEFINE_FORM = form("=", "=", "defines or redefines a gesture, also while it sounds",
     "knock = 0@0 smooth 7@1/8 smooth 0@1/4", Define,
     Slot("name", "NAME", v.GESTURE_NAME),
-    Slot("notation", "NOTATION", v.NOTATION_VALUE, many=True), subject=True)
+    Slot("notation", "NOTATION", v.NOTATION_VALUE, takes_many=True), begins_with_subject=True)
 # fmt: on

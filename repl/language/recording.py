@@ -58,8 +58,8 @@ GUIDE_FORM = form("guide", "gu", "guides a real hand along what another player p
 GUIDE_OFF_FORM = form("guide", "gu", "ends the guidance of a hand",
     "guide remi off", Guide, PLAYER_SLOT, OFF_SLOT)
 RECORD_AUDIO_OFF_FORM = form("record", "rec", "ends the file of what is heard", "record audio off",
-    record_audio, Slot("", "", None, "audio"), OFF_SLOT, timed=False)
+    record_audio, Slot("", "", None, "audio"), OFF_SLOT, takes_time=False)
 RECORD_AUDIO_FORM = form("record", "rec", "records what is heard in a file",
     "record audio evening.wav", record_audio, Slot("", "", None, "audio"),
-    Slot("file", "FILE", v.FILE_VALUE), timed=False)
+    Slot("file", "FILE", v.FILE_VALUE), takes_time=False)
 # fmt: on

@@ -47,9 +47,9 @@ def _tunable_names(scope: Scope) -> dict[str, str]:
 
 
 def _read_target(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    known = _tunable_names(scope)
-    if slot_text not in known:
-        raise v.unknown_name(slot_text, "a tuning", tuple(known))
+    tunable_names = _tunable_names(scope)
+    if slot_text not in tunable_names:
+        raise v.unknown_name_error(slot_text, "a tuning", tuple(tunable_names))
     return slot_text
 
 
@@ -71,8 +71,10 @@ def _read_fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dic
         placed_words[::2], placed_words[1::2], strict=False
     ):
         if field_name not in TUNING.by_name or field_name in tuning_fields:
-            known = ", ".join(TUNING.by_name)
-            message = f"{quote(field_name)} says nothing of a tuning; it has {known}, each once"
+            field_list = ", ".join(TUNING.by_name)
+            message = (
+                f"{quote(field_name)} says nothing of a tuning; it has {field_list}, each once"
+            )
             suggestion = TUNING.meant.get(field_name) or nearest(field_name, TUNING.by_name)
             raise TextError(
                 message, offset=name_offset, length=len(field_name), suggestion=suggestion
@@ -126,5 +128,5 @@ SET_TUNING_FORM = form("set", "set", "another tuning for an instrument, or for t
     "set bell.tuning edo 19", retune,
     Slot("target", "INSTRUMENT.tuning|tuning", TARGET_VALUE),
     Slot("fields", "edo N|A4 HERTZ|scale FILE [keys FILE]|off …", FIELDS_VALUE,
-    many=True), OVER_SLOT)
+    takes_many=True), OVER_SLOT)
 # fmt: on

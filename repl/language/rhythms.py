@@ -9,15 +9,19 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import When
 from ergon.repl.language.forms import Slot, Words, form
-from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.scope import Scope, playable_instruments
 from ergon.repl.language.striking import (
     NAMED_VALUE,
     DoStrikes,
     StrikeModules,
     check_options,
-    with_level,
+    split_trailing_level,
 )
-from ergon.repl.language.transforming import split_at_do, transform_offers, transforms
+from ergon.repl.language.transforming import (
+    checked_transforms,
+    split_at_transforms,
+    transform_completions,
+)
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.edits.transformed import NO_TRANSFORMS
 from ergon.scores.pattern.struck import name_of, notes_of
@@ -46,9 +50,9 @@ def _read_rhythm(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) ->
         slot_text[quote_end + 1 :],
         quote_end + 1,
     )
-    before, do = split_at_do(text_after)
-    placed_words, placed_options = parse_strikes(before, _OPTION_EXAMPLES)
-    placed_words, placed_options = with_level(placed_words, placed_options, ())
+    options_text, transforms_start = split_at_transforms(text_after)
+    placed_words, placed_options = parse_strikes(options_text, _OPTION_EXAMPLES)
+    placed_words, placed_options = split_trailing_level(placed_words, placed_options, ())
     try:
         if placed_words:
             message = (
@@ -60,17 +64,21 @@ def _read_rhythm(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) ->
                 message, offset=placed_words[0].offset, length=len(placed_words[0].text)
             )
         check_options({name: word for name, word in placed_options.items() if name != "to"}, scope)
-        to = placed_options.get("to")
-        if to is not None and to.text.split(".")[0] not in playable(scope):
-            error = v.unknown_instrument(to.text, "an instrument", playable(scope), scope)
-            error.offset = to.offset
+        target_word = placed_options.get("to")
+        if target_word is not None and target_word.text.split(".")[0] not in playable_instruments(
+            scope
+        ):
+            error = v.unknown_instrument_error(
+                target_word.text, "an instrument", playable_instruments(scope), scope
+            )
+            error.offset = target_word.offset
             raise error
     except TextError as error:
         error.offset += after_offset
         raise
     strike_fields = {name: word.text for name, word in placed_options.items()}
     pattern_owner = strike_fields.get("to") or (
-        slots_read["name"] if slots_read["name"] in playable(scope) else ""
+        slots_read["name"] if slots_read["name"] in playable_instruments(scope) else ""
     )
     try:
         check_text(rhythm)
@@ -83,18 +91,20 @@ def _read_rhythm(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) ->
         **({"to": pattern_owner} if pattern_owner else {}),
         **strike_fields,
     }
-    if do is not None:
-        strike_fields["do"] = transforms(text_after[do:], after_offset + do, rhythm)
+    if transforms_start is not None:
+        strike_fields["do"] = checked_transforms(
+            text_after[transforms_start:], after_offset + transforms_start, rhythm
+        )
     return strike_fields
 
 
-def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
+def _check_words(text: str, target_name: str, scope: Scope, *, is_sure: bool) -> None:
     """Refuse words that name nothing, and those that need a level. Raises TextError."""
     for struck_leaf in compiled_rhythm(text, "").leaves:
         instrument_name = name_of(struck_leaf)
         if notes_of(instrument_name) or instrument_name == ANY_WORD:
-            if to:
-                instrument_name = to
+            if target_name:
+                instrument_name = target_name
             else:
                 message = (
                     f"whose is {quote(instrument_name)}? write `to` and an instrument after the "
@@ -103,9 +113,12 @@ def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
                 raise TextError(message, offset=struck_leaf.offset, length=len(instrument_name))
         part_name = instrument_name.split(".")[0]
         error = None
-        if part_name not in playable(scope) and part_name not in scope.keys:
-            error = v.unknown_instrument(
-                part_name, "an instrument or a key", (*playable(scope), *scope.keys), scope
+        if part_name not in playable_instruments(scope) and part_name not in scope.keys:
+            error = v.unknown_instrument_error(
+                part_name,
+                "an instrument or a key",
+                (*playable_instruments(scope), *scope.keys),
+                scope,
             )
         elif part_name not in scope.acts and not is_sure and level_of(struck_leaf) is None:
             message = (
@@ -124,7 +137,7 @@ def _completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before[0].startswith('"'):
         return
     if "do" in context.before:
-        yield from transform_offers(context.before[context.before.index("do") + 1 :])
+        yield from transform_completions(context.before[context.before.index("do") + 1 :])
     elif context.before[-1] in _OPTION_EXAMPLES:
         yield Completion(_OPTION_EXAMPLES[context.before[-1]], "")
     else:
@@ -132,20 +145,20 @@ def _completions(context: CompletionContext) -> Iterator[Completion]:
         yield from (Completion(name, "") for name in names if name not in context.before)
 
 
-def _read_do(text: str, scope: Scope, slots: Mapping[str, Any]) -> str:
+def _read_transforms(text: str, scope: Scope, slots: Mapping[str, Any]) -> str:
     if slots["name"] in scope.players:  # the form before reads it
         raise TextError(f"{quote(slots['name'])} is a player", length=1)
-    return text if text == NO_TRANSFORMS else transforms(text, 0, "x")
+    return text if text == NO_TRANSFORMS else checked_transforms(text, 0, "x")
 
 
-def _offers_do(context: CompletionContext) -> Iterator[Completion]:
+def _transform_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         yield Completion(NO_TRANSFORMS, "ends all transformations")
-    yield from transform_offers(context.before)
+    yield from transform_completions(context.before)
 
 
 RHYTHM_VALUE = Value('a rhythm in quotes, such as "kick*4"', _read_rhythm, _completions)
-DO_VALUE = Value("transformations, such as every 4 rev", _read_do, _offers_do)
+DO_VALUE = Value("transformations, such as every 4 rev", _read_transforms, _transform_completions)
 
 
 def rhythm(name: str, fields: Mapping[str, str], *, when: When, words: Words) -> StrikeModules:
@@ -156,12 +169,12 @@ def rhythm(name: str, fields: Mapping[str, str], *, when: When, words: Words) ->
 # fmt: off
 DO_STRIKES_FORM = form("do", "d", "transforms further what strikes play; `none` ends that",
     "rain do every 4 rev, ply 2", DoStrikes,
-    Slot("name", "NAME", v.DOING_STRIKES),
-    Slot("do", "TRANSFORMATION, …|none", DO_VALUE, many=True), subject=True)
+    Slot("name", "NAME", v.TRANSFORMED_STRIKES),
+    Slot("do", "TRANSFORMATION, …|none", DO_VALUE, takes_many=True), begins_with_subject=True)
 RHYTHM_FORM = form("=", "=", "plays a rhythm again and again, from here on",
     'd1 = "bell*2 ~ bell" 2mNs', rhythm,
     Slot("name", "NAME", NAMED_VALUE),
     Slot("fields", '"RHYTHM" [LEVEL …] [to INSTRUMENT] [cycle LENGTH] [do …] …',
-    RHYTHM_VALUE, many=True), subject=True,
-    quoted=True)
+    RHYTHM_VALUE, takes_many=True), begins_with_subject=True,
+    needs_quotes=True)
 # fmt: on

@@ -62,7 +62,7 @@ class Scope:
     acts: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
-def playable(scope: Scope) -> Mapping[str, str]:
+def playable_instruments(scope: Scope) -> Mapping[str, str]:
     """Every instrument that a line may play."""
     return {**scope.instruments, **scope.available}
 
@@ -72,7 +72,7 @@ def unused_family(instrument_name: str, scope: Scope) -> str | None:
     or no family has it.
     """
     families = (family for family, members in scope.families.items() if instrument_name in members)
-    return None if instrument_name in playable(scope) else next(families, None)
+    return None if instrument_name in playable_instruments(scope) else next(families, None)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -93,9 +93,11 @@ def files_in(folder: Path | None, suffixes: Container[str]) -> list[Path]:
 
 def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
     """The names of a piece, and of the scores in a folder."""
-    unplayed = families.unplayed_instruments(piece)
+    unplayed_instruments = families.unplayed_instruments(piece)
     return Scope(
-        players={p.name: f"{p.hand} hand on {p.key}" for p in piece.players.values()},
+        players={
+            player.name: f"{player.hand} hand on {player.key}" for player in piece.players.values()
+        },
         gestures={name: _gesture_hint(gesture) for name, gesture in piece.gestures.items()},
         takes={
             name: f"take, {take.path.name}" if take.path else "input of the sound card"
@@ -109,15 +111,15 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         },
         targets=dict(_target_names(piece)),
         folder=folder,
-        available={name: _file_hint(full) for name, full in unplayed.items()},
-        modules={**_module_names(piece), **_unplayed_modules(piece, unplayed)},
+        available={name: _file_hint(full_name) for name, full_name in unplayed_instruments.items()},
+        modules={**_module_names(piece), **_unplayed_modules(piece, unplayed_instruments)},
         families=_family_names(piece),
         strikes={strikes.name: "strikes" for strikes in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
         phrases={name: "phrase" for name in piece.phrases},
         paths=dict.fromkeys(filter(None, map(_path_of, piece.gestures.values())), "path in space"),
         acts=dict(_act_names(piece)),
-        blocks={name: f"block, {_line_names(block)}" for name, block in piece.blocks.items()},
+        blocks={name: f"block, {_called_names(block)}" for name, block in piece.blocks.items()},
     )
 
 
@@ -126,8 +128,8 @@ def with_name(scope: Scope, section_name: str, new_name: str) -> Scope:
     known_section = getattr(scope, section_name)
     if new_name in known_section:
         return scope
-    added: Any = {section_name: {**known_section, new_name: "defined above"}}
-    return replace(scope, **added)
+    added_section: Any = {section_name: {**known_section, new_name: "defined above"}}
+    return replace(scope, **added_section)
 
 
 def _family_names(piece: Piece) -> dict[str, dict[str, str]]:
@@ -138,15 +140,15 @@ def _family_names(piece: Piece) -> dict[str, dict[str, str]]:
     }
     for instrument_name in piece.used:
         known_families.setdefault(instrument_name, {})
-    for full in piece.available:
-        family, _, instrument_name = full.rpartition(".")
+    for full_name in piece.available:
+        family, _, instrument_name = full_name.rpartition(".")
         if family in known_families:
             known_families[family].setdefault(instrument_name, "")
     return known_families
 
 
-def _file_hint(full: str) -> str:
-    family = full.rpartition(".")[0]
+def _file_hint(full_name: str) -> str:
+    family = full_name.rpartition(".")[0]
     return f"instrument of {family}" if family else "instrument of a file"
 
 
@@ -157,8 +159,11 @@ def _module_names(piece: Piece) -> dict[str, list[str]]:
     return {name: _modules_with_masses(part) for name, part in parts.items() if part is not None}
 
 
-def _unplayed_modules(piece: Piece, unplayed: Mapping[str, str]) -> dict[str, list[str]]:
-    return {name: _modules_with_masses(piece.available[full]) for name, full in unplayed.items()}
+def _unplayed_modules(piece: Piece, full_name_by_name: Mapping[str, str]) -> dict[str, list[str]]:
+    return {
+        name: _modules_with_masses(piece.available[full_name])
+        for name, full_name in full_name_by_name.items()
+    }
 
 
 def _modules_with_masses(instrument: Instrument) -> list[str]:
@@ -168,7 +173,7 @@ def _modules_with_masses(instrument: Instrument) -> list[str]:
     ]
 
 
-def _line_names(block: Sequence[str]) -> str:
+def _called_names(block: Sequence[str]) -> str:
     return f"{len(block)} line{'s' if len(block) > 1 else ''}"
 
 
@@ -187,8 +192,8 @@ def _act_names(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
     names_by_word = {
         name: name for name in (*piece.instruments, *piece.families)
     } | families.unplayed_instruments(piece)
-    for act_name, full in names_by_word.items():
-        instrument = piece.playable(full)
+    for act_name, full_name in names_by_word.items():
+        instrument = piece.playable_instrument(full_name)
         if instrument is not None and instrument.acts:
             yield act_name, tuple(act.name for act in instrument.acts)
 
@@ -219,10 +224,16 @@ def _field_names(
     path = ".".join(filter(None, (part, written_module.name)))
     if written_module.kind == "BANK":  # each member has its own
         yield from ((f"{path}.{name}", FACTOR) for name in GLIDE_PARAMETERS["BANK"])
-    for field_ in KINDS[written_module.kind].tables[module_form].fields:
-        shape = k.POSITION if field_.shape is GAP else field_.shape  # one for all of its points
-        if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _INITIAL_FIELDS:
-            yield f"{path}.{field_.name}", shape
+    for table_field in KINDS[written_module.kind].tables[module_form].fields:
+        shape = (
+            k.POSITION if table_field.shape is GAP else table_field.shape
+        )  # one for all of its points
+        if (
+            isinstance(shape, Text)
+            and shape in QUANTITIES
+            and table_field.name not in _INITIAL_FIELDS
+        ):
+            yield f"{path}.{table_field.name}", shape
     for name in written_module.fields.get("constants", ()):
         yield f"{path}.{name}", k.NUMBER if module_form == "ca" else k.CONSTANT
 

@@ -46,7 +46,7 @@ HUSH_FORM = form("hush", "hu", "all hands lift; what sounds rings out", "hush", 
 DAMP_FORM = form("damp", "d", "adds viscosity everywhere until all is silent",
     "damp 3s", Damp, Slot("time", "TIME", amounts.DURATION_VALUE))
 PANIC_FORM = form("panic", "pa", "silence at once, no force on any key",
-    "panic", Panic, timed=False)
+    "panic", Panic, takes_time=False)
 RELEASE_FORM = form("release", "rele", "switches sound and forces on again, after a stop",
-    "release", Release, timed=False)
+    "release", Release, takes_time=False)
 # fmt: on

@@ -14,8 +14,12 @@ from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, When, Word
 from ergon.repl.language.forms import Slot, form
-from ergon.repl.language.scope import Scope, playable
-from ergon.repl.language.transforming import split_at_do, transform_offers, transforms
+from ergon.repl.language.scope import Scope, playable_instruments
+from ergon.repl.language.transforming import (
+    checked_transforms,
+    split_at_transforms,
+    transform_completions,
+)
 from ergon.scores.pattern.values import parse_values
 from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
@@ -74,49 +78,56 @@ OPTIONS = {
 def _read_strikes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
     first_word = slot_text.split()[0]
-    if first_word in scope.phrases and first_word not in playable(
+    if first_word in scope.phrases and first_word not in playable_instruments(
         scope
     ):  # leave the line to the next form
-        raise v.unknown_instrument(
-            first_word, "an instrument or a key", (*playable(scope), *scope.keys), scope
+        raise v.unknown_instrument_error(
+            first_word, "an instrument or a key", (*playable_instruments(scope), *scope.keys), scope
         )
-    text_before, do = split_at_do(slot_text)
-    module_words, placed_options = parse_strikes(text_before, OPTIONS)
-    module_words, placed_options = with_level(
-        module_words, placed_options, (*playable(scope), *scope.keys)
+    options_text, transforms_start = split_at_transforms(slot_text)
+    module_words, placed_options = parse_strikes(options_text, OPTIONS)
+    module_words, placed_options = split_trailing_level(
+        module_words, placed_options, (*playable_instruments(scope), *scope.keys)
     )
     if not module_words:
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
         raise TextError(message, length=len(slot_text))
     for module_word in module_words:
         part_name = module_word.text.split(".")[0]
-        if part_name not in playable(scope) and part_name not in scope.keys:
-            error = v.unknown_instrument(
-                part_name, "an instrument or a key", (*playable(scope), *scope.keys), scope
+        if part_name not in playable_instruments(scope) and part_name not in scope.keys:
+            error = v.unknown_instrument_error(
+                part_name,
+                "an instrument or a key",
+                (*playable_instruments(scope), *scope.keys),
+                scope,
             )
             error.offset += module_word.offset
             raise error
     check_options(placed_options, scope)
-    unsure = (m.text for m in module_words if m.text.split(".")[0] not in scope.acts)
-    if not placed_options.keys() & {"impulse", "mass"} and (name := next(unsure, None)):
+    unplayable_words = (
+        strikes_word.text
+        for strikes_word in module_words
+        if strikes_word.text.split(".")[0] not in scope.acts
+    )
+    if not placed_options.keys() & {"impulse", "mass"} and (name := next(unplayable_words, None)):
         message = f"the impulse is missing: {quote(name.split('.')[0])} does not say how it is "
         raise TextError(
-            f"{message}played; write for instance impulse 2mNs", offset=len(text_before)
+            f"{message}played; write for instance impulse 2mNs", offset=len(options_text)
         )
-    to = " ".join(module.text for module in module_words)
+    target_words = " ".join(module.text for module in module_words)
     return {
-        "to": to,
+        "to": target_words,
         **{name: word.text for name, word in placed_options.items()},
-        **_transforms_field(slot_text, do),
+        **_transforms_field(slot_text, transforms_start),
     }
 
 
 def _transforms_field(text: str, start: int | None) -> dict[str, str]:
     """The field of the transformations that begin at `start`, if there are any."""
-    return {} if start is None else {"do": transforms(text[start:], start, "x")}
+    return {} if start is None else {"do": checked_transforms(text[start:], start, "x")}
 
 
-def with_level(
+def split_trailing_level(
     earlier_words: Sequence[PlacedWord],
     placed_options: dict[str, PlacedWord],
     known_names: Container[str],
@@ -155,7 +166,7 @@ def check_options(options: Mapping[str, PlacedWord], scope: Scope) -> None:
 def _completions(context: v.CompletionContext) -> Iterator[v.Completion]:
     last_word = context.before[-1] if context.before else ""
     if "do" in context.before:
-        yield from transform_offers(context.before[context.before.index("do") + 1 :])
+        yield from transform_completions(context.before[context.before.index("do") + 1 :])
         return
     if last_word in OPTIONS:
         yield v.Completion(OPTIONS[last_word].split()[0], STRIKES_RECORD.by_name[last_word].doc)
@@ -181,48 +192,53 @@ def _strikes_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 def _read_notes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
-    text_before, do = split_at_do(slot_text)
-    words, placed_options = parse_strikes(text_before, OPTIONS)
-    words, placed_options = with_level(words, placed_options, ())
+    options_text, transforms_start = split_at_transforms(slot_text)
+    words, placed_options = parse_strikes(options_text, OPTIONS)
+    words, placed_options = split_trailing_level(words, placed_options, ())
     words_end = words[-1].offset + len(words[-1].text) if words else 0
     parse_values(slot_text[:words_end], amount_reader(k.PITCH.parse, "f"), is_pitch=True)
     check_options(placed_options, scope)
     if not placed_options.keys() & {"every", "euclid"}:
         message = "the length of a step is missing: every 1"
-        raise TextError(message, offset=words_end, length=max(1, len(text_before) - words_end))
-    written = {name: word.text for name, word in placed_options.items()} | _transforms_field(
-        slot_text, do
+        raise TextError(message, offset=words_end, length=max(1, len(options_text) - words_end))
+    written_fields = {name: word.text for name, word in placed_options.items()} | _transforms_field(
+        slot_text, transforms_start
     )
-    is_sure = slots_read["name"].split(".")[0] in scope.acts or written.keys() & {"impulse", "mass"}
-    loud = {} if is_sure else {"impulse": _DEFAULT_IMPULSE}
+    is_sure = slots_read["name"].split(".")[0] in scope.acts or written_fields.keys() & {
+        "impulse",
+        "mass",
+    }
+    default_impulse = {} if is_sure else {"impulse": _DEFAULT_IMPULSE}
     return {
         "to": slots_read["name"],
         "notes": " ".join(slot_text[:words_end].split()),
-        **written,
-        **loud,
+        **written_fields,
+        **default_impulse,
     }
 
 
-def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _note_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before:
-        names = playable(context.scope)
-        yield from (offer for offer in _completions(context) if offer.text not in names)
+        names = playable_instruments(context.scope)
+        yield from (
+            completion for completion in _completions(context) if completion.text not in names
+        )
     else:
         yield v.Completion("A3", "notes, a scale or a chord such as A3.minor")
 
 
 def _struck_names(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if text.split(".")[0] not in playable(scope):
-        raise v.unknown_instrument(text, "an instrument", playable(scope), scope)
+    if text.split(".")[0] not in playable_instruments(scope):
+        raise v.unknown_instrument_error(text, "an instrument", playable_instruments(scope), scope)
     return text
 
 
 PLAYED_ON = v.Value(
     "an instrument or one of its CELs",
     _struck_names,
-    lambda context: v.name_completions(playable(context.scope)),
+    lambda context: v.name_completions(playable_instruments(context.scope)),
 )
-NOTES_VALUE = v.Value("notes and the length of a step", _read_notes, _offers_notes)
+NOTES_VALUE = v.Value("notes and the length of a step", _read_notes, _note_completions)
 STRIKING_VALUE = v.Value("modules and how they are struck", _read_strikes, _completions)
 NAMED_VALUE = v.Value("a name for the strikes", _strikes_name, lambda context: ())
 
@@ -239,10 +255,10 @@ STRIKES_FORM = form("strikes", "str", "strikes modules without a key",
     "rain strikes bell every 1 impulse 2mNs", strikes,
     Slot("name", "NAME", NAMED_VALUE),
     Slot("fields", "MODULE … [every LENGTH] [impulse …] [chance P] [euclid N N] [do …] …",
-    STRIKING_VALUE, many=True), subject=True)
+    STRIKING_VALUE, takes_many=True), begins_with_subject=True)
 NOTES_FORM = form("notes", "no", "strikes an instrument at the pitches of a pattern",
     "bell notes A3 C4 E4 euclid 5 8", strikes,
     Slot("name", "INSTRUMENT", PLAYED_ON),
     Slot("fields", "NOTE … [every LENGTH] [euclid N N] [impulse …] [chance P] [do …] …",
-    NOTES_VALUE, many=True), subject=True)
+    NOTES_VALUE, takes_many=True), begins_with_subject=True)
 # fmt: on

@@ -13,7 +13,7 @@ from ergon.notation.tables.shapes import Shape, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v
-from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.scope import Scope, playable_instruments
 from ergon.repl.language.values import Completion, CompletionContext, Value
 
 _ABLETON_LINK_HINT = (
@@ -42,31 +42,31 @@ def _read_end(end_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         raise TextError(_ABLETON_LINK_HINT, length=len(end_text))
     part = end_text.partition(".")[0]
     # Only the part is checked here: the score knows members (`string.12`) and modules from files.
-    if part not in scope.keys and part not in playable(scope):
-        raise v.unknown_name(end_text, "a key or a module", _end_names(scope))
+    if part not in scope.keys and part not in playable_instruments(scope):
+        raise v.unknown_name_error(end_text, "a key or a module", _end_names(scope))
     return end_text
 
 
 def _end_completions(context: CompletionContext) -> Iterator[Completion]:
-    return v.up_to_dot(context.typed, _end_names(context.scope))
+    return v.complete_to_dot(context.typed, _end_names(context.scope))
 
 
 def _read_kind(text: str, *_: Any) -> str:
     if text not in LINK_KINDS:
-        raise v.unknown_name(text, "a kind of link", LINK_KINDS)
+        raise v.unknown_name_error(text, "a kind of link", LINK_KINDS)
     return text
 
 
-def pairs(text: str, text_offset: int = 0) -> Iterator[tuple[str, str, int]]:
+def field_pairs(text: str, text_offset: int = 0) -> Iterator[tuple[str, str, int]]:
     """The fields of `K=4kN/m gap=1mm`: name, value, and where the name begins."""
     for word_match in re.finditer(r"\S+", text):
-        field_name, equals, field_text = word_match.group().partition("=")
-        if equals and field_name and not field_text:
+        field_name, equals_sign, field_text = word_match.group().partition("=")
+        if equals_sign and field_name and not field_text:
             message = f"'{field_name[:40]}' needs a value, such as K=4kN/m"
             raise TextError(
                 message, offset=text_offset + word_match.start(), length=len(word_match.group())
             )
-        if not (equals and field_name):
+        if not (equals_sign and field_name):
             message = (
                 f"{quote(word_match.group())} is not a field with its value: write one such as "
             )
@@ -80,7 +80,7 @@ def pairs(text: str, text_offset: int = 0) -> Iterator[tuple[str, str, int]]:
 def _read_fields(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
     field_table, module_fields = KINDS[slots_read["kind"]].table, dict[str, str]()
     field_names = [field.name for field in field_table.fields if field.name not in _END_FIELDS]
-    for field_name, field_text, field_offset in pairs(slot_text):
+    for field_name, field_text, field_offset in field_pairs(slot_text):
         if field_name not in field_names and field_table.free is None:
             suggestion = nearest(field_name, field_names)
             message = (
@@ -114,7 +114,7 @@ def check_value(shape: Text, value_text: str, word_offset: int) -> None:
         raise
 
 
-def _field_offers(context: CompletionContext) -> Iterator[Completion]:
+def _field_completions(context: CompletionContext) -> Iterator[Completion]:
     kind = context.fields.get("kind")
     if kind in KINDS and "=" not in context.typed:
         for field in KINDS[kind].table.fields:
@@ -127,17 +127,19 @@ def _read_base(
 ) -> tuple[str, float, dict[str, str]]:
     placed_words = [(word.group(), word.start()) for word in re.finditer(r"\S+", slot_text)]
     base_name, _offset = placed_words[0]
-    if base_name not in playable(scope) and not _FILE_AND_NAME.fullmatch(base_name):
-        known = [*playable(scope), "bell/bell", "gong/plate"]
-        raise v.unknown_name(
-            base_name, "an instrument or a file and a name such as bell/bell", known
+    if base_name not in playable_instruments(scope) and not _FILE_AND_NAME.fullmatch(base_name):
+        known_bases = [*playable_instruments(scope), "bell/bell", "gong/plate"]
+        raise v.unknown_name_error(
+            base_name, "an instrument or a file and a name such as bell/bell", known_bases
         )
-    semitones, changed_fields, i = 0.0, dict[str, str](), 1
-    while i < len(placed_words):
-        word_text, word_offset = placed_words[i]
+    semitones, changed_fields, word_index = 0.0, dict[str, str](), 1
+    while word_index < len(placed_words):
+        word_text, word_offset = placed_words[word_index]
         if word_text == "transpose":
             value_text, value_place = (
-                placed_words[i + 1] if i + 1 < len(placed_words) else ("", len(slot_text))
+                placed_words[word_index + 1]
+                if word_index + 1 < len(placed_words)
+                else ("", len(slot_text))
             )
             try:
                 interval = parse_interval(value_text)
@@ -148,38 +150,38 @@ def _read_base(
                 changed_fields["transpose"] = value_text
             else:
                 semitones = interval.cents / 100.0
-            i += 2
+            word_index += 2
             continue
-        for name, value_text, _place in pairs(word_text, word_offset):
+        for name, value_text, _place in field_pairs(word_text, word_offset):
             changed_fields[name] = value_text
-        i += 1
+        word_index += 1
     return base_name, semitones, changed_fields
 
 
 def _base_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
-        yield from v.name_completions(playable(context.scope))
-        yield from _file_offers(context)
+        yield from v.name_completions(playable_instruments(context.scope))
+        yield from _file_completions(context)
     elif context.before[-1] == "transpose":
         yield Completion("7st", "semitones, -14cents or x1.5")
     elif "transpose" not in context.before and not {"@", '"'} & {*context.before[0]}:
         yield Completion("transpose", "higher or lower, in semitones")
 
 
-def _file_offers(context: CompletionContext) -> Iterator[Completion]:
+def _file_completions(context: CompletionContext) -> Iterator[Completion]:
     """Families; behind the slash, the instruments of one."""
     family, slash, _ = context.typed.partition("/")
     for family_name, members in context.scope.families.items():
         if not slash:
             yield Completion(f"{family_name}/", ", ".join(members) or "no instruments")
         elif family_name == family:
-            for member, about in members.items():
-                yield Completion(f"{family_name}/{member}", about or "an instrument")
+            for member, hint in members.items():
+                yield Completion(f"{family_name}/{member}", hint or "an instrument")
 
 
-def _new_part(part_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    for name_kind, known in (("gesture", scope.gestures), ("take", scope.takes)):
-        if part_name in known:
+def _read_new_part_name(part_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    for name_kind, known_names in (("gesture", scope.gestures), ("take", scope.takes)):
+        if part_name in known_names:
             message = f"{quote(part_name)} is a {name_kind}: give the instrument another name"
             raise TextError(message, length=len(part_name))
     return v.check_new_name(part_name)
@@ -189,10 +191,10 @@ def _known_or_new(section_name: str) -> Value:
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         return text if text in getattr(scope, section_name) else v.check_new_name(text)
 
-    def offers(context: CompletionContext) -> Iterator[Completion]:
+    def complete(context: CompletionContext) -> Iterator[Completion]:
         return v.name_completions(getattr(context.scope, section_name))
 
-    return Value("a name", read, offers)
+    return Value("a name", read, complete)
 
 
 def _read_channels(slot_text: str, *_: Any) -> tuple[str, ...]:
@@ -206,7 +208,7 @@ def _read_channels(slot_text: str, *_: Any) -> tuple[str, ...]:
     return tuple(channel_words)
 
 
-def _channel_offers(context: CompletionContext) -> Iterator[Completion]:
+def _channel_completions(context: CompletionContext) -> Iterator[Completion]:
     if all(word.isdigit() for word in context.before):
         yield Completion("1", "a channel")
 
@@ -230,12 +232,12 @@ def _removable_names(scope: Scope) -> dict[str, str]:
 
 
 def _read_removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if text not in (known := _removable_names(scope)):
-        raise v.unknown_name(text, "a name of this score", known)
+    if text not in (removable_names := _removable_names(scope)):
+        raise v.unknown_name_error(text, "a name of this score", removable_names)
     return text
 
 
-PART_NAME = Value("a new name", _new_part, lambda _: ())
+PART_NAME = Value("a new name", _read_new_part_name, lambda _: ())
 BASE_VALUE = Value(
     "an instrument, or a file and a name such as bell/bell", _read_base, _base_completions
 )
@@ -246,11 +248,11 @@ LINK_KIND = Value(
     _read_kind,
     lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINK_KINDS),
 )
-LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _read_fields, _field_offers)
+LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _read_fields, _field_completions)
 PLAYER_NAME = _known_or_new("players")
 KEY_NAME = _known_or_new("keys")
 INSTRUMENT_VALUE = v.name_value("an instrument", "instruments", "available")
-CHANNELS_VALUE = Value("channels, such as 3 or 3 4", _read_channels, _channel_offers)
+CHANNELS_VALUE = Value("channels, such as 3 or 3 4", _read_channels, _channel_completions)
 REMOVABLE_VALUE = Value(
     "a name of this score",
     _read_removed,

@@ -14,13 +14,15 @@ from ergon.scores.reading.rhythms import compiled_rhythm
 _DO_PATTERN = re.compile(r"(?:^|\s)do(?:\s+|$)")
 
 
-def split_at_do(text: str) -> tuple[str, int | None]:
-    """The text before the word `do`, and where the transformations begin; None without `do`."""
-    do = _DO_PATTERN.search(text)
-    return (text, None) if do is None else (text[: do.start()], do.end())
+def split_at_transforms(text: str) -> tuple[str, int | None]:
+    """The text before the word `do`, and where the transformations begin; None without
+    `do_match`.
+    """
+    do_match = _DO_PATTERN.search(text)
+    return (text, None) if do_match is None else (text[: do_match.start()], do_match.end())
 
 
-def transforms(chain_text: str, chain_start: int, rhythm: str) -> str:
+def checked_transforms(chain_text: str, chain_start: int, rhythm: str) -> str:
     """Transformations as written, which the rhythm takes; `chain_start` is their place in the line.
 
     Raises TextError.
@@ -37,7 +39,7 @@ def transforms(chain_text: str, chain_start: int, rhythm: str) -> str:
     return chain_text.strip()
 
 
-def transform_offers(earlier_words: Sequence[str]) -> Iterator[Completion]:
+def transform_completions(earlier_words: Sequence[str]) -> Iterator[Completion]:
     """Transformations, at the beginning and behind a comma; values behind a transformation."""
     last_form = FORM_BY_WORD.get(earlier_words[-1]) if earlier_words else None
     if not earlier_words or earlier_words[-1].endswith(","):

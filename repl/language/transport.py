@@ -73,17 +73,17 @@ def tempo(
 # fmt: off
 PLAY_FORM = form("play", "pl", "starts the piece at a position, or where it was stopped",
     "play from B", Play,
-    Slot("start", "WHERE", amounts.POSITION_VALUE, "from", optional=True), timed=False)
+    Slot("start", "WHERE", amounts.POSITION_VALUE, "from", optional=True), takes_time=False)
 STOP_FORM = form("stop", "st", "stops the piece where it is", "stop", Stop)
 TEMPO_FORM = form("tempo", "te", "sets the tempo, or a ramp from one tempo to another",
     "tempo 60 -> 84 over 4bar", tempo,
-    Slot("bpm", "BPM|BPM -> BPM", amounts.BPM_VALUE, many=True), OVER_SLOT)
+    Slot("bpm", "BPM|BPM -> BPM", amounts.BPM_VALUE, takes_many=True), OVER_SLOT)
 METER_FORM = form("meter", "meter", "sets the meter from the next bar on", "meter 3+2+2/8",
     SetMeter, Slot("meter", "BEATS/UNIT", amounts.METER_VALUE))
 TAP_FORM = form("tap", "ta", "marks a beat; two or more taps set the tempo",
-    "tap", Tap, timed=False)
+    "tap", Tap, takes_time=False)
 NUDGE_FORM = form("nudge", "n", "delays the beat, or with a minus brings it forward",
-    "nudge -10ms", Nudge, Slot("by", "TIME", amounts.SHIFT_VALUE), timed=False)
+    "nudge -10ms", Nudge, Slot("by", "TIME", amounts.SHIFT_VALUE), takes_time=False)
 QUANT_FORM = form("quant", "qua", "sets where lines take effect that do not say when",
-    "quant 2bar", Quant, Slot("grid", "now|beat|bar|LENGTH", amounts.GRID_VALUE), timed=False)
+    "quant 2bar", Quant, Slot("grid", "now|beat|bar|LENGTH", amounts.GRID_VALUE), takes_time=False)
 # fmt: on

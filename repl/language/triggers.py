@@ -44,43 +44,45 @@ class Every:
         """Whether the block runs on the beat on which the rule takes effect: it always does."""
         return True
 
-    def next_beat(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
-        """The first beat after `after` and not after `until` on which the block runs."""
+    def next_beat(
+        self, tempo: TempoMap, begin: float, after_beat: float, last_beat: float
+    ) -> float | None:
+        """The first beat after `after_beat` and not after `last_beat` on which the block runs."""
         if self.length.bars:
             n_bars = round(self.length.bars)
-            first, into = tempo.bar_beat(begin)
-            bar, _ = tempo.bar_beat(after)
-            bar += (first - bar) % n_bars
-            run_beat = tempo.bars.start(bar) + into - 1.0
-            if run_beat <= after + SAME:
-                run_beat = tempo.bars.start(bar + n_bars) + into - 1.0
+            first_bar, beat_in_bar = tempo.bar_beat(begin)
+            bar, _ = tempo.bar_beat(after_beat)
+            bar += (first_bar - bar) % n_bars
+            run_beat = tempo.bars.start(bar) + beat_in_bar - 1.0
+            if run_beat <= after_beat + SAME:
+                run_beat = tempo.bars.start(bar + n_bars) + beat_in_bar - 1.0
         else:
             step = self.length.beats
-            count = math.floor((after - begin) / step + SAME) + 1
+            count = math.floor((after_beat - begin) / step + SAME) + 1
             run_beat = begin + count * step
-        return run_beat if run_beat <= until + SAME else None
+        return run_beat if run_beat <= last_beat + SAME else None
 
-    def count(self, tempo: TempoMap, begin: float, before: float) -> int:
+    def run_count(self, tempo: TempoMap, begin: float, before_beat: float) -> int:
         """How often the block runs from the beginning of the rule until before a beat."""
         if self.length.bars:
-            first, _ = tempo.bar_beat(begin + SAME)
-            bar, _ = tempo.bar_beat(before + SAME)
-            return max(0, -(-(bar - first) // round(self.length.bars)))
-        return max(0, math.ceil((before - begin) / self.length.beats - SAME))
+            first_bar, _ = tempo.bar_beat(begin + SAME)
+            bar, _ = tempo.bar_beat(before_beat + SAME)
+            return max(0, -(-(bar - first_bar) // round(self.length.bars)))
+        return max(0, math.ceil((before_beat - begin) / self.length.beats - SAME))
 
 
 @dataclass(frozen=True, slots=True)
 class Clause:
     """`bar % 4 == 3`: one comparison of the bar or beat, or with a modulus, of its remainder."""
 
-    what: str
+    quantity: str
     modulus: int | None
     comparison: str
     number: int
 
     def holds(self, bar: int, beat: int) -> bool:
         """Whether it holds on a beat of a bar; both count from 1."""
-        value = bar if self.what == "bar" else beat
+        value = bar if self.quantity == "bar" else beat
         return _COMPARISON_BY_SIGN[self.comparison](
             value % self.modulus if self.modulus else value, self.number
         )
@@ -103,26 +105,30 @@ class Condition:
         """Whether the block runs on the beat on which the rule takes effect."""
         return self.next_beat(tempo, beat, beat - 2.0 * SAME, beat) is not None
 
-    def next_beat(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
-        """The first beat after `after` and not after `until` on which the block runs."""
-        bar_index, _ = tempo.bar_beat(max(0.0, after))
-        last, _ = tempo.bar_beat(until)
-        asks_beat = any(clause.what == "beat" for clause in self.clauses)
-        while bar_index <= last:
-            start, per_bar = tempo.bars.bar(bar_index)
-            for beat in range(1, per_bar + 1 if asks_beat else 2):
+    def next_beat(
+        self, tempo: TempoMap, begin: float, after_beat: float, last_beat: float
+    ) -> float | None:
+        """The first beat after `after_beat` and not after `last_beat` on which the block runs."""
+        bar_index, _ = tempo.bar_beat(max(0.0, after_beat))
+        last_bar, _ = tempo.bar_beat(last_beat)
+        has_beat_clause = any(clause.quantity == "beat" for clause in self.clauses)
+        while bar_index <= last_bar:
+            start, candidate_beats = tempo.bars.bar(bar_index)
+            for beat in range(1, candidate_beats + 1 if has_beat_clause else 2):
                 beat_after = start + beat - 1.0
-                if after + SAME < beat_after <= until + SAME and self.holds(bar_index, beat):
+                if after_beat + SAME < beat_after <= last_beat + SAME and self.holds(
+                    bar_index, beat
+                ):
                     return beat_after
             bar_index += 1
         return None
 
-    def count(self, tempo: TempoMap, begin: float, before: float) -> int:
+    def run_count(self, tempo: TempoMap, begin: float, before_beat: float) -> int:
         """How often the block runs from the beginning of the rule until before a beat."""
         n_runs, run_beat = 0, begin - 2.0 * SAME
-        last = before - 2.0 * SAME
-        while (coming := self.next_beat(tempo, begin, run_beat, last)) is not None:
-            n_runs, run_beat = n_runs + 1, coming
+        last_beat = before_beat - 2.0 * SAME
+        while (next_beat := self.next_beat(tempo, begin, run_beat, last_beat)) is not None:
+            n_runs, run_beat = n_runs + 1, next_beat
         return n_runs
 
 
@@ -180,9 +186,11 @@ def _parse_clause(clause_text: str, clause_offset: int) -> Clause:
     )
     values = range(1, _NUMBER_MAX + 1) if modulus is None else range(modulus)
     if not any(_COMPARISON_BY_SIGN[clause.comparison](value, clause.number) for value in values):
-        limit = f"{clause.what}s count from 1 to {_NUMBER_MAX:,}"
+        limit_text = f"{clause.quantity}s count from 1 to {_NUMBER_MAX:,}"
         if modulus is not None:
-            limit = f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"
-        message = f"{quote(clause_text)} is never true: {limit}"
+            limit_text = (
+                f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"
+            )
+        message = f"{quote(clause_text)} is never true: {limit_text}"
         raise TextError(message, offset=clause_offset, length=len(clause_text))
     return clause

@@ -12,7 +12,7 @@ from ergon.notation.tables.fields import Record
 from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
-from ergon.repl.language.scope import Scope, playable, scores_in, unused_family
+from ergon.repl.language.scope import Scope, playable_instruments, scores_in, unused_family
 from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, UNITS_PER_METRE
 from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, ARITY, EXAMPLES
@@ -56,12 +56,12 @@ class Value:
     TextError.
     """
 
-    what: str
+    description: str
     read: Callable[[str, Scope, Mapping[str, Any]], Any]
     completions: Callable[[CompletionContext], Iterable[Completion]]
     # How many of the words that follow it takes; the first words of one that may take several.
     count: Callable[[Sequence[str]], int] = lambda _: 1
-    heads: tuple[str, ...] = ()
+    first_words: tuple[str, ...] = ()
 
 
 # --- names ---------------------------------------------------------------------------------------
@@ -70,15 +70,17 @@ class Value:
 def name_value(kind_name: str, *sections: str) -> Value:
     """The name of something in one of these sections of the scope."""
 
-    def known(scope: Scope) -> dict[str, str]:
-        return {n: hint for s in sections for n, hint in getattr(scope, s).items()}
+    def hinted_names(scope: Scope) -> dict[str, str]:
+        return {
+            name: hint for section in sections for name, hint in getattr(scope, section).items()
+        }
 
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-        if text not in (names := known(scope)):
-            raise unknown_instrument(text, kind_name, names, scope)
+        if text not in (names := hinted_names(scope)):
+            raise unknown_instrument_error(text, kind_name, names, scope)
         return text
 
-    return Value(kind_name, read, lambda context: name_completions(known(context.scope)))
+    return Value(kind_name, read, lambda context: name_completions(hinted_names(context.scope)))
 
 
 def name_completions(names: Mapping[str, str]) -> Iterator[Completion]:
@@ -86,7 +88,7 @@ def name_completions(names: Mapping[str, str]) -> Iterator[Completion]:
     return (Completion(text, hint) for text, hint in names.items())
 
 
-def unknown_name(unknown_text: str, noun: str, names: Iterable[str]) -> TextError:
+def unknown_name_error(unknown_text: str, noun: str, names: Iterable[str]) -> TextError:
     """The error for a word that is not a known name, with the most similar name."""
     known_names = list(names)[:MAX_COMPARED]
     nearest_name = nearest(unknown_text, known_names)
@@ -97,20 +99,20 @@ def unknown_name(unknown_text: str, noun: str, names: Iterable[str]) -> TextErro
     return TextError(message, length=len(unknown_text), suggestion=nearest_name)
 
 
-def unknown_instrument(
+def unknown_instrument_error(
     slot_text: str, noun: str, known_names: Iterable[str], scope: Scope
 ) -> TextError:
     """The same for an instrument or one of its modules; names the family that has to come first."""
     name = slot_text.split(".")[0]
     family = unused_family(name, scope)
     return (
-        unknown_name(slot_text, noun, known_names)
+        unknown_name_error(slot_text, noun, known_names)
         if family is None
-        else family_missing(name, family)
+        else missing_family_error(name, family)
     )
 
 
-def family_missing(instrument_name: str, family: str, advice: str = "") -> TextError:
+def missing_family_error(instrument_name: str, family: str, advice: str = "") -> TextError:
     """The error for an instrument of a family that is not in use; `advice` is what to type next."""
     message = (
         f"{quote(instrument_name)} is an instrument of {family}, which is not in use: type `use "
@@ -147,11 +149,13 @@ def check_new_name(new_name: str) -> str:
 
 def _read_free_name(new_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     check_new_name(new_name)
-    taken = {*scope.gestures, *scope.takes, *scope.marks}
-    if new_name in taken:
-        numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", new_name)
-        stem, suffix = (numbered[1], int(numbered[2]) + 1) if numbered else (new_name, 2)
-        while f"{stem}-{suffix}" in taken:
+    taken_names = {*scope.gestures, *scope.takes, *scope.marks}
+    if new_name in taken_names:
+        number_match = re.fullmatch(r"(.+)-([0-9]{1,4})", new_name)
+        stem, suffix = (
+            (number_match[1], int(number_match[2]) + 1) if number_match else (new_name, 2)
+        )
+        while f"{stem}-{suffix}" in taken_names:
             suffix += 1
         message = f"the name {quote(new_name)} is in use"
         raise TextError(message, length=len(new_name), suggestion=f"{stem}-{suffix}")
@@ -181,12 +185,12 @@ def other_than(slot_value: Value, other_field: str) -> Value:
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
         return (
-            offer
-            for offer in slot_value.completions(context)
-            if offer.text != context.fields[other_field]
+            completion
+            for completion in slot_value.completions(context)
+            if completion.text != context.fields[other_field]
         )
 
-    return Value(slot_value.what, read, offers)
+    return Value(slot_value.description, read, offers)
 
 
 def _read_with_level(level_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
@@ -194,18 +198,18 @@ def _read_with_level(level_name: str, scope: Scope, _: Mapping[str, Any]) -> str
     if level_name in scope.instruments or level_name in scope.players:
         return level_name
     names = (*scope.instruments, *scope.players, *scope.strikes)
-    raise unknown_instrument(
+    raise unknown_instrument_error(
         level_name, "an instrument, a player or the name of strikes", names, scope
     )
 
 
-def _read_doing(section_name: str) -> Callable[[str, Scope, Mapping[str, Any]], str]:
+def _read_player_or_strikes(section_name: str) -> Callable[[str, Scope, Mapping[str, Any]], str]:
     """Read a player, or the name of strikes: the message for a name that is neither lists both."""
 
     def read(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         if slot_text not in getattr(scope, section_name):
             names = (*scope.players, *scope.strikes)
-            raise unknown_name(slot_text, "a player or the name of strikes", names)
+            raise unknown_name_error(slot_text, "a player or the name of strikes", names)
         return slot_text
 
     return read
@@ -224,15 +228,15 @@ PLAYER_OR_ALL = Value(
     ),
     lambda context: (*_PLAYER_OR_STRIKES.completions(context), Completion("all", "every player")),
 )
-DOING_PLAYER = replace(_PLAYER_OR_STRIKES, read=_read_doing("players"))
-DOING_STRIKES = replace(_PLAYER_OR_STRIKES, read=_read_doing("strikes"))
+TRANSFORMED_PLAYER = replace(_PLAYER_OR_STRIKES, read=_read_player_or_strikes("players"))
+TRANSFORMED_STRIKES = replace(_PLAYER_OR_STRIKES, read=_read_player_or_strikes("strikes"))
 PLAYED_VALUE = name_value("a gesture or a take", "gestures", "takes")
 KEY_VALUE = name_value("a key", "keys")
 OTHER_KEY = other_than(KEY_VALUE, "a")
 OTHER_PLAYER = other_than(PLAYER_VALUE, "player")
 SOUNDING_VALUE = name_value("an instrument or a player", "instruments", "players")
 STRIKES_VALUE = name_value("the name of strikes", "strikes")
-WITH_LEVEL = Value(
+LEVELLED_VALUE = Value(
     "an instrument, a player or strikes", _read_with_level, SOUNDING_VALUE.completions
 )
 ANY_NAME = name_value(
@@ -270,25 +274,25 @@ def act_names(scope: Scope) -> dict[str, str]:
     }
 
 
-def up_to_dot(typed: str, names: Mapping[str, str]) -> Iterator[Completion]:
+def complete_to_dot(typed: str, names: Mapping[str, str]) -> Iterator[Completion]:
     """Names, each up to the first dot behind what is typed."""
     for hinted_name, hint in names.items():
         if hinted_name.startswith(typed):
-            dot = hinted_name.find(".", len(typed))
+            dot_index = hinted_name.find(".", len(typed))
             yield (
                 Completion(hinted_name, hint)
-                if dot < 0
-                else Completion(hinted_name[: dot + 1], "its modules")
+                if dot_index < 0
+                else Completion(hinted_name[: dot_index + 1], "its modules")
             )
 
 
 def struck_completions(context: CompletionContext) -> Iterator[Completion]:
     """Instruments that a line may play; behind a dot, the modules of one."""
     if "." in context.typed:
-        yield from up_to_dot(context.typed, act_names(context.scope))
-        yield from up_to_dot(context.typed, module_names(context.scope))
+        yield from complete_to_dot(context.typed, act_names(context.scope))
+        yield from complete_to_dot(context.typed, module_names(context.scope))
     else:
-        yield from name_completions(playable(context.scope))
+        yield from name_completions(playable_instruments(context.scope))
 
 
 # --- what is played ------------------------------------------------------------------------------
@@ -328,9 +332,9 @@ def play_transform_completions(context: CompletionContext) -> Iterator[Completio
 def _example_completions(
     context: CompletionContext, examples: Mapping[str, str]
 ) -> Iterator[Completion]:
-    last = context.before[-1] if context.before else ""
-    if ARGUMENT_COUNTS.get(last):
-        yield Completion(EXAMPLES[last].split()[1], f"for instance {EXAMPLES[last]}")
+    last_word = context.before[-1] if context.before else ""
+    if ARGUMENT_COUNTS.get(last_word):
+        yield Completion(EXAMPLES[last_word].split()[1], f"for instance {EXAMPLES[last_word]}")
     else:
         yield from (Completion(word, f"for instance {text}") for word, text in examples.items())
 

@@ -39,7 +39,7 @@ HELP_FORM = form(
     "help plays",
     looking.Help,
     Slot("verb", "VERB", VERB_VALUE, optional=True),
-    timed=False,
+    takes_time=False,
 )
 # All forms by what they are about, in the order of the help. A verb is declared in the file of its
 # form: how it is written, what makes its command, and the command.
@@ -170,7 +170,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
 FORMS: tuple[Form, ...] = tuple(form for group_forms in GROUPS.values() for form in group_forms)
 # Verbs that take something away or end something: a word that only resembles one does not
 # suggest it.
-TAKING_AWAY = frozenset(
+REMOVING_VERBS = frozenset(
     (
         *("remove", "undo", "back", "load", "reload", "stop", "panic", "quit", "unmap", "uncouple"),
         *("rest", "hush", "damp", "release", "seed"),
@@ -178,7 +178,7 @@ TAKING_AWAY = frozenset(
 )
 # What other programs call some verbs; by its letters `quiet` would be `quit`.
 # Words of other programs, and the verb that does it here.
-MEANT_VERBS = {
+VERB_BY_SYNONYM = {
     **dict.fromkeys(("quiet", "silence"), "hush"),
     **dict.fromkeys(("exit", "bye", "close"), "quit"),
     **dict.fromkeys(("delete", "del", "kill", "clear"), "remove"),
@@ -197,9 +197,11 @@ MEANT_VERBS = {
 }
 SHORTEST_BY_VERB = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(
-    dict.fromkeys(form.verb for form in FORMS if form.subject and form.verb != "=")
+    dict.fromkeys(form.verb for form in FORMS if form.begins_with_subject and form.verb != "=")
 )
-VERBS = tuple(dict.fromkeys(form.verb for form in FORMS if not form.subject))  # they begin a line
+VERBS = tuple(
+    dict.fromkeys(form.verb for form in FORMS if not form.begins_with_subject)
+)  # they begin a line
 
 
 def forms_of(verb: str) -> tuple[Form, ...]:
@@ -207,17 +209,17 @@ def forms_of(verb: str) -> tuple[Form, ...]:
     return tuple(form for form in FORMS if form.verb == verb)
 
 
-def verbs_matching(verb_start: str, among: tuple[str, ...]) -> tuple[str, ...]:
+def verbs_matching(verb_start: str, candidates: tuple[str, ...]) -> tuple[str, ...]:
     """The verbs that begin with a word; only those for which it is long enough, if there are
     any.
     """
-    if verb_start in among:
+    if verb_start in candidates:
         return (verb_start,)
-    matching_verbs = tuple(verb for verb in among if verb.startswith(verb_start))
-    unambiguous = tuple(
+    matching_verbs = tuple(verb for verb in candidates if verb.startswith(verb_start))
+    long_enough = tuple(
         verb for verb in matching_verbs if len(verb_start) >= len(SHORTEST_BY_VERB[verb])
     )
-    return unambiguous or matching_verbs
+    return long_enough or matching_verbs
 
 
 def find_verb(verb_word: str) -> str:
@@ -225,13 +227,13 @@ def find_verb(verb_word: str) -> str:
     every_verb = (*VERBS, *SUBJECT_VERBS, "=")
     matching_verbs = verbs_matching(verb_word, every_verb)
     if len(matching_verbs) > 1:
-        raise ambiguous(verb_word, matching_verbs)
+        raise ambiguous_verb_error(verb_word, matching_verbs)
     if not matching_verbs:
-        raise v.unknown_name(verb_word, "a verb", every_verb)
+        raise v.unknown_name_error(verb_word, "a verb", every_verb)
     return matching_verbs[0]
 
 
-def ambiguous(word: str, verbs: tuple[str, ...], offset: int = 0) -> TextError:
+def ambiguous_verb_error(word: str, verbs: tuple[str, ...], offset: int = 0) -> TextError:
     """The error for a word with which several verbs begin."""
     message = f"{quote(word)} may be {' or '.join(verbs)}: write more of it"
     return TextError(message, offset=offset, length=len(word))

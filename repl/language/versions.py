@@ -82,14 +82,14 @@ class Reload(Command):
 
 def scene(names: tuple[str, str | None], over: Length | None, *, when: When, words: Words) -> Scene:
     """Play a scene, or go from one scene to another, which needs a length. Raises TextError."""
-    first_scene, second = names
-    if second is None:
+    first_scene, second_word = names
+    if second_word is None:
         return Scene(first_scene, None, over, when=when, words=words)
     if over is None:
         word = words["names"]
         message = "the way from one scene to another needs a length: scene A -> B over 4bar"
         raise TextError(message, offset=word.start, length=len(word.text))
-    return Scene(second, first_scene, over, when=when, words=words)
+    return Scene(second_word, first_scene, over, when=when, words=words)
 
 
 # fmt: off
@@ -98,16 +98,16 @@ REDO_FORM = form("redo", "red", "restores the version that was undone", "redo", 
 BACK_FORM = form("back", "b", "goes back by a number of versions",
     "back 3", Back, Slot("count", "N", amounts.COUNT_VALUE))
 HISTORY_FORM = form("history", "hi", "lists the versions, with their bars",
-    "history", History, timed=False)
+    "history", History, takes_time=False)
 KEEP_FORM = form("keep", "k", "writes what was played last as a score of its own",
     "keep 8bar as verse-2", Keep, Slot("length", "LENGTH", amounts.LENGTH_VALUE),
-    Slot("name", "NAME", v.NEW_NAME, "as"), timed=False)
+    Slot("name", "NAME", v.NEW_NAME, "as"), takes_time=False)
 SCENE_FORM = form("scene", "sce", "plays kept bars from their beginning, again and again",
     "scene verse-2 -> refrain over 4bar", scene,
-    Slot("names", "NAME|NAME -> NAME", v.SCENES_VALUE, many=True), OVER_SLOT)
+    Slot("names", "NAME|NAME -> NAME", v.SCENES_VALUE, takes_many=True), OVER_SLOT)
 SAVE_FORM = form("save", "sa", "writes the score, comments and all",
     "save scores/duet-live.yaml", Save,
-    Slot("file", "FILE", v.FILE_VALUE, optional=True), timed=False)
+    Slot("file", "FILE", v.FILE_VALUE, optional=True), takes_time=False)
 LOAD_FORM = form("load", "lo", "opens another score in place of this one",
     "load duet.yaml", Load, Slot("file", "FILE", v.FILE_VALUE))
 RELOAD_FORM = form("reload", "relo", "reads the score's files again; what differs changes",

@@ -18,18 +18,20 @@ class Acts:
     Any thread may begin one.
     """
 
-    def __init__(self, tell: Callable[..., None]) -> None:
-        """Use `tell` to write an event to the journal."""
-        self._tell = tell
+    def __init__(self, append_event: Callable[..., None]) -> None:
+        """Use `append_event` to write an event to the journal."""
+        self._tell = append_event
         self._lock = threading.Lock()
         self._under_way: dict[int, tuple[str, dict[str, object]]] = {}
 
-    def begin(self, ask: Callable[[], int | None], event: str, **act_fields: object) -> bool:
+    def request(
+        self, request_act: Callable[[], int | None], event: str, **act_fields: object
+    ) -> bool:
         """Ask the engine for an act, which becomes an `event` of the journal once it has acted;
         False if too many are under way.
         """
         with self._lock:  # the event of the act needs the entry
-            ticket = ask() if len(self._under_way) < _UNDER_WAY_MAX else None
+            ticket = request_act() if len(self._under_way) < _UNDER_WAY_MAX else None
             if ticket is not None:
                 self._under_way[ticket] = event, act_fields
             return ticket is not None
@@ -40,7 +42,7 @@ class Acts:
         """
         assert engine_event.act_ticket is not None
         with self._lock:
-            known = self._under_way.pop(engine_event.act_ticket, None)
-        if known is not None and not engine_event.is_late:
-            name, fields = known
+            act_fields = self._under_way.pop(engine_event.act_ticket, None)
+        if act_fields is not None and not engine_event.is_late:
+            name, fields = act_fields
             self._tell(name, frame=engine_event.frame, **fields)

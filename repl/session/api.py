@@ -60,7 +60,7 @@ class SessionProxy(VerbMethods):
 
             call.__name__ = call.__qualname__ = verb_name
             call.__doc__ = "\n\n".join(
-                f"{form.written}: {form.effect}.\n\nAs a line: {form.example}"
+                f"{form.usage}: {form.effect}.\n\nAs a line: {form.example}"
                 for form in forms_of(verb)
             )
             return call

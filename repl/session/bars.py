@@ -17,88 +17,105 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece, Strikes
 
 _DEFAULT_BARS = 2
-_BEAT_LEAST, _BEAT_MOST = 4, 10  # characters of a beat
-_NAME_MOST, _WIDTH_MOST = 12, 100
+_COLUMNS_PER_BEAT_MIN, _COLUMNS_PER_BEAT_MAX = 4, 10  # characters of a beat
+_NAME_LETTERS_MAX, _WIDTH_MAX = 12, 100
 _CONTINUED_SIGN = "\u2026"  # sign of an earlier gesture, and of strikes by chance
 _STRIKE_SIGN = "x"  # sign of a strike without a note name
 
 
-def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
-    """The bar of beat `now` and the next: their beats, what begins on them, and a mark at `now`.
+def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], beat_now: float) -> list[str]:
+    """The bar of beat `beat_now` and the next: their beats, what begins on them, and a mark at
+    `beat_now`.
 
     `playing` are the gestures in flight: (player, gesture).
     """
     tempo = piece.tempo_map
-    bar, _ = tempo.bar_beat(now)
-    starts = [tempo.bars.start(bar + number) for number in range(_DEFAULT_BARS + 1)]
-    tracks = {name: [*_beginnings(piece, name, starts)] for name in piece.players}
-    struck = {strikes.name: [*_strokes_within(piece, strikes, starts)] for strikes in piece.strikes}
-    tracks |= {name: strokes for name, strokes in struck.items() if strokes}
-    names = max(map(len, tracks), default=0)
-    margin = min(names, _NAME_MOST) + 2
-    room = min(shutil.get_terminal_size().columns, _WIDTH_MOST) - margin
-    while len(starts) > 2 and (starts[-1] - starts[0]) * _BEAT_LEAST > room:
-        starts.pop()
-    n_beats = starts[-1] - starts[0]
-    text_width = max(_BEAT_LEAST, min(_BEAT_MOST, int(room / n_beats)))
+    bar, _ = tempo.bar_beat(beat_now)
+    bar_starts = [tempo.bars.start(bar + number) for number in range(_DEFAULT_BARS + 1)]
+    events_by_player = {name: [*_beginnings(piece, name, bar_starts)] for name in piece.players}
+    strokes_by_name = {
+        strikes.name: [*_strokes_within(piece, strikes, bar_starts)] for strikes in piece.strikes
+    }
+    events_by_player |= {name: strokes for name, strokes in strokes_by_name.items() if strokes}
+    names = max(map(len, events_by_player), default=0)
+    name_width = min(names, _NAME_LETTERS_MAX) + 2
+    columns_left = min(shutil.get_terminal_size().columns, _WIDTH_MAX) - name_width
+    while (
+        len(bar_starts) > 2
+        and (bar_starts[-1] - bar_starts[0]) * _COLUMNS_PER_BEAT_MIN > columns_left
+    ):
+        bar_starts.pop()
+    n_beats = bar_starts[-1] - bar_starts[0]
+    text_width = max(_COLUMNS_PER_BEAT_MIN, min(_COLUMNS_PER_BEAT_MAX, int(columns_left / n_beats)))
     n_columns = math.ceil(n_beats * text_width)
 
     def column(beat: float) -> int:
-        return int((beat - starts[0]) * text_width + SAME)
+        return int((beat - bar_starts[0]) * text_width + SAME)
 
-    on_beats = [starts[0] + number for number in range(math.ceil(n_beats - SAME))]
-    head = [(column(beat), _beat_text(piece, beat)) for beat in on_beats]
-    drawn_rows = [" " * margin + _column_row(n_columns, head)]
-    for player_name, events in tracks.items():
-        dots = [(column(beat), "\u00b7") for beat in on_beats]
+    on_beats = [bar_starts[0] + number for number in range(math.ceil(n_beats - SAME))]
+    header_cells = [(column(beat), _beat_text(piece, beat)) for beat in on_beats]
+    drawn_rows = [" " * name_width + _column_row(n_columns, header_cells)]
+    for player_name, events in events_by_player.items():
+        beat_cells = [(column(beat), "\u00b7") for beat in on_beats]
         bar_events = [
             (column(beat), event_name)
             for beat, event_name in events
-            if starts[0] <= beat < starts[-1]
+            if bar_starts[0] <= beat < bar_starts[-1]
         ]
         if any(player == player_name for player, _ in playing) and not any(
-            at == 0 for at, _ in bar_events
+            column_index == 0 for column_index, _ in bar_events
         ):
             bar_events.insert(0, (0, _CONTINUED_SIGN))
-        taken = {at for at, _ in bar_events}
-        cells = sorted([*(dot for dot in dots if dot[0] not in taken), *bar_events])
-        drawn_rows.append(player_name[: margin - 2].ljust(margin) + _column_row(n_columns, cells))
-    drawn_rows.append(" " * (margin + min(column(now), n_columns - 1)) + "^")
+        taken_columns = {column_index for column_index, _ in bar_events}
+        row_cells = sorted(
+            [
+                *(beat_cell for beat_cell in beat_cells if beat_cell[0] not in taken_columns),
+                *bar_events,
+            ]
+        )
+        drawn_rows.append(
+            player_name[: name_width - 2].ljust(name_width) + _column_row(n_columns, row_cells)
+        )
+    drawn_rows.append(" " * (name_width + min(column(beat_now), n_columns - 1)) + "^")
     return drawn_rows
 
 
 def _beat_text(piece: Piece, beat: float) -> str:
-    bar, into = piece.tempo_map.bar_beat(beat + SAME)
-    return f"{bar}|1" if into < 1.5 else f"{into:.0f}"
+    bar, beat_in_bar = piece.tempo_map.bar_beat(beat + SAME)
+    return f"{bar}|1" if beat_in_bar < 1.5 else f"{beat_in_bar:.0f}"
 
 
-def _beginnings(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tuple[float, str]]:
+def _beginnings(
+    piece: Piece, player: str, bar_starts: Sequence[float]
+) -> Iterator[tuple[float, str]]:
     """What a player begins within these bars, each with its beat."""
     for part_play, start_beats in zip(piece.parts, piece.starts, strict=True):
         if part_play.player != player:
             continue
         play_beats = [piece.tempo_map.resolve(part_play.at)] if start_beats is None else start_beats
-        first = n_before(play_beats, starts[0] - SAME)
-        last = n_before(play_beats, starts[-1] - SAME)
+        first = n_before(play_beats, bar_starts[0] - SAME)
+        last = n_before(play_beats, bar_starts[-1] - SAME)
         for place_index in range(first, last):
-            begun_text = (
-                play_beats.course.played(place_index)
+            shown_name = (
+                play_beats.places.played_name(place_index)
                 if isinstance(play_beats, Steps)
                 else part_play.what
             )
-            if begun_text is not None:  # a rest, or what chance leaves out
-                yield play_beats[place_index], begun_text
+            if shown_name is not None:  # a rest, or what chance leaves out
+                yield play_beats[place_index], shown_name
 
 
 def _strokes_within(
-    piece: Piece, strikes: Strikes, starts: Sequence[float]
+    piece: Piece, strikes: Strikes, bar_starts: Sequence[float]
 ) -> Iterator[tuple[float, str]]:
     """The strikes within these bars, each with its beat, and the note that it strikes."""
     tempo = piece.tempo_map
-    first_beat, last_beat = starts[0] - SAME, starts[-1] - SAME
+    first_beat, last_beat = bar_starts[0] - SAME, bar_starts[-1] - SAME
     if strikes.is_melody:
-        falling = strikes.falls(piece, first_beat, last_beat)
-        yield from ((beat, hit.what) for beat, _, hit in falling if first_beat <= beat < last_beat)
+        timed_hits = strikes.played_hits(piece, first_beat, last_beat)
+        yield from (
+            (beat, hit.what) for beat, _, hit in timed_hits if first_beat <= beat < last_beat
+        )
     elif strikes.passing is not None:
         yield from (
             (beat, _STRIKE_SIGN) for beat in strikes.rounds(tempo) if first_beat <= beat < last_beat
@@ -106,13 +123,13 @@ def _strokes_within(
     elif strikes.pattern is not None:
         steps = strikes.steps(piece)
         for place_index in range(n_before(steps, first_beat), n_before(steps, last_beat)):
-            note = steps.course.named(place_index)
+            note = steps.places.name_in_place(place_index)
             if note is not None:
                 yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
     elif strikes.rate is not None:
         begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         if begin < last_beat and (stop is None or stop > first_beat):
-            yield max(begin, starts[0]), _CONTINUED_SIGN
+            yield max(begin, bar_starts[0]), _CONTINUED_SIGN
     else:
         beats = strikes.beats(tempo)
         places = range(n_before(beats, first_beat), n_before(beats, last_beat))

@@ -41,10 +41,12 @@ def _run_by_rule(command: RunByRule) -> VersionEdit:
         if len(version.rules) >= MAX_RULES and block_name not in version.rules:
             raise NotTakenError(f"at most {MAX_RULES} blocks run by themselves; `stop` one first")
         block_lines(version, block_name)
-        edited = replace(version, rules={**version.rules, block_name: Rule(edit_beat, trigger)})
+        edited_version = replace(
+            version, rules={**version.rules, block_name: Rule(edit_beat, trigger)}
+        )
         if trigger.runs_at_start(version.piece.tempo_map, edit_beat):
-            edited = run_block(edited, edit_beat, block_name)
-        return edited
+            edited_version = run_block(edited_version, edit_beat, block_name)
+        return edited_version
 
     return edit
 
@@ -59,7 +61,8 @@ def _stop(command: StopBlock) -> VersionEdit:
                 f"{block_name} does not run by itself; `show` lists the blocks that do"
             )
         return replace(
-            version, rules={n: rule for n, rule in version.rules.items() if n != block_name}
+            version,
+            rules={name: rule for name, rule in version.rules.items() if name != block_name},
         )
 
     return edit
@@ -77,15 +80,15 @@ def run_block(
     version: Version, run_beat: float, block_name: str, value_words: Sequence[str] = ()
 ) -> Version:
     """The version with the lines of a block done at a beat, with values. Raises NotTakenError."""
-    edited = version
+    edited_version = version
     try:
         filled_lines = with_values(block_lines(version, block_name), value_words)
     except TextError as error:
         raise NotTakenError(f"{block_name}: {error.message}") from None
     for run_number, line in enumerate(filled_lines, 1):
         try:
-            command = parse_block_line(line, scope_of(edited.piece))
+            command = parse_block_line(line, scope_of(edited_version.piece))
         except Refusal as refusal:
             raise NotTakenError(f"line {run_number} of {block_name}: {refusal.message}") from None
-        edited = VERSION_EDITS[type(command)](command)(edited, run_beat)
-    return replace(edited, rules=version.rules)
+        edited_version = VERSION_EDITS[type(command)](command)(edited_version, run_beat)
+    return replace(edited_version, rules=version.rules)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
-from ergon.repl.language.block_values import TICK_NAME, counts_runs
+from ergon.repl.language.block_values import TICK_NAME, has_tick
 from ergon.repl.language.blocks import RunBlock
 from ergon.repl.session import version_edits
 from ergon.repl.session.entry import Entry
@@ -48,9 +48,9 @@ class BlockRuns:
         rules = {(name, rule) for name, rule in self._rules()}
         if not rules and not self._waiting:
             return
-        is_running, now = schedule.running.clock.is_running, schedule.beat_now()
-        has_jumped = now < self._last - SAME
-        self._last = now
+        is_running, beat_now = schedule.running.clock.is_running, schedule.beat_now()
+        has_jumped = beat_now < self._last - SAME
+        self._last = beat_now
         if has_jumped or not is_running:
             self._last_runs.clear()
         for waiting_line in [line for line in schedule.waiting if line.number in self._waiting]:
@@ -61,8 +61,8 @@ class BlockRuns:
                 or not self._is_in_force(block_name, rule, waiting_line.beat)
             ):
                 self._drop(waiting_line)
-        waits = {line.number for line in schedule.waiting}
-        for number in self._waiting.keys() - waits:
+        waiting_numbers = {line.number for line in schedule.waiting}
+        for number in self._waiting.keys() - waiting_numbers:
             del self._waiting[number]
             schedule.past_versions.pop(number, None)  # `undo` returns to typed lines alone
         if is_running:
@@ -83,11 +83,12 @@ class BlockRuns:
         """Queue the next run of a block if it is due and not yet queued."""
         schedule = self._schedule
         tempo, clock = schedule.head.piece.tempo_map, schedule.running.clock
-        soonest = schedule.soonest_frame() / schedule.rate + schedule.timing.lead
-        first, latest_beat = (
-            clock.beat(tempo, seconds) for seconds in (soonest, soonest + _QUEUE_LEAD)
+        soonest_seconds = schedule.soonest_frame() / schedule.rate + schedule.timing.takeover_lead
+        first_beat, latest_beat = (
+            clock.beat(tempo, seconds)
+            for seconds in (soonest_seconds, soonest_seconds + _QUEUE_LEAD)
         )
-        after_beat = max(first - 2.0 * SAME, rule.begin)
+        after_beat = max(first_beat - 2.0 * SAME, rule.begin)
         if (last_run := self._last_runs.get(block_name)) is not None:
             after_beat = max(
                 after_beat, last_run, tempo.beats(tempo.seconds(last_run) + _PAUSE_MIN) - 2.0 * SAME
@@ -98,16 +99,18 @@ class BlockRuns:
         self._last_runs[block_name] = run_beat
         run_position = Position(plus=Length(beats=run_beat))
         tick_values: tuple[str, ...] = ()
-        if counts_runs(schedule.head.piece.blocks.get(block_name, ())):
-            tick_values = (f"{TICK_NAME}={rule.trigger.count(tempo, rule.begin, run_beat)}",)
+        if has_tick(schedule.head.piece.blocks.get(block_name, ())):
+            tick_values = (f"{TICK_NAME}={rule.trigger.run_count(tempo, rule.begin, run_beat)}",)
         run_line = " ".join(("run", block_name, *tick_values))
         try:
             edit = version_edits.combined([RunBlock(block_name, tick_values)])
-            _, queued = self._queue(Entry(run_line, edit, when=run_position, is_typed=False))
+            _, queued_version = self._queue(
+                Entry(run_line, edit, when=run_position, is_typed=False)
+            )
         except REFUSALS as error:
             if block_name not in self._refused:  # once, and not for each bar
                 self._refused.add(block_name)
                 self._log.say(f"{block_name} cannot run: {error}")
             return
         self._refused.discard(block_name)
-        self._waiting[queued.version.number] = block_name, rule
+        self._waiting[queued_version.version.number] = block_name, rule

@@ -71,13 +71,13 @@ class Captures:
         self.current = None
         return capture
 
-    def write(self, capture: Capture, folder: Path, every: int) -> Path:
+    def write(self, capture: Capture, folder: Path, tick_frames: int) -> Path:
         """Write a take beside the score. Raises NotTakenError."""
         assert self.path is not None
         assert capture.stop is not None
         take_path = folder / "takes" / f"{capture.name}.take"
         try:
-            tick_span = capture.start // every, capture.stop // every
+            tick_span = capture.start // tick_frames, capture.stop // tick_frames
             recording = _core.read_recording(self.path, tick_span)
             if not len(recording.ticks()):
                 raise NotTakenError(

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from ergon._core import EngineError
 from ergon.repl.session.gains import (
     all_gains_at,
-    can_move,
+    can_move_faders,
     changed_ratios,
-    faded,
     fader_ratios,
     faders_after,
     gains_at,
     on_other_faders,
+    with_faded_mix,
     with_faders,
 )
 from ergon.repl.session.version import PastVersion
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class UnderWay:
+class PendingChange:
     """A change that was sent to the engine: its frame, the lines in it, and the versions around it.
 
     `gains` are the ratios that the engine sets at its frame.
@@ -44,21 +44,21 @@ class UnderWay:
     number: int
     frame: int
     lines: Sequence[WaitingLine]
-    before: RunningVersion
-    after: RunningVersion
+    running_before: RunningVersion
+    running_after: RunningVersion
     gains: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def is_gains(self) -> bool:
         """Whether it changes gains alone."""
-        return self.after.stage is self.before.stage
+        return self.running_after.stage is self.running_before.stage
 
 
-class Returned(NamedTuple):
+class TakenBack(NamedTuple):
     """Lines of changes that were not made, and the version before them."""
 
     lines: Sequence[WaitingLine]
-    before: RunningVersion
+    running_before: RunningVersion
 
 
 class Changes:
@@ -70,48 +70,57 @@ class Changes:
     def __init__(self, engine: Engine, running: RunningVersion) -> None:
         """Begin with a version that plays."""
         self.running = running
-        self.under_way: list[UnderWay] = []
+        self.pending: list[PendingChange] = []
         self.done: list[int] = []
         self._engine = engine
         self._n_sent = 0
         # Changes that were taken back; one that was made before it could be is put back.
-        self._withdrawn: dict[int, UnderWay] = {}
+        self._withdrawn: dict[int, PendingChange] = {}
         # Tickets of gains that were sent again, because they were no longer right.
         self._corrections: set[int] = set()
 
     @property
     def playing(self) -> RunningVersion:
         """What the engine plays now."""
-        return self.under_way[0].before if self.under_way else self.running
+        return self.pending[0].running_before if self.pending else self.running
 
     def playing_at(self, frame: int) -> RunningVersion:
         """What the engine will play at a frame."""
-        acts = [change for change in self.under_way if change.frame <= frame]
-        return acts[-1].after if acts else self.playing
+        done_changes = [change for change in self.pending if change.frame <= frame]
+        return done_changes[-1].running_after if done_changes else self.playing
 
-    def send(self, change: Change, lines: Sequence[WaitingLine], after: RunningVersion) -> None:
-        """Send a change, after which the version `after` plays, made of the running version.
+    def send(
+        self, change: Change, lines: Sequence[WaitingLine], running_after: RunningVersion
+    ) -> None:
+        """Send a change, after which the version `running_after` plays, made of the running
+        version.
 
         Raises EngineError.
         """
         old_version = self.running
-        is_last = all(sent.frame <= change.frame for sent in self.under_way)
+        is_last = all(pending_change.frame <= change.frame for pending_change in self.pending)
         if not is_last:  # gains that act later are under way
             old_version = self.playing_at(change.frame)
-            after = on_other_faders(after, old_version.version, lines)
+            running_after = on_other_faders(running_after, old_version.version, lines)
             if lines:
-                change = replace(change, gains=changed_ratios(old_version, after))
+                change = replace(change, gains=changed_ratios(old_version, running_after))
         ticket = self._engine.change(change)
         self._n_sent += 1
-        sent = UnderWay(
-            ticket, self._n_sent, change.frame, tuple(lines), old_version, after, change.gains
+        pending_change = PendingChange(
+            ticket,
+            self._n_sent,
+            change.frame,
+            tuple(lines),
+            old_version,
+            running_after,
+            change.gains,
         )
         self.done += [line.number for line in lines]
-        self._insert(sent)
+        self._insert(pending_change)
         if is_last:
-            self.running = after
+            self.running = running_after
         else:
-            self.running = _with_faders_of(after, self.under_way[-1].after)
+            self.running = _with_faders_of(running_after, self.pending[-1].running_after)
 
     def send_gains(self, from_frame: int, waiting_lines: Sequence[WaitingLine]) -> None:
         """Send the gains that lines change, for a frame that may come before changes under way.
@@ -123,26 +132,31 @@ class Changes:
         self._n_sent += 1
         self._send_gains(start_frame, waiting_lines, self._n_sent)
         self.done += [line.number for line in waiting_lines]
-        self._sort_done()
+        self._sort_history()
 
     def ready_frame(self, first_frame: int, waiting_lines: Sequence[WaitingLine]) -> int:
         """The first frame from `first_frame` on that has all strikes and routes that lines fade."""
-        if can_move(self.playing_at(first_frame), waiting_lines):
+        if can_move_faders(self.playing_at(first_frame), waiting_lines):
             return first_frame
-        later = (change for change in self.under_way if change.frame > first_frame)
+        later_changes = (change for change in self.pending if change.frame > first_frame)
         return next(
-            (change.frame for change in later if can_move(change.after, waiting_lines)), first_frame
+            (
+                change.frame
+                for change in later_changes
+                if can_move_faders(change.running_after, waiting_lines)
+            ),
+            first_frame,
         )
 
     def _send_gains(
         self, change_frame: int, waiting_lines: Sequence[WaitingLine], change_number: int
     ) -> None:
         running = self.playing_at(change_frame)
-        running_after = faded(running, waiting_lines)
+        running_after = with_faded_mix(running, waiting_lines)
         gains = changed_ratios(running, running_after)
         ticket = self._engine.change(gains_at(change_frame, running_after, gains))
         self._insert(
-            UnderWay(
+            PendingChange(
                 ticket,
                 change_number,
                 change_frame,
@@ -152,32 +166,38 @@ class Changes:
                 gains,
             )
         )
-        self.running = _with_faders_of(self.running, self.under_way[-1].after)
+        self.running = _with_faders_of(self.running, self.pending[-1].running_after)
 
-    def _insert(self, sent: UnderWay) -> None:
+    def _insert(self, pending_change: PendingChange) -> None:
         """Insert a change behind those that act before it or at its frame."""
-        index = sum(change.frame <= sent.frame for change in self.under_way)
-        later = self.under_way[index:]
-        self.under_way[index:] = [sent]
-        self._follow(sent.after, later)
-        self._sort_done()
+        index = sum(change.frame <= pending_change.frame for change in self.pending)
+        later_changes = self.pending[index:]
+        self.pending[index:] = [pending_change]
+        self._append_following(pending_change.running_after, later_changes)
+        self._sort_history()
 
-    def _follow(self, before: RunningVersion, later: Sequence[UnderWay]) -> None:
+    def _append_following(
+        self, running_before: RunningVersion, later_changes: Sequence[PendingChange]
+    ) -> None:
         """Append changes, the first of which now follows another version."""
-        for change in later:
-            if change.before is not before:
-                change = self._corrected(change, before)
-            self.under_way.append(change)
-            before = change.after
+        for change in later_changes:
+            if change.running_before is not running_before:
+                change = self._on_other_version(change, running_before)
+            self.pending.append(change)
+            running_before = change.running_after
 
-    def _corrected(self, change: UnderWay, before: RunningVersion) -> UnderWay:
+    def _on_other_version(
+        self, change: PendingChange, running_before: RunningVersion
+    ) -> PendingChange:
         """A change that follows another version; the engine gets its gains again if they differ."""
         if change.is_gains:
-            version_after = faded(before, change.lines)
+            version_after = with_faded_mix(running_before, change.lines)
         else:
-            version_after = on_other_faders(change.after, before.version, change.lines)
+            version_after = on_other_faders(
+                change.running_after, running_before.version, change.lines
+            )
         ratios = fader_ratios(version_after)
-        wanted_ratios = changed_ratios(before, version_after)
+        wanted_ratios = changed_ratios(running_before, version_after)
         gains = {
             group: ratios[group] for group in {*change.gains, *wanted_ratios} if group in ratios
         }
@@ -186,26 +206,30 @@ class Changes:
                 self._corrections.add(
                     self._engine.change(gains_at(change.frame, version_after, gains))
                 )
-        return replace(change, before=before, after=version_after, gains=gains)
+        return replace(
+            change, running_before=running_before, running_after=version_after, gains=gains
+        )
 
-    def _sort_done(self) -> None:
+    def _sort_history(self) -> None:
         """Let the numbers of lines be in the order in which they act."""
-        coming_numbers = [line.number for change in self.under_way for line in change.lines]
-        known = {*coming_numbers}
-        self.done = [number for number in self.done if number not in known] + coming_numbers
+        coming_numbers = [line.number for change in self.pending for line in change.lines]
+        known_numbers = {*coming_numbers}
+        self.done = [number for number in self.done if number not in known_numbers] + coming_numbers
 
-    def past_versions(self, past: Mapping[int, PastVersion]) -> Iterator[tuple[int, PastVersion]]:
+    def past_versions(
+        self, past_by_number: Mapping[int, PastVersion]
+    ) -> Iterator[tuple[int, PastVersion]]:
         """The past versions that the order of effect changes, by number: gains may act before
         lines that were typed earlier, and `undo` must restore what was heard.
         """
-        for pending_change in self.under_way:
-            old_version = pending_change.before.version
+        for pending_change in self.pending:
+            old_version = pending_change.running_before.version
             for waiting_line, faders in zip(
                 pending_change.lines,
                 faders_after(old_version, pending_change.lines),
                 strict=True,
             ):
-                known_version = past.get(waiting_line.number)
+                known_version = past_by_number.get(waiting_line.number)
                 if known_version is None:
                     continue
                 version_after = known_version
@@ -217,26 +241,28 @@ class Changes:
                 if version_after != known_version:
                     yield waiting_line.number, version_after
 
-    def withdraw(self, first_frame: int) -> Returned:
+    def withdraw(self, first_frame: int) -> TakenBack:
         """Take back the changes from a frame on that were not made yet."""
-        staged = (i for i, change in enumerate(self.under_way) if not change.is_gains)
-        change_index = next((i for i in staged if self.under_way[i].frame >= first_frame), None)
+        staged_indices = (index for index, change in enumerate(self.pending) if not change.is_gains)
+        change_index = next(
+            (index for index in staged_indices if self.pending[index].frame >= first_frame), None
+        )
         if change_index is None:
-            return Returned((), self.running)
+            return TakenBack((), self.running)
         self._engine.revoke(first_frame)
         return self._take_back(change_index)
 
-    def _take_back(self, first_index: int) -> Returned:
+    def _take_back(self, first_index: int) -> TakenBack:
         """Take back all changes from an index on. Gains are sent again, because they need no new
         version, except those of parts that only the withdrawn changes add.
         """
-        changes_after = self.under_way[first_index:]
-        del self.under_way[first_index:]
-        self.running = base_version = changes_after[0].before
+        changes_after = self.pending[first_index:]
+        del self.pending[first_index:]
+        self.running = base_version = changes_after[0].running_before
         returned_lines: list[WaitingLine] = []
-        gain_changes: list[UnderWay] = []
+        gain_changes: list[PendingChange] = []
         for returned_change in changes_after:
-            if returned_change.is_gains and can_move(base_version, returned_change.lines):
+            if returned_change.is_gains and can_move_faders(base_version, returned_change.lines):
                 gain_changes.append(returned_change)
                 continue
             returned_lines += returned_change.lines
@@ -246,52 +272,54 @@ class Changes:
                 self._withdrawn[returned_change.ticket] = returned_change
         numbers = {line.number for line in returned_lines}
         self.done = [number for number in self.done if number not in numbers]
-        self._follow(base_version, gain_changes)
+        self._append_following(base_version, gain_changes)
         if gain_changes:
-            self.running = self.under_way[-1].after
-        return Returned(returned_lines, base_version)
+            self.running = self.pending[-1].running_after
+        return TakenBack(returned_lines, base_version)
 
-    def note_late(self, ticket: int, soonest: int) -> Returned:
+    def note_late(self, ticket: int, soonest_frame: int) -> TakenBack:
         """Note that a change came too late: it and those after it are not made.
 
-        Gains are sent again for the frame `soonest`.
+        Gains are sent again for the frame `soonest_frame`.
         """
         self._withdrawn.pop(ticket, None)
         if ticket in self._corrections:
             self._corrections.remove(ticket)
-            repeated_change = all_gains_at(soonest, self.playing_at(soonest))
+            repeated_change = all_gains_at(soonest_frame, self.playing_at(soonest_frame))
             self._corrections.add(self._engine.change(repeated_change))
-            return Returned((), self.running)
-        tickets = [change.ticket for change in self.under_way]
+            return TakenBack((), self.running)
+        tickets = [change.ticket for change in self.pending]
         change_index = tickets.index(ticket) if ticket in tickets else None
         if change_index is None:
-            return Returned((), self.running)
-        if not self.under_way[change_index].is_gains:
+            return TakenBack((), self.running)
+        if not self.pending[change_index].is_gains:
             return self._take_back(change_index)
-        late_change, later = self.under_way[change_index], self.under_way[change_index + 1 :]
-        del self.under_way[change_index:]
-        self._follow(late_change.before, later)
+        late_change, later_changes = self.pending[change_index], self.pending[change_index + 1 :]
+        del self.pending[change_index:]
+        self._append_following(late_change.running_before, later_changes)
         self._send_gains(
-            self.ready_frame(soonest, late_change.lines), late_change.lines, late_change.number
+            self.ready_frame(soonest_frame, late_change.lines),
+            late_change.lines,
+            late_change.number,
         )
-        return Returned((), self.running)
+        return TakenBack((), self.running)
 
-    def note_done(self, engine_event: EngineEvent) -> UnderWay | None:
+    def note_done(self, engine_event: EngineEvent) -> PendingChange | None:
         """Note that a change was made; returns it. None if the ticket is not known."""
         self._corrections.discard(engine_event.ticket or 0)
-        for index, change in enumerate(self.under_way):
+        for index, change in enumerate(self.pending):
             if change.ticket == engine_event.ticket:
-                return self.under_way.pop(index)
-        withdrawn = self._withdrawn.pop(engine_event.ticket or 0, None)
-        if withdrawn is not None:  # the change was made before its withdrawal
-            self.done += [line.number for line in withdrawn.lines]
-            later, self.under_way = self.under_way, []
-            self.running = withdrawn.after
-            self._follow(withdrawn.after, later)
-            if later:
-                self.running = self.under_way[-1].after
-            self._sort_done()
-        return withdrawn
+                return self.pending.pop(index)
+        withdrawn_change = self._withdrawn.pop(engine_event.ticket or 0, None)
+        if withdrawn_change is not None:  # the change was made before its withdrawal
+            self.done += [line.number for line in withdrawn_change.lines]
+            later_changes, self.pending = self.pending, []
+            self.running = withdrawn_change.running_after
+            self._append_following(withdrawn_change.running_after, later_changes)
+            if later_changes:
+                self.running = self.pending[-1].running_after
+            self._sort_history()
+        return withdrawn_change
 
 
 def _with_faders_of(running: RunningVersion, last_running: RunningVersion) -> RunningVersion:

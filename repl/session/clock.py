@@ -31,11 +31,11 @@ class Clock:
         """Whether the piece is running."""
         return self.began_at is not None
 
-    def tempo(self, tempo: TempoMap, now: float) -> TempoMap:
-        """The tempo map in seconds of the engine, which is at second `now`."""
+    def tempo(self, tempo: TempoMap, seconds_now: float) -> TempoMap:
+        """The tempo map in seconds of the engine, which is at second `seconds_now`."""
         if self.began_at is not None:
             return ShiftedTempoMap(tempo, self.began_at)
-        return StoppedTempoMap(tempo, self.stopped_beat, now)
+        return StoppedTempoMap(tempo, self.stopped_beat, seconds_now)
 
     def beat(self, tempo: TempoMap, seconds: float) -> float:
         """The beat of the piece at a second of the engine."""
@@ -58,18 +58,18 @@ class Timing(NamedTuple):
     tick_frames: int
 
     @property
-    def tick(self) -> float:
+    def tick_seconds(self) -> float:
         """A tick [s]."""
         return self.tick_frames / self.rate
 
     @property
-    def lead(self) -> float:
+    def takeover_lead(self) -> float:
         """How long a version takes over before its beat [s]."""
-        return JOIN_DURATION + self.tick
+        return JOIN_DURATION + self.tick_seconds
 
-    def lead_of(self, is_cut: bool) -> float:
+    def lead_of_kind(self, is_cut: bool) -> float:
         """How long before its beat a change takes over [s]; a cut needs no time before it."""
-        return 0.0 if is_cut else self.lead
+        return 0.0 if is_cut else self.takeover_lead
 
     def takeover_frame(
         self, clock: Clock, tempo: TempoMap, takeover_beat: float, lead: float | None = None
@@ -77,22 +77,22 @@ class Timing(NamedTuple):
         """The frame at which a version takes over, for a beat on which it acts: `lead` [s]
         before it.
         """
-        lead = self.lead if lead is None else lead
+        lead = self.takeover_lead if lead is None else lead
         frames = (clock.seconds(tempo, takeover_beat) - lead) * self.rate
         return math.floor(frames / self.tick_frames + SAME) * self.tick_frames
 
 
-class Entry(NamedTuple):
+class TakeoverBeats(NamedTuple):
     """A takeover: the clock from there on, the beat on which the version before ends, and that on
     which the new one goes on.
     """
 
     clock: Clock
-    leave: float
-    enter: float
+    leave_beat: float
+    enter_beat: float
 
 
-def entry_of(
+def takeover_beats(
     clock: Clock,
     old_tempo: TempoMap,
     new_tempo: TempoMap,
@@ -101,7 +101,7 @@ def entry_of(
     sets_running: bool | None,
     enter_beat: float | None,
     timing: Timing,
-) -> Entry:
+) -> TakeoverBeats:
     """The takeover of a line that acts on `line_beat`, at frame `start_frame`.
 
     It may start the piece at that beat, stop it (`sets_running`), or let it go on from
@@ -109,16 +109,18 @@ def entry_of(
     """
     start = start_frame / timing.rate
     if sets_running is not None:
-        leave = clock.beat(old_tempo, start)
-        clock_after = running_clock(new_tempo, line_beat, start + timing.lead)
-        return Entry(clock_after if sets_running else Clock(None, leave), leave, line_beat)
+        leave_beat = clock.beat(old_tempo, start)
+        clock_after = running_clock(new_tempo, line_beat, start + timing.takeover_lead)
+        return TakeoverBeats(
+            clock_after if sets_running else Clock(None, leave_beat), leave_beat, line_beat
+        )
     if enter_beat is not None:
-        clock_after = clock_at_beat(clock, new_tempo, enter_beat, start + timing.lead)
-        return Entry(clock_after, line_beat, enter_beat)
+        clock_after = clock_at_beat(clock, new_tempo, enter_beat, start + timing.takeover_lead)
+        return TakeoverBeats(clock_after, line_beat, enter_beat)
     clock_after, takeover_beat = clock_after_takeover(
-        clock, old_tempo, new_tempo, line_beat, start + timing.lead, timing.tick
+        clock, old_tempo, new_tempo, line_beat, start + timing.takeover_lead, timing.tick_seconds
     )
-    return Entry(clock_after, takeover_beat, takeover_beat)
+    return TakeoverBeats(clock_after, takeover_beat, takeover_beat)
 
 
 def running_clock(tempo: TempoMap, beat: float, seconds: float) -> Clock:

@@ -27,13 +27,13 @@ class Computing:
     def limited(self, steps: int | None) -> Iterator[None]:
         """Limit the computation in this block. Raises StoppedError beyond the limit."""
         self._limit.steps = steps
-        work = Work(steps)
-        self._works.append(work)
+        limited_work = Work(steps)
+        self._works.append(limited_work)
         try:
-            with work:
+            with limited_work:
                 yield
         finally:
-            self._works.remove(work)
+            self._works.remove(limited_work)
 
     def cancel(self) -> bool:
         """Cancel all running computations, from any thread; False if there are none."""

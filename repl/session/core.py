@@ -170,20 +170,24 @@ class SessionCore:
         for command in commands:
             if isinstance(command, Guide):
                 check_guide(command, self.schedule, self.guidance.driven)
-        line_time: When = next((c.when for c in commands if c.when is not None), None)
+        line_time: When = next(
+            (typed_command.when for typed_command in commands if typed_command.when is not None),
+            None,
+        )
         if line_time is None and all(isinstance(command, DefineBlock) for command in commands):
             line_time = NOW  # nothing is heard of it
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         edit = version_edits.combined(commands)
         kind = kind_of(commands, has_levels=bool(self.schedule.head.strike_levels))
-        beat_text, running = self.queue(
+        beat_text, queued_version = self.queue(
             Entry(line_text, edit, kind, line_time, reads_files=is_read)
         )
         summaries = [
-            version_edits.command_summary(command, running, beat_text) for command in commands
+            version_edits.command_summary(command, queued_version, beat_text)
+            for command in commands
         ]
-        summaries += self.log.force_messages(running)
-        summaries += self.log.discard_messages(running.version)
+        summaries += self.log.force_messages(queued_version)
+        summaries += self.log.discard_messages(queued_version.version)
         return Reply(True, f"ok {beat_text} {'; '.join(filter(None, summaries))}".rstrip())
 
     def queue(self, history_entry: Entry) -> tuple[str, RunningVersion]:
@@ -191,7 +195,7 @@ class SessionCore:
 
         Raises one of `REFUSALS`, and nothing has changed.
         """
-        history_entry = replace(history_entry, when=self.resolved(history_entry.when))
+        history_entry = replace(history_entry, when=self.resolved_time(history_entry.when))
         if self.journal is not None and self.journal.is_full and not history_entry.is_stop:
             raise NotTakenError("the journal keeps no further line: make room on the disk")
         with self.schedule.lock:
@@ -203,22 +207,22 @@ class SessionCore:
             draft = self.schedule.insert(
                 request, lambda draft: self._note_line(history_entry, draft)
             )
-        self.log.note_thawed(draft.checked)
-        self.attend()
+        self.log.note_thawed(draft.checked_version)
+        self.hand_over_due()
         for _ in range(_TRIES_MAX):  # a late line must be made again
             if not self._is_due(line_number) or not self.schedule.make_due():
                 break
-            self.attend()
+            self.hand_over_due()
         line = self.schedule.line(line_number) or draft.line
-        return line.result().piece.tempo_map.written(line.beat), draft.checked
+        return line.result().piece.tempo_map.written(line.beat), draft.checked_version
 
-    def resolved(self, when: When) -> When:
+    def resolved_time(self, when: When) -> When:
         """When a line acts; `sync d1` as the beat that it means now. Raises NotTakenError."""
         if not isinstance(when, Sync):
             return when
-        known = (*self.scope.strikes, *self.scope.players)
-        if when.name not in known:
-            names = f"; there are only {', '.join(known)}" if known else ""
+        voice_names = (*self.scope.strikes, *self.scope.players)
+        if when.name not in voice_names:
+            names = f"; there are only {', '.join(voice_names)}" if voice_names else ""
             message = f"{quote(when.name)} is not the name of strikes, or a player{names}"
             raise NotTakenError(message)
         soonest, _ = self.schedule.place(NOW, None)
@@ -235,15 +239,15 @@ class SessionCore:
     def _note_line(self, history_entry: Entry, draft: Draft) -> None:
         """Note a line that waits from now on in journal and history."""
         waiting_line, version = draft.line, draft.line.result()
-        optional: dict[str, object] = {}
+        optional_fields: dict[str, object] = {}
         if history_entry.replaces is not None:
-            optional["replaces"] = history_entry.replaces
+            optional_fields["replaces"] = history_entry.replaces
         if not history_entry.is_typed:
-            optional["typed"] = False
+            optional_fields["typed"] = False
         if waiting_line.start is not None:
-            optional["start"] = waiting_line.start
+            optional_fields["start"] = waiting_line.start
         if history_entry.reads_files:
-            optional |= self._fields_read(version)
+            optional_fields |= self._fields_read(version)
             self.log.note_read(waiting_line.number, version)
         self.log.write(
             "line",
@@ -255,7 +259,7 @@ class SessionCore:
             resets=history_entry.resets,
             restores=history_entry.restores,
             where=version.piece.tempo_map.written(waiting_line.beat),
-            **optional,
+            **optional_fields,
         )
         if history_entry.restores is None and history_entry.is_typed:
             self.history.add(waiting_line.number)
@@ -267,19 +271,19 @@ class SessionCore:
             self.history.sort(self.schedule.effect_order())
 
     def _fields_read(self, version: Version) -> dict[str, object]:
-        disk: dict[str, object] = {}
+        disk_fields: dict[str, object] = {}
         if version.read_texts is not None:
             self.disk.note_read(version.read_texts)
-            disk["base"] = text_fields(version.read_texts)
+            disk_fields["base"] = text_fields(version.read_texts)
             if self.watch is not None:
                 self.watch.watch_texts(version.read_texts)
         if version.read_files and version.base is not None:
             self.disk.note_written(version.read_files)
-            disk["base"] = text_fields(version.base)
+            disk_fields["base"] = text_fields(version.base)
             if self.watch is not None:
                 self.watch.watch_texts(version.texts)
-        disk["disk"] = self.disk.hashes_by_name(version.texts)
-        return {**text_fields(version.texts), **disk, **effect_fields(version)}
+        disk_fields["disk"] = self.disk.hashes_by_name(version.texts)
+        return {**text_fields(version.texts), **disk_fields, **effect_fields(version)}
 
     def drop(self, line: WaitingLine) -> None:
         """Remove a line that has not taken effect."""
@@ -304,7 +308,7 @@ class SessionCore:
 
     # --- what goes on by itself ------------------------------------------------------------------
 
-    def attend(self) -> None:
+    def hand_over_due(self) -> None:
         """Hand to the engine what is due, and write down what it did; nothing is made here."""
         schedule = self.schedule
         with schedule.lock:
@@ -324,7 +328,7 @@ class SessionCore:
     def make_due(self) -> None:
         """Make what will be due soon: waiting lines, and those that come by themselves."""
         if self.schedule.make_due():
-            self.attend()
+            self.hand_over_due()
         self.fast_values.set_due()
         if not self.stops.panicked:
             self.block_runs.queue_due()
@@ -334,17 +338,17 @@ class SessionCore:
         if self.traced is not None and frame >= self._drawn + _DRAWS_EVERY * self.schedule.rate:
             self.draw_trace()
 
-    def feed(self) -> None:
+    def extend_timeline(self) -> None:
         """Extend the timeline before it ends."""
         if self.schedule.extend():
-            self.attend()
+            self.hand_over_due()
 
-    def pump(self) -> None:
+    def do_once(self) -> None:
         """Do once what the session's threads do over and over."""
-        self.attend()
-        self.feed()
+        self.hand_over_due()
+        self.extend_timeline()
         self.make_due()
-        self.attend()
+        self.hand_over_due()
 
     def draw_trace(self) -> None:
         """Draw the traced key, if there is one."""
@@ -365,7 +369,7 @@ class SessionCore:
             if engine_event.act_ticket is not None:
                 self.acts.note_ended(engine_event)
                 continue
-            for player, is_real in engine_event.real.items():
+            for player, is_real in engine_event.real_now.items():
                 self.log.write("hand", player=player, real=is_real, frame=engine_event.frame)
             if engine_event.sentence:
                 self.log.say(f"{self.log.position_at(engine_event.frame)} {engine_event.sentence}")
@@ -393,13 +397,15 @@ class SessionCore:
             return
         assert take.stop is not None
         duration = (take.stop - take.start) / self.schedule.rate
-        missing = take.n_missing * self.schedule.engine.tick_frames / self.schedule.rate
-        cut = f", of which {missing:.3f} s were not recorded" if take.n_missing else ""
-        self.log.say(f"take {take.name}: {duration:.1f} s{cut} -> {take_file}")
+        missing_seconds = take.n_missing * self.schedule.engine.tick_frames / self.schedule.rate
+        missing_text = (
+            f", of which {missing_seconds:.3f} s were not recorded" if take.n_missing else ""
+        )
+        self.log.say(f"take {take.name}: {duration:.1f} s{missing_text} -> {take_file}")
 
     def _take_sound_file(self) -> None:
         message, closed = self.sound_file.report_change(self.schedule.engine, self.schedule.rate)
         if message:
             self.log.say(message)
         if closed is not None:
-            self.log.write("sound", first=closed.first, frames=closed.frames)
+            self.log.write("sound", first=closed.first_frame, frames=closed.n_frames)

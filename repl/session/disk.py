@@ -55,7 +55,7 @@ class Disk:
         by_name = {journal_name(file, folder): known for file, known in self._known.items()}
         return {name: known for name, known in by_name.items() if not name.startswith("..")}
 
-    def add_hashes(self, hashes: Mapping[str, str]) -> None:
+    def add_journal_hashes(self, hashes: Mapping[str, str]) -> None:
         """Add hashes from a journal; `check` compares files with them before they are
         overwritten.
         """
@@ -133,8 +133,8 @@ def folder_of(score_texts: Texts) -> Path:
 def file_bytes(file_name: str, file_text: str) -> bytes:
     """The bytes with which a text replaces a file; a byte order mark of the file is kept."""
     try:
-        with Path(file_name).open("rb") as old:
-            mark = old.read(len(_UTF8_BOM)) == _UTF8_BOM
+        with Path(file_name).open("rb") as old_file:
+            mark = old_file.read(len(_UTF8_BOM)) == _UTF8_BOM
     except OSError:
         mark = False
     return (_UTF8_BOM if mark else b"") + file_text.encode()

@@ -47,27 +47,27 @@ class Request:
 @dataclass(frozen=True, slots=True)
 class Sketch:
     """The `requested` line, the `lines` among which it is to wait, the `running` version that
-    they follow, and the `soonest` frame of a new line. One that `is_checked` was made before.
+    they follow, and the `soonest_frame` of a new line. One that `is_checked` was made before.
     """
 
     lines: WaitingLines
     running: RunningVersion
     requested: WaitingLine
-    soonest: int
+    soonest_frame: int
     is_checked: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Draft:
     """The `requested` line, and its entry among the waiting `lines`, made from the
-    `base_lines`; `checked` is its version.
+    `base_lines`; `checked_version` is its version.
     """
 
     base_lines: WaitingLines
     lines: WaitingLines
     requested: WaitingLine
     line: WaitingLine
-    checked: RunningVersion
+    checked_version: RunningVersion
     staged: StagedGroup | None = None
 
 
@@ -96,13 +96,13 @@ class Drafts:
         A line that was `requested` before keeps its place, and was checked then. Raises
         NotTakenError where its beat is past.
         """
-        placed_line = self._behind_fence(
+        placed_line = self._after_fence(
             requested or self._requested_line(request, waiting_lines), waiting_lines
         )
-        placed_line = self._behind_changes(placed_line)
-        soonest = self._moments.soonest_frame()
+        placed_line = self._after_changes(placed_line)
+        soonest_frame = self._moments.soonest_frame()
         return Sketch(
-            waiting_lines, self._changes.running, placed_line, soonest, requested is not None
+            waiting_lines, self._changes.running, placed_line, soonest_frame, requested is not None
         )
 
     def draft(self, sketch: Sketch) -> Draft:
@@ -110,32 +110,39 @@ class Drafts:
 
         Raises one of `REFUSALS`.
         """
-        running, soonest = sketch.running, sketch.soonest
-        inserted_lines, inserted_line = sketch.lines.inserted(sketch.requested, soonest)
-        checked, staged = replace(running, version=inserted_line.result()), None
+        running, soonest_frame = sketch.running, sketch.soonest_frame
+        inserted_lines, inserted_line = sketch.lines.inserted(sketch.requested, soonest_frame)
+        checked_version, staged_lines = replace(running, version=inserted_line.result()), None
         if not (sketch.is_checked or inserted_line.rule.is_quick):
             start_frame = self._making_time.began()
             staged_group = staged_group_of(inserted_lines.lines)
             if inserted_line in staged_group:
-                staged_result = self._makings.stage(running, staged_group)
-                staged = StagedGroup(staged_group, running, staged_result)
+                staged_result = self._makings.staged(running, staged_group)
+                staged_lines = StagedGroup(staged_group, running, staged_result)
             else:  # a line that waits for others is only checked
-                start = soonest if inserted_line.start is None else inserted_line.start
-                staged_result = self._makings.stage(running, [replace(inserted_line, start=start)])
+                start = soonest_frame if inserted_line.start is None else inserted_line.start
+                staged_result = self._makings.staged(running, [replace(inserted_line, start=start)])
             if inserted_line.base is not None and not (
                 inserted_line.reads_files or inserted_line.sets_all
             ):
                 check_unheard(inserted_line.base.sounding, staged_result.stage)
-            checked = replace(staged_result, version=inserted_line.result())
+            checked_version = replace(staged_result, version=inserted_line.result())
             self._making_time.add(start_frame)
-        return Draft(sketch.lines, inserted_lines, sketch.requested, inserted_line, checked, staged)
+        return Draft(
+            sketch.lines,
+            inserted_lines,
+            sketch.requested,
+            inserted_line,
+            checked_version,
+            staged_lines,
+        )
 
     def joined_frame(self, request: Request, waiting_lines: WaitingLines) -> int | None:
         """The frame of the lines under way to the beat of a line, if there is time to make all of
         them: lines of one beat take effect together.
         """
         line_entry = request.entry
-        pending_changes = [change for change in self._changes.under_way if not change.is_gains]
+        pending_changes = [change for change in self._changes.pending if not change.is_gains]
         if (
             not pending_changes
             or RULES[line_entry.kind].is_quick
@@ -192,27 +199,27 @@ class Drafts:
             return None
         tempo, lead = (
             waiting_lines.head.piece.tempo_map,
-            self._timing.lead_of(line_kind is LineKind.ENDS),
+            self._timing.lead_of_kind(line_kind is LineKind.ENDS),
         )
         return max(
             start_line.start, self._timing.takeover_frame(start_line.clock, tempo, line_beat, lead)
         )
 
-    def _behind_fence(self, new_line: WaitingLine, lines: WaitingLines) -> WaitingLine:
+    def _after_fence(self, new_line: WaitingLine, lines: WaitingLines) -> WaitingLine:
         """A line that does not overtake an earlier one; it may move to that one's beat."""
         fence = lines.fence(new_line)
         if fence is None:
             return new_line
         return replace(new_line.moved_to(fence.beat, fence.start), is_now=fence.is_now)
 
-    def _behind_changes(self, line: WaitingLine) -> WaitingLine:
+    def _after_changes(self, line: WaitingLine) -> WaitingLine:
         """A line that moves faders, not before the change under way that makes what it names; one
         that restores a version, not before any.
         """
         if line.start is None:
             return line
         pending_changes, start_frame = (
-            [change for change in self._changes.under_way if change.lines],
+            [change for change in self._changes.pending if change.lines],
             line.start,
         )
         if line.sets_all:

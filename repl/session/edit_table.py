@@ -26,11 +26,11 @@ VERSION_EDITS: dict[type[Command], Callable[[Any], VersionEdit]] = {}
 def makes_edit(kind: type[Command]) -> Callable[[_Make], _Make]:
     """Decorate a function that makes the edit of a command."""
 
-    def known(make: _Make) -> _Make:
+    def checked_make(make: _Make) -> _Make:
         VERSION_EDITS[kind] = make
         return make
 
-    return known
+    return checked_make
 
 
 def edits_texts(kind: type[Command]) -> Callable[[_Change], _Change]:
@@ -87,22 +87,22 @@ def instruments_of(version: Version, instrument_name: str | None) -> frozenset[s
     if player is None:  # a line that was typed later and acts earlier has renamed or removed it
         raise NotTakenError(f"{instrument_name} was renamed or removed by another line")
     player_key = player.key
-    touched = frozenset(
+    linked_parts = frozenset(
         end.part
         for instrument in piece.instruments.values()
         for module in instrument.modules
         for end in _other_ends(module.fields.get("between"), player_key)
     )
-    if not touched:
+    if not linked_parts:
         raise NotTakenError(
             f"key {player_key} of {instrument_name} is linked to no instrument; name the "
             "instrument to change instead"
         )
-    return touched
+    return linked_parts
 
 
-def _other_ends(between: Any, key_name: str) -> list[Any]:
+def _other_ends(linked_ends: Any, key_name: str) -> list[Any]:
     """The ends of a link other than the key; none if the link does not touch the key."""
-    if not between or all(end.part != key_name for end in between):
+    if not linked_ends or all(end.part != key_name for end in linked_ends):
         return []
-    return [end for end in between if end.part != key_name]
+    return [end for end in linked_ends if end.part != key_name]

@@ -45,8 +45,11 @@ class Change:
     @property
     def needs_new_mixer(self) -> bool:
         """Whether the change needs a new mixer."""
-        new, old = self.stage, self.old_stage
-        return new.network is not old.network or new.placed != old.placed
+        new_listening, old_listening = self.stage, self.old_stage
+        return (
+            new_listening.network is not old_listening.network
+            or new_listening.recalled_outputs != old_listening.recalled_outputs
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +69,12 @@ class GuidedPath:
 class RecordedHand:
     """A hand whose movement is known: `positions` (n_ticks,) [m] of the key, tick by tick.
 
-    `index` is its number in the simulation, `reach` the factor between key and scene. After the
-    last tick the key stays where it is.
+    `index` is its number in the simulation, `lever_ratio` the factor between key and scene. After
+    the last tick the key stays where it is.
     """
 
     index: int
-    reach: float
+    lever_ratio: float
     positions: NDArray[np.float64]
 
 
@@ -83,10 +86,10 @@ class EngineStatus:
     """
 
     load: float = 0.0
-    late: int = 0
+    late_ticks: int = 0
     peaks: Sequence[float] = ()
     disconnected: frozenset[str] = frozenset()
-    let_go: bool = False  # no force is sent, by `let_go` or by a signal
+    is_let_go: bool = False  # no force is sent, by `let_go` or by a signal
     troubles: Sequence[str] = ()  # what is wrong, in a few words each
 
 
@@ -95,7 +98,7 @@ class EngineEvent:
     """A change, a strike or an input value that took effect or came too late, by its ticket; or a
     sentence for the player.
 
-    `real` says by player whether a person moves the key from this frame on.
+    `real_now` says by player whether a person moves the key from this frame on.
     """
 
     frame: int
@@ -104,7 +107,7 @@ class EngineEvent:
     # The ticket of a strike or a value, which acted unless it `is_late`.
     act_ticket: int | None = None
     sentence: str = ""
-    real: Mapping[str, bool] = field(default_factory=dict)
+    real_now: Mapping[str, bool] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +117,10 @@ class SoundFileStatus:
     closed, and why it could not be written.
     """
 
-    first: int | None
-    frames: int
-    missing: int
-    ended: bool
+    first_frame: int | None
+    n_frames: int
+    n_missing: int
+    has_ended: bool
     error: str | None = None
 
 
@@ -252,13 +255,13 @@ class SteppedEngine:
 
     def revoke(self, frame: int) -> None:
         """Withdraw the changes that are due at `frame` or later; each is reported as late."""
-        revoked = [
+        revoked_changes = [
             change
             for change in self._changes
             if change[1].frame >= frame and not change[1].is_gains
         ]
-        self._changes = [change for change in self._changes if change not in revoked]
-        for ticket, _ in sorted(revoked, key=lambda entry: entry[0]):
+        self._changes = [change for change in self._changes if change not in revoked_changes]
+        for ticket, _ in sorted(revoked_changes, key=lambda entry: entry[0]):
             self._events.append(EngineEvent(self.frame, ticket, is_late=True))
 
     def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
@@ -307,7 +310,7 @@ class SteppedEngine:
         """The next frames (n_frames, n_channels), before the gain and the limiter."""
         import numpy as np
 
-        mixed = np.zeros((n_frames, self.n_channels))
+        mixed_frames = np.zeros((n_frames, self.n_channels))
         n_done = 0
         while n_done < n_frames:
             self._do_due_changes()
@@ -320,20 +323,20 @@ class SteppedEngine:
             )
             if self._hands:
                 stop_frame = min(stop_frame, self._hold_hands())
-            n = stop_frame - self.frame
-            frames = np.zeros((n, self._simulation.n_out))
+            n_part = stop_frame - self.frame
+            frames = np.zeros((n_part, self._simulation.n_out))
             self._simulation.process(frames)
-            self._mixer.process(frames, mixed[n_done : n_done + n])
-            n_done += n
+            self._mixer.process(frames, mixed_frames[n_done : n_done + n_part])
+            n_done += n_part
             self.frame = stop_frame
-        return mixed
+        return mixed_frames
 
     def _hold_hands(self) -> int:
         """Hold each hand where it is in this tick; returns the first frame of the next one."""
         tick = self.frame // self.tick_frames
         for hand in self._hands:
-            x = hand.positions[min(tick, len(hand.positions) - 1)]
-            self._simulation.hold(hand.index, float(x) * hand.reach)
+            hand_position = hand.positions[min(tick, len(hand.positions) - 1)]
+            self._simulation.hold(hand.index, float(hand_position) * hand.lever_ratio)
         return (tick + 1) * self.tick_frames
 
     def _do_due_changes(self) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ergon._core import EngineError
 from ergon.repl.session.engine import Change
 from ergon.repl.session.making_time import MakingTime
-from ergon.repl.session.reports import Unable
+from ergon.repl.session.reports import TimelineFailed
 
 if TYPE_CHECKING:
     from collections import deque
@@ -59,25 +59,25 @@ class Extensions:
         finally:
             self._time.add(start_frame)
 
-    def send(self, after: RunningVersion) -> None:
+    def send(self, running_after: RunningVersion) -> None:
         """Send an extension to the engine."""
         running = self._changes.running
         change = Change(
-            after.start,
-            after.stage,
+            running_after.start,
+            running_after.stage,
             running.stage,
-            damp=after.damp,
-            force_bounds=after.force_bounds,
+            damp=running_after.damp,
+            force_bounds=running_after.force_bounds,
         )
         try:
-            self._changes.send(change, (), after)
+            self._changes.send(change, (), running_after)
         except EngineError as error:  # too many changes wait: the next turn tries again
-            self._reports.append(Unable(f"the score could not be continued yet: {error}"))
+            self._reports.append(TimelineFailed(f"the score could not be continued yet: {error}"))
 
     def give_up(self, error: Exception) -> None:
         """Extend the running version no more."""
         running = self._changes.running
         end = running.version.piece.tempo_map.written(running.timeline_end)
-        why = f"the score could not be continued after {end}: {error}"
-        self._reports.append(Unable(f"{why}; what plays rings out"))
+        sentence = f"the score could not be continued after {end}: {error}"
+        self._reports.append(TimelineFailed(f"{sentence}; what plays rings out"))
         self._changes.running = replace(running, timeline_end=math.inf)

@@ -27,9 +27,11 @@ def _use_family(command: Use) -> VersionEdit:
         if command.family in version.piece.used:
             listing = f"instruments {command.family}"
             raise NotTakenError(f"{command.family} is in use already", listing)
-        before = version.texts
-        before = replace(before, overlay={**texts_by_file, **before.overlay})
-        texts_with_family, texts_read = families.with_family(before, command.family, command.file)
+        texts_before = version.texts
+        texts_before = replace(texts_before, overlay={**texts_by_file, **texts_before.overlay})
+        texts_with_family, texts_read = families.with_family(
+            texts_before, command.family, command.file
+        )
         texts_by_file.update(texts_read)
         piece_from_files(
             replace(texts_with_family, sealed=False)
@@ -37,33 +39,37 @@ def _use_family(command: Use) -> VersionEdit:
         new_texts = {
             file: text for file, text in texts_by_file.items() if file not in version.texts.overlay
         }
-        base = version.base or version.texts
-        base = replace(base, overlay={**new_texts, **base.overlay})
-        return replace(with_texts(version, texts_with_family), read_files=new_texts, base=base)
+        base_texts = version.base or version.texts
+        base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
+        return replace(
+            with_texts(version, texts_with_family), read_files=new_texts, base=base_texts
+        )
 
     return edit
 
 
-def with_brought(now: Texts, old_texts: Texts) -> Texts:
+def with_brought_files(disk_texts: Texts, old_texts: Texts) -> Texts:
     """Texts of the disk with the files that `use` has brought in since, as they are there now.
 
     `old_texts` are the texts of the disk as the session knew them, with these files.
     """
-    brought = old_texts.overlay.keys() - old_texts.load().files.keys() - now.overlay.keys()
-    texts_read = {file: read_text(Path(file)) for file in brought}
+    brought_files = (
+        old_texts.overlay.keys() - old_texts.load().files.keys() - disk_texts.overlay.keys()
+    )
+    texts_read = {file: read_text(Path(file)) for file in brought_files}
     new_texts = {
         file: old_texts.overlay[file] if text is None else text for file, text in texts_read.items()
     }
-    return replace(now, overlay={**now.overlay, **new_texts})
+    return replace(disk_texts, overlay={**disk_texts.overlay, **new_texts})
 
 
 def family_summary(command: Use, piece: Piece) -> str:
     """The instruments that a family has brought, and those whose names are taken."""
     summary_sentence = f"{command.family}: {_instrument_names(command, piece)}"
-    free = families.unplayed_instruments(piece)
-    full = [name for name in piece.available if name.startswith(f"{command.family}.")]
-    plain = [(name.rpartition(".")[2], name) for name in full]
-    taken_names = [name for name, origin in plain if free.get(name) != origin]
+    unplayed = families.unplayed_instruments(piece)
+    full_names = [name for name in piece.available if name.startswith(f"{command.family}.")]
+    names_and_origins = [(name.rpartition(".")[2], name) for name in full_names]
+    taken_names = [name for name, origin in names_and_origins if unplayed.get(name) != origin]
     if not taken_names:
         return summary_sentence
     verb, each_text = ("is", "it") if len(taken_names) == 1 else ("are", "each")
@@ -77,6 +83,10 @@ def family_summary(command: Use, piece: Piece) -> str:
 
 def _instrument_names(command: Use, piece: Piece) -> str:
     """The instruments of a family, by name."""
-    head = f"{command.family}."
-    names = [name.removeprefix(head) for name in piece.available if name.startswith(head)]
+    family_prefix = f"{command.family}."
+    names = [
+        name.removeprefix(family_prefix)
+        for name in piece.available
+        if name.startswith(family_prefix)
+    ]
     return ", ".join(names) or "no instruments"

@@ -62,10 +62,10 @@ class FastValues:
             waiting_line.number == self._number for waiting_line in schedule.waiting
         ):
             return
-        moved, self._moved = self._moved, {}
+        moved_values, self._moved = self._moved, {}
         head = schedule.head
         lines_by_name = {
-            name: text for name, line in moved.items() if (text := line(head)) is not None
+            name: text for name, line in moved_values.items() if (text := line(head)) is not None
         }
         if not lines_by_name:
             return
@@ -77,17 +77,21 @@ class FastValues:
 
     def _set(self, names: tuple[str, ...], text: str, when: When) -> None:
         """Queue a line; if the last line of the history has the same names, it is replaced."""
-        is_same = names == self._names and self._history.now == self._number
+        is_same = names == self._names and self._history.current_number == self._number
         try:
             commands = parse(text, self._scope())
-            asked = next((command.when for command in commands if command.when is not None), when)
+            line_time = next(
+                (command.when for command in commands if command.when is not None), when
+            )
             edit = version_edits.combined(commands)
-            replaced = self._number if is_same else None
-            _, queued = self._queue(Entry(text, edit, kind_of(commands), asked, replaces=replaced))
+            replaced_number = self._number if is_same else None
+            _, queued_version = self._queue(
+                Entry(text, edit, kind_of(commands), line_time, replaces=replaced_number)
+            )
         except (Refusal, *REFUSALS) as error:
             if names != self._refused:  # one line for the movement, not one for each value
                 self._refused = names
                 self._log.say(f"{', '.join(names)}: {getattr(error, 'message', None) or error}")
             return
         self._refused = ()
-        self._number, self._names = queued.version.number, names
+        self._number, self._names = queued_version.version.number, names

@@ -25,13 +25,15 @@ if TYPE_CHECKING:
 
 def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str) -> list[str]:
     """Write the last bars as a score beside this one; the names of the written files."""
-    version, now = session.schedule.head, session.schedule.beat_now()
+    version, beat_now = session.schedule.head, session.schedule.beat_now()
     tempo = version.piece.tempo_map
-    bar = tempo.bars.start(tempo.bar_beat(now)[0])
+    bar = tempo.bars.start(tempo.bar_beat(beat_now)[0])
     is_bars = excerpt_length.bars and not excerpt_length.beats and not excerpt_length.seconds
-    ends = [bar, now] if is_bars and bar > 0.0 else [now]  # whole bars are those that are over
+    end_beats = (
+        [bar, beat_now] if is_bars and bar > 0.0 else [beat_now]
+    )  # whole bars are those that are over
     while True:
-        stop_beat = ends.pop(0)
+        stop_beat = end_beats.pop(0)
         start_beat = tempo.beats(tempo.seconds(stop_beat) - excerpt_length.seconds)
         if not excerpt_length.seconds:
             start_beat = stop_beat - tempo.after(0.0, excerpt_length)
@@ -41,7 +43,7 @@ def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str
             )
             break
         except EditError:
-            if not ends:
+            if not end_beats:
                 raise
     piece_of(excerpt_texts)
     target = _save_target(excerpt_texts, Path(file_name))
@@ -83,13 +85,13 @@ def _save_target(score_texts: Texts, target: Path) -> Path | None:
     score_path, folder = Path(score_texts.path), folder_of(score_texts)
     suffix = score_path.suffix if score_path.suffix in SUFFIXES else SUFFIXES[0]
     path = _with_suffix(score_texts, target, suffix)
-    real = _resolved_path(path)
-    if real.parent != folder.resolve():
+    real_path = _resolved_path(path)
+    if real_path.parent != folder.resolve():
         raise NotTakenError(
             f"save the score in {folder.resolve()}: the paths in it are relative to that folder",
             f"save {path.name}",
         )
-    return None if real == _resolved_path(score_path) else folder / path.name
+    return None if real_path == _resolved_path(score_path) else folder / path.name
 
 
 def _with_suffix(score_texts: Texts, target: Path, suffix: str) -> Path:
@@ -110,7 +112,7 @@ def _resolved_path(path: Path) -> Path:
 def _write_texts(session: SessionCore, score_texts: Texts, target: Path | None) -> list[str]:
     """Write texts over their files, or as another score; either all files are written or none."""
     score_path, disk = Path(score_texts.path), session.disk
-    changed = disk.unsaved_texts(score_texts)
+    changed_texts = disk.unsaved_texts(score_texts)
     texts_by_file: Mapping[str, str]
     if target is None:
         # A piece that was typed from nothing has no file yet.
@@ -120,16 +122,16 @@ def _write_texts(session: SessionCore, score_texts: Texts, target: Path | None) 
             )
         score, texts_by_file = (
             score_path,
-            {target_path(file, score_path.parent): text for file, text in changed.items()},
+            {target_path(file, score_path.parent): text for file, text in changed_texts.items()},
         )
     else:
         score, texts_by_file = (
             target,
-            save_as.texts_to_write(score_texts, changed.keys() - {score_texts.path}, target),
+            save_as.texts_to_write(score_texts, changed_texts.keys() - {score_texts.path}, target),
         )
     if not texts_by_file:
         return []
-    _check_written(score_texts, changed, score, texts_by_file)
+    _check_written(score_texts, changed_texts, score, texts_by_file)
     try:
         write_all(
             {Path(file): file_bytes(file, text) for file, text in texts_by_file.items()},
@@ -143,16 +145,21 @@ def _write_texts(session: SessionCore, score_texts: Texts, target: Path | None) 
 
 
 def _check_written(
-    score_texts: Texts, changed: Mapping[str, str], score: Path, texts_by_file: Mapping[str, str]
+    score_texts: Texts,
+    changed_texts: Mapping[str, str],
+    score: Path,
+    texts_by_file: Mapping[str, str],
 ) -> None:
     """Check that the written files give the piece that plays. Raises NotTakenError."""
-    unchanged = {file: text for file, text in score_texts.overlay.items() if file not in changed}
+    unchanged_texts = {
+        file: text for file, text in score_texts.overlay.items() if file not in changed_texts
+    }
     text = texts_by_file.get(str(score), score_texts.text)
     written_piece = (
-        Texts(str(score), text, {**unchanged, **texts_by_file}, sealed=True).load().piece
+        Texts(str(score), text, {**unchanged_texts, **texts_by_file}, sealed=True).load().piece
     )
     if written_piece is None or digest_of(written_piece) != digest_of(piece_of(score_texts)):
-        names = ", ".join(sorted(Path(file).name for file in changed))
+        names = ", ".join(sorted(Path(file).name for file in changed_texts))
         raise NotTakenError(
             f"the changes to {names} would be lost in {score.name}; `save` without a name writes "
             "them to their own files"

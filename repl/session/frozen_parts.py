@@ -45,7 +45,7 @@ class FrozenPart:
     """A frozen instrument: its stems, and the digest of everything that its sound depends on."""
 
     name: str
-    content: str
+    content_digest: str
     stems: tuple[FrozenStem, ...]
 
 
@@ -63,7 +63,7 @@ class FrozenFolder:
         stems = (stem.file for part in self.parts for stem in part.stems)
         return tuple(self.folder / name for name in (MANIFEST_NAME, *stems))
 
-    def beside(self, journal: Path) -> FrozenFolder:
+    def relative_to(self, journal: Path) -> FrozenFolder:
         """The same folder, with its name relative to a journal."""
         return replace(self, name=Path(os.path.relpath(self.folder, journal.parent)).as_posix())
 
@@ -106,19 +106,22 @@ def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listeni
 
 
 def load_frozen(
-    frozen: FrozenFolder, version: Version, real: Collection[str]
+    frozen: FrozenFolder, version: Version, real_players: Collection[str]
 ) -> tuple[LoadedPart, ...]:
     """The parts that a version can play from their frozen samples, with these samples.
 
-    `real` are the players whose hands are real. Raises NotFrozenError.
+    `real_players` are the players whose hands are real. Raises NotFrozenError.
     """
     manifest = read_manifest(frozen.folder)
     by_file = {stem.path.name: stem for stem in manifest.stems}
     for frozen_part in frozen.parts:
         for stem in frozen_part.stems:
-            known = by_file.get(stem.file)
-            same = stem.sha256, frozen_part.name, len(stem.outputs)
-            if known is None or (known.sha256, known.part, len(known.taps)) != same:
+            known_stem = by_file.get(stem.file)
+            expected_stem = stem.sha256, frozen_part.name, len(stem.outputs)
+            if (
+                known_stem is None
+                or (known_stem.sha256, known_stem.part, len(known_stem.taps)) != expected_stem
+            ):
                 raise NotFrozenError(
                     f"{frozen.folder} holds other frozen parts than those of this session"
                 )
@@ -128,16 +131,17 @@ def load_frozen(
             f"{frozen.folder} holds {n_bytes / 2**30:.1f} GiB, and a session, which holds them in "
             f"memory, takes {_BYTES_MAX >> 30} GiB; `ergon play --frozen` reads them from the disk"
         )
-    verified = {stem.path.name: stem for stem in check(manifest, {}, 0)}
+    verified_stems = {stem.path.name: stem for stem in check(manifest, {}, 0)}
     loaded_parts = []
     for frozen_part in frozen.parts:
         is_as_frozen = frozen_part.name in version.sounding.instruments and (
-            digest_of(frozen_content(version.sounding, frozen_part.name)) == frozen_part.content
+            digest_of(frozen_content(version.sounding, frozen_part.name))
+            == frozen_part.content_digest
         )
-        if not is_as_frozen or _is_reached(version, frozen_part.name, real):
+        if not is_as_frozen or _is_reached(version, frozen_part.name, real_players):
             continue
         stems = tuple(
-            (_core.FrozenOutputs(verified[stem.file].samples()), stem.outputs)
+            (_core.FrozenOutputs(verified_stems[stem.file].samples()), stem.outputs)
             for stem in frozen_part.stems
         )
         loaded_parts.append(LoadedPart(frozen_part.name, manifest.n_frames, stems))
@@ -148,7 +152,7 @@ def still_frozen(
     loaded_parts: Sequence[LoadedPart],
     old_version: Version,
     version: Version,
-    real: Collection[str],
+    real_players: Collection[str],
 ) -> tuple[LoadedPart, ...]:
     """The parts whose sound a version does not change against the version before."""
     return tuple(
@@ -159,7 +163,7 @@ def still_frozen(
             frozen_content(old_version.sounding, part.name),
             frozen_content(version.sounding, part.name),
         )
-        and not _is_reached(version, part.name, real)
+        and not _is_reached(version, part.name, real_players)
     )
 
 
@@ -181,11 +185,13 @@ def place_samples(
     )
 
 
-def _is_reached(version: Version, part_name: str, real: Collection[str]) -> bool:
+def _is_reached(version: Version, part_name: str, real_players: Collection[str]) -> bool:
     """Whether a real hand or a MIDI note acts on the part, or on a part that is joined with it."""
     piece = version.sounding
     parts = connected_parts(piece, part_name)
-    is_felt = any(piece.players[name].key in parts for name in real if name in piece.players)
+    is_felt = any(
+        piece.players[name].key in parts for name in real_players if name in piece.players
+    )
     return is_felt or any(part_name in parts for part_name, *_ in strike_points(version))
 
 
@@ -197,7 +203,7 @@ def frozen_fields(frozen: FrozenFolder) -> dict[str, object]:
     part_fields = [
         {
             "part": part.name,
-            "content": part.content,
+            "content": part.content_digest,
             "stems": [
                 {"file": stem.file, "sha256": stem.sha256, "outputs": list(stem.outputs)}
                 for stem in part.stems
@@ -229,12 +235,12 @@ def frozen_of(first_event: JournalEvent, journal: Path, *, trust: bool) -> Froze
         )
     return FrozenFolder(
         folder,
-        tuple(_part_row(row) for row in _part_rows(first_event, "frozen_parts")),
+        tuple(_frozen_part(row) for row in _part_rows(first_event, "frozen_parts")),
         folder_name,
     )
 
 
-def _part_row(part_event: JournalEvent) -> FrozenPart:
+def _frozen_part(part_event: JournalEvent) -> FrozenPart:
     stems = tuple(
         FrozenStem(stem.get("file", str), stem.get("sha256", str), _part_names(stem))
         for stem in _part_rows(part_event, "stems")

@@ -31,15 +31,25 @@ def fader_ratios(running: RunningVersion) -> dict[int, float]:
     version = running.version
     numbered_parts = enumerate(running.stage.listening.parts())
     return {
-        group: version.faders.ratio(version.sounds_as.shown(part, version.piece.instruments))
+        group: version.faders.ratio(version.sounds_as.shown_name(part, version.piece.instruments))
         for group, part in numbered_parts
     }
 
 
-def changed_ratios(before: RunningVersion, after: RunningVersion) -> dict[int, float]:
+def changed_ratios(
+    running_before: RunningVersion, running_after: RunningVersion
+) -> dict[int, float]:
     """The groups of routes whose ratio has changed; all groups if the mixer is new."""
-    old = fader_ratios(before) if after.stage.network is before.stage.network else {}
-    return {group: to for group, to in fader_ratios(after).items() if to != old.get(group)}
+    old_ratios = (
+        fader_ratios(running_before)
+        if running_after.stage.network is running_before.stage.network
+        else {}
+    )
+    return {
+        group: ratio
+        for group, ratio in fader_ratios(running_after).items()
+        if ratio != old_ratios.get(group)
+    }
 
 
 def with_faders(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> RunningVersion:
@@ -48,12 +58,17 @@ def with_faders(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -
     """
     version = running.version
     for line in waiting_lines:
-        edited = line.edit(version, line.beat)
-        version = replace(version, faders=edited.faders, number=edited.number, line=edited.line)
+        edited_version = line.edit(version, line.beat)
+        version = replace(
+            version,
+            faders=edited_version.faders,
+            number=edited_version.number,
+            line=edited_version.line,
+        )
     return replace(running, version=version, skipped_from=None)
 
 
-def can_move(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> bool:
+def can_move_faders(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> bool:
     """Whether a version has everything whose faders lines move."""
     try:
         with_faders(running, waiting_lines)
@@ -62,7 +77,7 @@ def can_move(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> b
     return True
 
 
-def faded(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> RunningVersion:
+def with_faded_mix(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> RunningVersion:
     """A version with the faders that lines move, or as it is if it lacks what they name."""
     try:
         return with_faders(running, waiting_lines)
@@ -86,13 +101,15 @@ def on_other_faders(
     return replace(new_running, version=version)
 
 
-def faders_after(before: Version, waiting_lines: Sequence[WaitingLine]) -> Iterator[Faders]:
+def faders_after(version_before: Version, waiting_lines: Sequence[WaitingLine]) -> Iterator[Faders]:
     """The faders after each of the lines that follow a version."""
-    version = before
+    version = version_before
     for waiting_line in waiting_lines:
-        base, result_version = waiting_line.base, waiting_line.version
+        base_version, result_version = waiting_line.base, waiting_line.version
         is_unchanged = (
-            base is not None and result_version is not None and base.faders == result_version.faders
+            base_version is not None
+            and result_version is not None
+            and base_version.faders == result_version.faders
         )
         if not is_unchanged or waiting_line.sets_all or waiting_line.kind is LineKind.FADERS:
             try:

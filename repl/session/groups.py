@@ -19,10 +19,12 @@ def group_of(waiting_lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
     """The first lines that take effect together: those of one frame and one way to the engine."""
     if not waiting_lines or waiting_lines[0].start is None:
         return ()
-    start, timing = waiting_lines[0].start, _line_kind(waiting_lines[0])
+    start, line_kind = waiting_lines[0].start, _line_kind(waiting_lines[0])
     return tuple(
         takewhile(
-            lambda waiting_line: waiting_line.start == start and _line_kind(waiting_line) is timing,
+            lambda waiting_line: (
+                waiting_line.start == start and _line_kind(waiting_line) is line_kind
+            ),
             waiting_lines,
         )
     )
@@ -51,16 +53,16 @@ class StagedGroup:
     base: RunningVersion
     result: RunningVersion
 
-    def fits(self, group: Sequence[WaitingLine], running: RunningVersion) -> bool:
+    def is_made_of(self, group: Sequence[WaitingLine], running: RunningVersion) -> bool:
         """Whether it is what these lines make of a running version, but for faders."""
         old_running = self.base
         return (
             len(group) == len(self.lines)
             and all(
-                (waiting.number, waiting.start, waiting.beat)
-                == (other.number, other.start, other.beat)
-                and is_same_music(waiting.result(), other.result())
-                for waiting, other in zip(group, self.lines, strict=True)
+                (waiting_line.number, waiting_line.start, waiting_line.beat)
+                == (staged_line.number, staged_line.start, staged_line.beat)
+                and is_same_music(waiting_line.result(), staged_line.result())
+                for waiting_line, staged_line in zip(group, self.lines, strict=True)
             )
             and old_running.serial == running.serial
             and self.result.start > running.start

@@ -34,19 +34,19 @@ _FIRST_MAKING_TIME = 0.1
 def guide_of(command: Guide) -> HandGuide:
     """The guide that a command asks for, as shares of the strongest guide. Raises NotTakenError."""
     assert command.by is not None
-    stiffest, thickest = GUIDANCE_MAX
-    stiffness = stiffest if command.stiffness is None else command.stiffness
-    if stiffness > stiffest:
+    stiffness_max, viscosity_max = GUIDANCE_MAX
+    stiffness = stiffness_max if command.stiffness is None else command.stiffness
+    if stiffness > stiffness_max:
         raise NotTakenError(
-            f"K={stiffness:g}N/m is too stiff to guide a hand: {stiffest:g}N/m at most"
+            f"K={stiffness:g}N/m is too stiff to guide a hand: {stiffness_max:g}N/m at most"
         )
-    stiffness_ratio = stiffness / stiffest
-    viscosity = stiffness_ratio * thickest if command.viscosity is None else command.viscosity
-    if viscosity > thickest:
+    stiffness_ratio = stiffness / stiffness_max
+    viscosity = stiffness_ratio * viscosity_max if command.viscosity is None else command.viscosity
+    if viscosity > viscosity_max:
         raise NotTakenError(
-            f"Z={viscosity:g}Ns/m is too viscous to guide a hand: {thickest:g}Ns/m at most"
+            f"Z={viscosity:g}Ns/m is too viscous to guide a hand: {viscosity_max:g}Ns/m at most"
         )
-    return HandGuide(command.by, stiffness_ratio, viscosity / thickest)
+    return HandGuide(command.by, stiffness_ratio, viscosity / viscosity_max)
 
 
 def check_guide(command: Guide, schedule: Schedule, driven: Collection[str] = ()) -> None:
@@ -77,15 +77,15 @@ class Guidance:
     schedule: Schedule
     driven: frozenset[str] = frozenset()  # players whose real keys their own parts move
     _running: RunningVersion | None = None  # the version whose paths were sent
-    _remake_at: int = 0  # the frame at which the next paths are made
-    _guided: frozenset[str] = frozenset()
+    _remake_frame: int = 0  # the frame at which the next paths are made
+    _guided_players: frozenset[str] = frozenset()
     _ticket: int | None = None
-    _making: MakingTime = field(init=False)
+    _making_time: MakingTime = field(init=False)
 
     def __post_init__(self) -> None:
         """Expect the first path to take a while."""
         engine, rate = self.schedule.engine, self.schedule.rate
-        self._making = MakingTime(engine, rate, _FIRST_MAKING_TIME)
+        self._making_time = MakingTime(engine, rate, _FIRST_MAKING_TIME)
 
     def paths_due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
         """The frame and the new paths by player, if they must be sent now; else None."""
@@ -94,20 +94,20 @@ class Guidance:
         guides = {
             player: guide
             for player, guide in running.version.guides.items()
-            if player in schedule.real and {player, guide.by} <= players.keys()
+            if player in schedule.real and {player, guide.player} <= players.keys()
         }
         guides |= {
             player: HandGuide(player, 1.0, 1.0) for player in players if player in self.driven
         }
-        is_remake_due = bool(guides) and schedule.engine.frame >= self._remake_at
+        is_remake_due = bool(guides) and schedule.engine.frame >= self._remake_frame
         if running is self._running and not is_remake_due:
             return None
         self._running = running
-        if not guides and not self._guided:
+        if not guides and not self._guided_players:
             return None
-        start_frame = self._making.began()
+        start_frame = self._making_time.began()
         first_frame, rate, tick_frames = (
-            schedule.moments.first_frame(self._making.expected),
+            schedule.moments.first_frame(self._making_time.expected),
             schedule.rate,
             schedule.engine.tick_frames,
         )
@@ -122,15 +122,15 @@ class Guidance:
             )
             for player, guide in guides.items()
         }
-        self._remake_at = first_frame + int(_PATH_DURATION / 2 * rate)
-        self._guided = frozenset(guides)
-        self._making.add(start_frame)
+        self._remake_frame = first_frame + int(_PATH_DURATION / 2 * rate)
+        self._guided_players = frozenset(guides)
+        self._making_time.add(start_frame)
         return first_frame, paths
 
     def _release_paths(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
         import numpy as np
 
-        for player in self._guided - guides.keys():
+        for player in self._guided_players - guides.keys():
             yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),), np.zeros(1))
 
     def send(self, frame: int, paths: Mapping[str, GuidedPath]) -> None:
@@ -164,11 +164,11 @@ def _guided_path(
         delay = delay_of(piece.keys[piece.players[player].key])
         path_forces = TickForces(period, delay, ticks.start, np.zeros(len(ticks)))
     path, playing_spans = leading_positions(
-        piece, guide.by, running.spans, tick_frames, ticks, path_forces
+        piece, guide.player, running.spans, tick_frames, ticks, path_forces
     )
-    travel = piece.keys[piece.players[player].key].travel
-    if travel is not None:
-        np.clip(path, *travel, out=path)
+    travel_range = piece.keys[piece.players[player].key].travel
+    if travel_range is not None:
+        np.clip(path, *travel_range, out=path)
     begins = ticks.start * period
     spans = [
         (round((start - _LEAD_IN - begins) / period), round((stop - begins) / period))
@@ -177,10 +177,12 @@ def _guided_path(
     shares = guide.stiffness, guide.viscosity
     # If no other path comes in time, this one ends by letting the hand go.
     steps = [(0, 0.0, 0.0), *_tick_steps(spans, shares), (len(path), 0.0, 0.0)]
-    first = sum(at <= 0 for at, *_ in steps) - 1
-    now = (0, *steps[first][1:])
-    until_end = (step for step in steps[first + 1 :] if step[0] <= len(path))
-    return GuidedPath(path, (now, *until_end), () if path_forces is None else path_forces.newtons)
+    first_step = sum(step_tick <= 0 for step_tick, *_ in steps) - 1
+    step_now = (0, *steps[first_step][1:])
+    until_end = (step for step in steps[first_step + 1 :] if step[0] <= len(path))
+    return GuidedPath(
+        path, (step_now, *until_end), () if path_forces is None else path_forces.newtons
+    )
 
 
 def _without_short_rests(playing_spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

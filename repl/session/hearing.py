@@ -23,13 +23,13 @@ _SOON_SECONDS = 0.5  # [s] until a stroke, of which nothing is said
 _DAMPER_UP = 1.0  # [s] from a stroke to the end of its note
 
 
-class _Awaited(NamedTuple):
-    """Strokes that wait for a line by its number, or for a frame; `after` come when their note
-    ends, unless there were more than `n_panics` panics by then.
+class _AwaitedStrokes(NamedTuple):
+    """Strokes that wait for a line by its number, or for a frame; `later_strokes` come when their
+    note ends, unless there were more than `n_panics` panics by then.
     """
 
     strokes: Sequence[tuple[Place, float]]
-    after: Sequence[tuple[Place, float]] = ()
+    later_strokes: Sequence[tuple[Place, float]] = ()
     number: int | None = None
     frame: int = 0
     n_panics: int | None = None
@@ -47,59 +47,69 @@ class Hearing:
     ) -> None:
         """Begin without strokes; `queue` lets a line wait for its frame."""
         self._schedule, self._acts, self._stops, self._queue = schedule, acts, stops, queue
-        self._awaited: list[_Awaited] = []
+        self._awaited: list[_AwaitedStrokes] = []
 
-    def hear(self, command: Hear) -> str:
+    def strike(self, command: Hear) -> str:
         """Strike as soon as it can be done; returns what is struck. Raises one of `REFUSALS`."""
         schedule = self._schedule
-        playing = schedule.changes.playing_at(schedule.engine.frame).version
-        version_number, prefix = playing.number, ""  # a version that is due may yet be late
-        if command.name not in playing.maps:
-            edit, head = version_edits.combined([command]), schedule.head
-            brings = edit(head, 0.0).texts is not head.texts
-            line_kind = LineKind.STRUCTURE if brings else LineKind.VALUES
+        playing_version = schedule.changes.playing_at(schedule.engine.frame).version
+        version_number, prefix = playing_version.number, ""  # a version that is due may yet be late
+        if command.name not in playing_version.maps:
+            edit, head_version = version_edits.combined([command]), schedule.head
+            brings_instrument = edit(head_version, 0.0).texts is not head_version.texts
+            line_kind = LineKind.STRUCTURE if brings_instrument else LineKind.VALUES
             # What brings an instrument in is a line like any other, so that `undo` takes it away.
             line = f"hear {command.words['stroke'].text}"
-            beat_text, ready = self._queue(Entry(line, edit, line_kind, NOW, is_typed=brings))
-            playing, version_number = ready.version, ready.version.number
-            waits = schedule.line(version_number)
+            beat_text, ready_version = self._queue(
+                Entry(line, edit, line_kind, NOW, is_typed=brings_instrument)
+            )
+            playing_version, version_number = ready_version.version, ready_version.version.number
+            waiting_line = schedule.line(version_number)
             if (
-                waits is not None
-                and waits.frame > schedule.engine.frame + _SOON_SECONDS * schedule.rate
+                waiting_line is not None
+                and waiting_line.frame > schedule.engine.frame + _SOON_SECONDS * schedule.rate
             ):
                 prefix = f"{beat_text} "  # the beat of the line that brings the modules
-        struck_strokes = [*strokes_of_line(playing, command)]
+        struck_strokes = [*strokes_of_line(playing_version, command)]
         begun_strokes = [(stroke.place, stroke.impulse) for stroke in struck_strokes]
-        end = [(stroke.place, -stroke.impulse) for stroke in struck_strokes if stroke.lasts]
+        end = [(stroke.place, -stroke.impulse) for stroke in struck_strokes if stroke.lasts_as_note]
         with schedule.lock:
-            self._awaited.append(_Awaited(begun_strokes, end, version_number))
+            self._awaited.append(_AwaitedStrokes(begun_strokes, end, version_number))
             self.strike_due()
-        shown = [s.impulse for s in struck_strokes if not s.lasts] or [
-            s.impulse for s in struck_strokes
-        ]
-        impulses = ", ".join(dict.fromkeys(f"{1e3 * impulse:.3g} mN·s" for impulse in shown))
+        shown_impulses = [
+            stroke_made.impulse for stroke_made in struck_strokes if not stroke_made.lasts_as_note
+        ] or [stroke_made.impulse for stroke_made in struck_strokes]
+        impulses = ", ".join(
+            dict.fromkeys(f"{1e3 * impulse:.3g} mN·s" for impulse in shown_impulses)
+        )
         return f"{prefix}{command.words['stroke'].text}: {impulses}"
 
     def strike_due(self) -> None:
         """Strike what can be struck now; the schedule's lock is held."""
-        awaited, self._awaited = self._awaited, []
-        now, n_up = self._schedule.engine.frame, int(_DAMPER_UP * self._schedule.rate)
-        for stroke in awaited:
+        awaited_strokes, self._awaited = self._awaited, []
+        frame_now, n_up = self._schedule.engine.frame, int(_DAMPER_UP * self._schedule.rate)
+        for stroke in awaited_strokes:
             is_ready = stroke.number is None or self._schedule.line(stroke.number) is None
-            if not is_ready or stroke.frame > now:
+            if not is_ready or stroke.frame > frame_now:
                 self._awaited.append(stroke)
             elif stroke.n_panics not in (None, self._stops.n_panics):
                 continue  # a panic has put at its start what this stroke would bring back
             elif not self._stops.panicked:
-                missed = [struck for struck in stroke.strokes if not self._strike(*struck)]
-                if missed:  # too many acts are under way
-                    self._awaited.append(stroke._replace(strokes=missed))
-                elif stroke.after:
-                    end, n_panics = now + n_up, self._stops.n_panics
-                    self._awaited.append(_Awaited(stroke.after, frame=end, n_panics=n_panics))
+                missed_strokes = [
+                    place_and_impulse
+                    for place_and_impulse in stroke.strokes
+                    if not self._strike(*place_and_impulse)
+                ]
+                if missed_strokes:  # too many acts are under way
+                    self._awaited.append(stroke._replace(strokes=missed_strokes))
+                elif stroke.later_strokes:
+                    end, n_panics = frame_now + n_up, self._stops.n_panics
+                    self._awaited.append(
+                        _AwaitedStrokes(stroke.later_strokes, frame=end, n_panics=n_panics)
+                    )
 
     def _strike(self, place: Place, impulse: float) -> bool:
         part, module, member = place
-        strike = partial(self._schedule.engine.strike, place_number(place), impulse)
+        strike_place = partial(self._schedule.engine.strike, place_number(place), impulse)
         event = {"part": part, "module": module, "member": member, "impulse": impulse}
-        return self._acts.begin(strike, "strike", **event)
+        return self._acts.request(strike_place, "strike", **event)

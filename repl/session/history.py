@@ -16,27 +16,27 @@ class History:
     """Numbers of versions, waiting ones included; `index` is the place of the last that was not
     undone.
 
-    Versions after `index` were undone after they had taken effect. `removed` are those of them
-    after which another line was typed.
+    Versions after `index` were undone after they had taken effect. `removed_numbers` are those of
+    them after which another line was typed.
     """
 
     numbers: list[int] = field(default_factory=lambda: [0])
     index: int = 0
-    removed: set[int] = field(default_factory=set)
+    removed_numbers: set[int] = field(default_factory=set)
 
     @property
-    def undone(self) -> set[int]:
+    def undone_numbers(self) -> set[int]:
         """The numbers of versions that were undone."""
-        return self.removed.union(self.numbers[self.index + 1 :])
+        return self.removed_numbers.union(self.numbers[self.index + 1 :])
 
     @property
-    def now(self) -> int:
+    def current_number(self) -> int:
         """The number of the last version that was not undone."""
         return self.numbers[self.index]
 
     def add(self, number: int) -> None:
         """Add a version; versions that were undone are removed."""
-        self.removed = self.undone
+        self.removed_numbers = self.undone_numbers
         del self.numbers[self.index + 1 :]
         self.numbers.append(number)
         self.index += 1
@@ -61,9 +61,12 @@ class History:
         stop_index = self.index + 1
         first_index = max(0, stop_index - len(frame_order) - 1)  # those before it are in order
         numbers_kept = self.numbers[first_index:stop_index]
-        settled = [number for number in numbers_kept if number not in frame_order]
-        moving = sorted([n for n in numbers_kept if n in frame_order], key=frame_order.__getitem__)
-        self.numbers[first_index:stop_index] = settled + moving
+        unmoved_numbers = [number for number in numbers_kept if number not in frame_order]
+        moved_numbers = sorted(
+            [moved_number for moved_number in numbers_kept if moved_number in frame_order],
+            key=frame_order.__getitem__,
+        )
+        self.numbers[first_index:stop_index] = unmoved_numbers + moved_numbers
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
     history_rows, old_texts = [], dict[str, str]()
     for version in versions:
         texts_by_file = _texts_by_file(version.texts)
-        changed = {
+        differences = {
             name: _text_difference(old_texts.get(name, ""), text)
             for name, text in texts_by_file.items()
         }
@@ -78,7 +78,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 "line": version.line,
                 "where": version.where,
                 "score": version.texts.path,
-                "files": {name: delta for name, delta in changed.items() if delta is not None},
+                "files": {name: delta for name, delta in differences.items() if delta is not None},
                 "gone": sorted(old_texts.keys() - texts_by_file.keys()),
                 **faders_fields(version.faders),
                 **maps_field(version.maps),
@@ -100,7 +100,7 @@ def read_history(
     history_rows: list[Any] = journal_event.get("history", list)
     history_index = journal_event.number_of("index", int, 0, len(history_rows) - 1)
     texts_by_file: dict[str, str] = {}
-    characters_left, versions = _CHARACTERS_MAX, []
+    text_budget, versions = _CHARACTERS_MAX, []
     for version_fields in history_rows:
         if not isinstance(version_fields, dict):
             journal_event.refuse("the field 'history' has the wrong type or value")
@@ -113,16 +113,16 @@ def read_history(
         }
         for name, delta in row_event.get("files", dict).items():
             texts_by_file[name] = _apply_delta(row_event, texts_by_file.get(name, ""), delta)
-        characters_left -= sum(map(len, texts_by_file.values()))
-        if characters_left < 0:
+        text_budget -= sum(map(len, texts_by_file.values()))
+        if text_budget < 0:
             journal_event.refuse("its history is longer than that of a session can be")
-        named = {
+        named_files = {
             "score": row_event.get("score", str),
             "text": texts_by_file.get("", ""),
             "overlay": _used_files(texts_by_file),
         }
         version_texts = read_texts(
-            JournalEvent(journal_event.file, journal_event.number, "history", named)
+            JournalEvent(journal_event.file, journal_event.number, "history", named_files)
         )
         versions.append(
             PastVersion(
@@ -161,8 +161,8 @@ def _text_difference(old_text: str, new_text: str) -> list[object] | None:
     """[characters kept in front, characters kept at the end, new text between]; None if equal."""
     if old_text == new_text:
         return None
-    start, end, new = difference(old_text, new_text)
-    return [start, len(old_text) - end, new]
+    start, end, new_characters = difference(old_text, new_text)
+    return [start, len(old_text) - end, new_characters]
 
 
 def _apply_delta(row_event: JournalEvent, old_text: str, delta: object) -> str:

@@ -57,11 +57,11 @@ _SECTIONS = (
 )
 
 
-def draw_name(version: Version, gesture_name: str, sounding: Piece, now: float) -> list[str]:
+def draw_name(version: Version, gesture_name: str, sounding: Piece, beat_now: float) -> list[str]:
     """The written and the played curve of a gesture or take; for any other name, the result of
     `definition_lines`.
 
-    The piece that is `sounding` is at beat `now`.
+    The piece that is `sounding` is at beat `beat_now`.
     """
     from ergon.view.braille import plot
     from ergon.view.motion import asked_and_done
@@ -69,9 +69,9 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, now: float) 
     piece = version.piece
     axes = space_path.played(gesture_name, piece.gestures)
     if gesture_name not in piece.gestures and axes:
-        return [line for axis in axes for line in draw_name(version, axis, sounding, now)]
+        return [line for axis in axes for line in draw_name(version, axis, sounding, beat_now)]
     if gesture_name not in piece.gestures and gesture_name not in piece.takes:
-        return definition_lines(version, gesture_name, sounding, now)
+        return definition_lines(version, gesture_name, sounding, beat_now)
     if not piece.keys:
         raise NotTakenError("a gesture is drawn on a key, and this score has none")
     rehearsal = rehearsal_stage(piece, gesture_name)
@@ -83,7 +83,7 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, now: float) 
     curves = asked_and_done(
         rehearsal.simulation,
         first_gesture.key_index,
-        first_gesture.struck,
+        first_gesture.struck_mat,
         start,
         stop,
         displacement_ratio,
@@ -119,9 +119,11 @@ def draw_trace(
             None if suggestion is None else f"scope {suggestion}",
         )
     player_key = piece.players[player_name].key
-    last = trace_frame // tick_frames
-    ticks = range(max(0, last - int(_TRACE_SECONDS * rate) // tick_frames), last)
-    is_real = hands is not None and any(hand.player == player_name for hand in running.stage.live)
+    last_tick = trace_frame // tick_frames
+    ticks = range(max(0, last_tick - int(_TRACE_SECONDS * rate) // tick_frames), last_tick)
+    is_real = hands is not None and any(
+        hand.player == player_name for hand in running.stage.live_hands
+    )
     if len(ticks) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"{player_name} has not moved yet, so there is nothing to draw")
     if is_real and hands is not None:
@@ -131,14 +133,14 @@ def draw_trace(
     plot_width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     step = max(1, len(path) // (_POINTS_SHOWN * plot_width))
     seconds = [(number - len(path)) * tick_frames / rate for number in range(0, len(path), step)]
-    curve = Curve(player_name, seconds, [1e3 * float(x) for x in path[::step]])
+    curve = Curve(player_name, seconds, [1e3 * float(position) for position in path[::step]])
     plot_text = plot([curve], width=plot_width, height=height, x_label="position [mm]")
     mover_text = "its hand" if is_real else "as its part moves it"
-    head = (
+    headline = (
         f"{player_name} on {player_key}, the last {len(path) * tick_frames / rate:.1f} s, "
         f"{mover_text}"
     )
-    return [head, *plot_text.splitlines()]
+    return [headline, *plot_text.splitlines()]
 
 
 def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
@@ -149,40 +151,46 @@ def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.fl
         recording = _core.read_recording(hands, (ticks.start, ticks.stop))
     except (_core.EngineError, OSError) as error:
         raise NotTakenError(f"the recording of hands cannot be read: {error}") from None
-    axis_index = next((i for i, (name, _) in enumerate(recording.axes) if name == player), None)
+    axis_index = next(
+        (index for index, (name, _) in enumerate(recording.axes) if name == player), None
+    )
     if axis_index is None or len(recording.ticks()) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"nothing of {player} is recorded yet")
     return recording.positions()[:, axis_index]
 
 
-def definition_lines(version: Version, defined_name: str, sounding: Piece, now: float) -> list[str]:
+def definition_lines(
+    version: Version, defined_name: str, sounding: Piece, beat_now: float
+) -> list[str]:
     """The lines of the score that define a name, with their numbers.
 
-    A parameter (`bell.m.f`) is shown with its value at beat `now` of the piece that is
+    A parameter (`bell.m.f`) is shown with its value at beat `beat_now` of the piece that is
     `sounding`, which waiting lines have not changed yet.
     """
     if defined_name == TUNING:
         with contextlib.suppress(NotTakenError):  # a gesture may have this name
             return _lines_of_score(version.texts, defined_name)
         return list(tuning_lines(version.piece))
-    head, _, parameter_name = defined_name.rpartition(".")
+    module_path, _, parameter_name = defined_name.rpartition(".")
     module_named = (
-        automatable.named_module(head, sounding.keys, sounding.instruments) if head else None
+        automatable.named_module(module_path, sounding.keys, sounding.instruments)
+        if module_path
+        else None
     )
     if module_named is None:
         return _lines_of_score(version.texts, defined_name)
     part_name, module, is_ca = module_named
     shown_value, is_led = _value_at_beat(
-        sounding, (part_name, module.name), module, parameter_name, now
+        sounding, (part_name, module.name), module, parameter_name, beat_now
     )
-    shown = []
+    shown_lines = []
     if shown_value is not None:
-        place_text = f" at {sounding.tempo_map.written(now)}, by its automation"
+        place_text = f" at {sounding.tempo_map.written(beat_now)}, by its automation"
         amount = quantity_text(float(f"{shown_value:.6g}"), parameter_name, is_ca=is_ca)
-        shown.append(f"{defined_name}: {amount}{place_text if is_led else ''}")
+        shown_lines.append(f"{defined_name}: {amount}{place_text if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # the name is defined in a file that the score uses
-        shown += _lines_of_score(version.texts, part_name)
-    return shown or _lines_of_score(version.texts, defined_name)
+        shown_lines += _lines_of_score(version.texts, part_name)
+    return shown_lines or _lines_of_score(version.texts, defined_name)
 
 
 def _value_at_beat(
@@ -190,14 +198,14 @@ def _value_at_beat(
     module_place: tuple[str, str],
     written_module: Module,
     parameter_name: str,
-    now: float,
+    beat_now: float,
 ) -> tuple[float | None, bool]:
     """The value of a parameter at a beat, or None if it is not one number; and whether it is
     automated.
     """
     for entry in piece.automation:
         if module_place in entry.modules and entry.parameter == parameter_name:
-            return value_on(piece, module_place, parameter_name, now), True
+            return value_on(piece, module_place, parameter_name, beat_now), True
     field_value = {**written_module.fields.get("constants", {}), **written_module.fields}.get(
         parameter_name
     )
@@ -205,8 +213,12 @@ def _value_at_beat(
         "CEL",
         "BANK",
     ):  # f of K, K of f
-        led = AutomatedModule.from_piece(piece, module_place)
-        field_value = None if led is None else led.numbers_written.get(parameter_name)
+        automated_module = AutomatedModule.from_piece(piece, module_place)
+        field_value = (
+            None
+            if automated_module is None
+            else automated_module.numbers_written.get(parameter_name)
+        )
     return (field_value, False) if isinstance(field_value, float) else (None, False)
 
 
@@ -219,39 +231,43 @@ def _tempo_row(tempo_entry: TempoEntry) -> str:
     return f"{tempo_entry.at.text}: {', '.join(words)}"
 
 
-def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
-    """What each player plays at beat `now`, and what follows; then the strikes that go on, and the
-    instruments with a level of their own.
+def playing_lines(
+    version: Version, playing: Sequence[tuple[str, str]], beat_now: float
+) -> list[str]:
+    """What each player plays at beat `beat_now`, and what follows; then the strikes that go on, and
+    the instruments with a level of their own.
 
     `playing` are the gestures in flight: (player, gesture).
     """
     piece = version.piece
     playing_rows = [_tempo_row(entry) for entry in piece.tempo]
     playing_rows += [] if piece.tuning is None else [f"tuning: {piece.tuning.words()}"]
-    playing_rows += [f"tuning of {name}: {tuned.words()}" for name, tuned in piece.tunings.items()]
+    playing_rows += [
+        f"tuning of {name}: {tuning.words()}" for name, tuning in piece.tunings.items()
+    ]
     for player in piece.players.values():
         entry_lines = entries.placed_entries(version.texts, piece, player.name)
-        sounding = [played_name for name, played_name in playing if name == player.name]
-        entries_begun = [line for line in entry_lines if line.begin <= now]
-        goes_on = [line for line in entries_begun if line.is_open(now, piece)]
+        sounding_names = [played_name for name, played_name in playing if name == player.name]
+        entries_begun = [line for line in entry_lines if line.begin <= beat_now]
+        goes_on = [line for line in entries_begun if line.is_open(beat_now, piece)]
         # An entry that begins nothing more may still have its last occurrence in flight.
         shown_names = {name for line in goes_on for name in line.play.names}
-        for shown_name in dict.fromkeys(sounding):
+        for shown_name in dict.fromkeys(sounding_names):
             goes_on += [
                 line
                 for line in entries_begun
                 if shown_name in line.play.names and shown_name not in shown_names
             ][-1:]
-        coming = sorted(
-            (line for line in entry_lines if line.begin > now), key=lambda line: line.begin
+        coming_lines = sorted(
+            (line for line in entry_lines if line.begin > beat_now), key=lambda line: line.begin
         )
         words = [_entry_text(line.play) for line in goes_on] or ["nothing"]
-        words += [f"then {_entry_text(line.play)}" for line in coming[:1]]
+        words += [f"then {_entry_text(line.play)}" for line in coming_lines[:1]]
         playing_rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
     levels = version.strike_levels
     for strikes in piece.strikes:
-        if _goes_on(strikes, piece, now):
-            level_state = _level_state(levels, levels.key(strikes.name))
+        if _continues_after(strikes, piece, beat_now):
+            level_state = _level_state(levels, levels.level_key(strikes.name))
             playing_rows.append(", ".join([_striking_text(strikes), *level_state]))
     for name in (*piece.instruments, *piece.families):
         if level_state := _level_state(version.faders, name):
@@ -269,9 +285,9 @@ def _level_state(levels: Faders | StrikeLevels, strikes_name: str) -> list[str]:
     return level_states if gain == 1.0 else [*level_states, level]
 
 
-def _goes_on(strikes: Strikes, piece: Piece, now: float) -> bool:
+def _continues_after(strikes: Strikes, piece: Piece, beat_now: float) -> bool:
     stop = strikes.stop(piece.tempo_map)
-    return stop is None or stop > now
+    return stop is None or stop > beat_now
 
 
 def _striking_text(strikes: Strikes) -> str:

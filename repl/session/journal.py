@@ -88,14 +88,16 @@ class Journal:
             if self._file.closed:  # the second half of a panic may come after the end
                 return
             self._n_events += 1
-            head = {"v": JOURNAL_VERSION, "n": self._n_events, "event": event}
-            json_line = json.dumps({**head, **event_fields}, ensure_ascii=True).encode() + b"\n"
+            event_head = {"v": JOURNAL_VERSION, "n": self._n_events, "event": event}
+            json_line = (
+                json.dumps({**event_head, **event_fields}, ensure_ascii=True).encode() + b"\n"
+            )
             if len(json_line) > MAX_LINE or self.is_full:
-                why = (
+                reason = (
                     "is too long for it" if len(json_line) > MAX_LINE else "found no room in memory"
                 )
                 self._trouble = (
-                    f"the journal lacks an event that {why}: '{event}', {len(json_line):,} bytes"
+                    f"the journal lacks an event that {reason}: '{event}', {len(json_line):,} bytes"
                 )
                 self._has_lost = True
                 return
@@ -118,8 +120,8 @@ class Journal:
             self._reason = failure_reason
             return
         if self._reason:
-            rest = "" if self._has_lost else ", and lacks nothing"
-            self._trouble = f"the journal is written again{rest}"
+            loss_text = "" if self._has_lost else ", and lacks nothing"
+            self._trouble = f"the journal is written again{loss_text}"
             self._reason = ""
 
     def pop_failure(self) -> str:
@@ -202,12 +204,12 @@ class JournalEvent:
     def mapping(self, name: str, kind: type, count_max: int = 10_000) -> dict[str, Any]:
         """Values of one type by name; empty where the field is missing. Raises JournalError."""
         mapping: dict[str, Any] = self.get(name, dict, {})
-        fits = _is_text if kind is str else _is_ratio
+        is_fitting = _is_text if kind is str else _is_ratio
         if len(mapping) > count_max or not all(
-            _is_text(word) and fits(x) for word, x in mapping.items()
+            _is_text(word) and is_fitting(value) for word, value in mapping.items()
         ):
             self.refuse(f"the field '{name}' has the wrong type or value")
-        return {word: kind(x) for word, x in mapping.items()}
+        return {word: kind(value) for word, value in mapping.items()}
 
     def name_set(self, field_name: str) -> frozenset[str]:
         """A set of names; empty where the field is missing. Raises JournalError."""
@@ -275,4 +277,4 @@ def numbered_paths(path: Path) -> Iterator[Path]:
 
 def free_path(path: Path) -> Path:
     """The first name of `name`, `name-2`, … under which no file exists now."""
-    return next(found for found in numbered_paths(path) if not os.path.lexists(found))
+    return next(free for free in numbered_paths(path) if not os.path.lexists(free))

@@ -123,8 +123,8 @@ def effect_fields(version: Version) -> dict[str, object]:
     effect_values: dict[str, object] = {}
     if version.glide != GLIDE_DURATION:
         effect_values["glide"] = version.glide
-    if version.enter_beat is not None:
-        effect_values["enters"] = version.enter_beat
+    if version.takeover_beat is not None:
+        effect_values["enters"] = version.takeover_beat
     return effect_values
 
 
@@ -153,26 +153,26 @@ class FileVersion(NamedTuple):
 
     texts: Texts
     glide: float
-    enters: float | None
+    enter_beat: float | None
 
 
 @dataclass(slots=True)
 class JournalGaps:
     """Events that a journal lacks, by the numbers of those that it has."""
 
-    last: int = 0
+    last_number: int = 0
     n_missing: int = 0
-    first: int = 0  # the line of the file before which the first is missing
+    first_number: int = 0  # the line of the file before which the first is missing
 
-    def see(self, journal_event: JournalEvent) -> None:
+    def note_event(self, journal_event: JournalEvent) -> None:
         """Note the next event. Journals of earlier versions have no numbers."""
         if "n" not in journal_event.fields:
             return
         number = journal_event.number_of("n", int, 1, _NUMBER_MAX)
-        if number > self.last + 1:
-            self.n_missing += number - self.last - 1
-            self.first = self.first or journal_event.number
-        self.last = number
+        if number > self.last_number + 1:
+            self.n_missing += number - self.last_number - 1
+            self.first_number = self.first_number or journal_event.number
+        self.last_number = number
 
     def sentence(self, file: str) -> str:
         """What is missing; empty where nothing is."""
@@ -180,7 +180,8 @@ class JournalGaps:
             return ""
         events = "event is" if self.n_missing == 1 else "events are"
         return (
-            f"{file}: {self.n_missing:,} {events} missing, the first before line {self.first}; "
+            f"{file}: {self.n_missing:,} {events} missing, the first before line "
+            f"{self.first_number}; "
             "what was heard is not all in it"
         )
 
@@ -190,7 +191,7 @@ class JournalContent:
     """How a session began, and which line took effect at which frame.
 
     `versions_from_files` has the versions that lines read from files, by line of the journal;
-    `disk` has the last known hashes of files. A journal that `ended` is complete.
+    `disk` has the last known hashes of files. A journal that `has_ended` is complete.
     """
 
     start: SessionStart
@@ -203,10 +204,10 @@ class JournalContent:
     skips: list[tuple[int, float]] = field(default_factory=list)
     dropped: set[int] = field(default_factory=set)
     # The beat, and the frame, that a late line waits for, by its number.
-    late: dict[int, float] = field(default_factory=dict)
+    late_beats: dict[int, float] = field(default_factory=dict)
     starts: dict[int, int] = field(default_factory=dict)
     n_frames: int = 0
-    ended: bool = False
+    has_ended: bool = False
     silences: list[FadedSilence] = field(default_factory=list)
     base: Texts | None = None  # the files when they were last read or saved
     # Lines and drops, in the order written.
@@ -218,11 +219,15 @@ class JournalContent:
     def order(self) -> dict[int, float]:
         """The place of every line in the order of effect, by number."""
         line_order = {
-            commit.line.get("number", int): float(i) for i, commit in enumerate(self.commits)
+            commit.line.get("number", int): float(line_index)
+            for line_index, commit in enumerate(self.commits)
         }
-        waits = [number for number in self.lines if number not in line_order]
-        waits.sort(key=self._due)
-        return line_order | {number: len(line_order) + i for i, number in enumerate(waits)}
+        waiting_numbers = [number for number in self.lines if number not in line_order]
+        waiting_numbers.sort(key=self._due)
+        return line_order | {
+            number: len(line_order) + line_index
+            for line_index, number in enumerate(waiting_numbers)
+        }
 
     def _due(self, number: int) -> tuple[int, float]:
         """When a waiting line would take effect, as `WaitingLine.is_before` orders them."""
@@ -231,7 +236,7 @@ class JournalContent:
             number, line_event.number_of("start", int, 0, FRAME_MAX, FRAME_MAX)
         )
         if start_frame == FRAME_MAX:  # the piece must be played up to its beat first
-            return start_frame, self.late.get(number, line_event.get("beat", float))
+            return start_frame, self.late_beats.get(number, line_event.get("beat", float))
         return start_frame, number
 
     def history(self) -> History:
@@ -246,18 +251,18 @@ class JournalContent:
         effect_order = self.order()
         for journal_event in self.events:
             line_number = journal_event.get("number", int)
-            restores = journal_event.fields.get("restores")
+            restored_number = journal_event.fields.get("restores")
             if journal_event.name == "dropped":
                 history.remove(line_number)
             elif journal_event.fields.get("typed") is False:
                 continue
-            elif isinstance(restores, int):
-                history.go_to(restores)
+            elif isinstance(restored_number, int):
+                history.go_to(restored_number)
             else:
                 history.add(line_number)
-                replaced = journal_event.fields.get("replaces")
-                if isinstance(replaced, int):
-                    history.remove(replaced)
+                replaced_number = journal_event.fields.get("replaces")
+                if isinstance(replaced_number, int):
+                    history.remove(replaced_number)
                 history.sort(effect_order)
         return history
 
@@ -305,16 +310,16 @@ def read_journal(
         strike_levels=read_levels(first_event),
     )
     journal_content = JournalContent(opening, first_event, Disk.from_texts(first_texts))
-    journal_content.disk.add_hashes(file_locations.hashes(first_event))
+    journal_content.disk.add_journal_hashes(file_locations.hashes(first_event))
     journal_content.base = opening.texts
     if "base" in first_event.fields:
         fields = first_event.get("base", dict)
         journal_content.base = file_locations.texts(
             JournalEvent(first_event.file, first_event.number, "base", fields)
         )
-    journal_content.gaps.see(first_event)
+    journal_content.gaps.note_event(first_event)
     for event in journal_events:
-        journal_content.gaps.see(event)
+        journal_content.gaps.note_event(event)
         _add_event(journal_content, event, file_locations)
     journal_content.commits.sort(key=lambda commit: commit.frame)
     journal_content.skips.sort()
@@ -330,12 +335,12 @@ def _is_seen(first: JournalEvent) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _FileLocations:
-    """Finds the files that a journal names; `named` is its score, `score` the file used in its
+    """Finds the files that a journal names; `score_name` is its score, `score` the file used in its
     place.
     """
 
     journal: Path
-    named: str
+    score_name: str
     score: str | None
     resumes: bool
     trust: bool
@@ -343,7 +348,7 @@ class _FileLocations:
     def path(self, event: JournalEvent) -> Path:
         """The score that an event names."""
         score_name = event.get("score", str)
-        if score_name == self.named and self.score is not None:
+        if score_name == self.score_name and self.score is not None:
             return Path(self.score)
         try:
             path = score_named(score_name, self.journal)
@@ -351,7 +356,7 @@ class _FileLocations:
             event.refuse(str(error))
         if path is not None:
             return path
-        if self.resumes and score_name == self.named:
+        if self.resumes and score_name == self.score_name:
             event.refuse(
                 "its score is outside this folder and the journal's: name it, "
                 f"`ergon repl {score_name} --resume FILE`"
@@ -388,14 +393,14 @@ def _parse_beat(event: JournalEvent, name: str, default: float | None = None) ->
 
 def _read_faders(event: JournalEvent) -> Faders:
     muted, solo = event.name_set("muted"), event.name_set("solo")
-    master = event.number_of("master", float, 0.0, _RATIO_MAX, 1.0)
-    return Faders(event.mapping("gains", float), muted, solo, master)
+    master_ratio = event.number_of("master", float, 0.0, _RATIO_MAX, 1.0)
+    return Faders(event.mapping("gains", float), muted, solo, master_ratio)
 
 
 def _read_version(event: JournalEvent, file_locations: _FileLocations) -> FileVersion:
     glide = event.number_of("glide", float, 0.0, _GLIDE_MAX, GLIDE_DURATION)
-    enters = _parse_beat(event, "enters") if "enters" in event.fields else None
-    return FileVersion(file_locations.texts(event), glide, enters)
+    enter_beat = _parse_beat(event, "enters") if "enters" in event.fields else None
+    return FileVersion(file_locations.texts(event), glide, enter_beat)
 
 
 def _add_event(
@@ -436,7 +441,7 @@ def _add_event(
             )
         )
     elif journal_event.name == "late":
-        journal_content.late[line_number] = _parse_beat(journal_event, "beat")
+        journal_content.late_beats[line_number] = _parse_beat(journal_event, "beat")
         journal_content.starts[line_number] = journal_event.number_of(
             "start", int, 0, FRAME_MAX, FRAME_MAX
         )
@@ -450,14 +455,14 @@ def _add_event(
     elif journal_event.name == "silence":
         _add_silence(journal_content, journal_event)
     elif journal_event.name == "end":
-        journal_content.ended = True
+        journal_content.has_ended = True
     if "base" in journal_event.fields:
         fields = journal_event.get("base", dict)
         journal_content.base = file_locations.texts(
             JournalEvent(journal_event.file, journal_event.number, "base", fields)
         )
     if journal_event.name in ("line", "saved"):
-        journal_content.disk.add_hashes(file_locations.hashes(journal_event))
+        journal_content.disk.add_journal_hashes(file_locations.hashes(journal_event))
     if "frame" in journal_event.fields:
         event_frame = journal_event.number_of("frame", int, 0, FRAME_MAX)
         journal_content.n_frames = max(journal_content.n_frames, event_frame)

@@ -43,8 +43,14 @@ class JournalTake:
     def fields(self) -> dict[str, object]:
         """The fields of the journal's first event."""
         hands = [
-            {"player": h.player, "key": h.key, "device": h.device, "axis": h.axis, "start": h.start}
-            for h in self.hands
+            {
+                "player": hand.player,
+                "key": hand.key,
+                "device": hand.device,
+                "axis": hand.axis,
+                "start": hand.start,
+            }
+            for hand in self.hands
         ]
         return {"take": self.path.name, "hands": hands}
 
@@ -75,14 +81,14 @@ def take_of(first_event: JournalEvent, journal: Path) -> JournalTake | None:
         first_event.refuse(
             f"the field 'take' is not the name of a {_RECORDING_SUFFIX} file beside the journal"
         )
-    listed = first_event.get("hands", list)
-    if not 1 <= len(listed) <= _HANDS_MAX or not all(
-        isinstance(hand_data, dict) for hand_data in listed
+    hand_rows = first_event.get("hands", list)
+    if not 1 <= len(hand_rows) <= _HANDS_MAX or not all(
+        isinstance(hand_data, dict) for hand_data in hand_rows
     ):
         first_event.refuse("the field 'hands' has the wrong type or value")
     axis_rows = [
         JournalEvent(first_event.file, first_event.number, first_event.name, hand_data)
-        for hand_data in listed
+        for hand_data in hand_rows
     ]
     hands = tuple(
         JournalHand(
@@ -103,7 +109,7 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
 
     recording = _recording_path(take)
     player_names = ", ".join(hand.player for hand in take.hands)
-    axes = [(hand.player, hand.key) for hand in stage.live]
+    axes = [(hand.player, hand.key) for hand in stage.live_hands]
     if recording.rate != stage.rate or recording.frames != tick_frames or recording.axes != axes:
         raise JournalError(f"{take.path} does not record {player_names} of this session")
     try:
@@ -112,7 +118,7 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
         raise JournalError(f"{take.path}: {error}") from None
     hands = tuple(
         RecordedHand(hand.index, hand.reach, np.ascontiguousarray(tick_positions[:, number]))
-        for number, hand in enumerate(stage.live)
+        for number, hand in enumerate(stage.live_hands)
     )
     return RecordedHands(
         hands, len(tick_positions) * tick_frames, tuple(_recording_warnings(take, recording))

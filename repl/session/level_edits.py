@@ -50,10 +50,12 @@ def _solo(command: Solo) -> VersionEdit:
 def _unmute(command: Unmute) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         names, faders, levels = command.name, version.faders, version.strike_levels
-        muted = faders.muted - instruments_of(version, names) if names else frozenset[str]()
-        struck = levels.muted if names else frozenset[str]()
-        faders = replace(faders, muted=muted, solo=frozenset())
-        return _with_level(version, faders, replace(levels, muted=struck, solo=frozenset()))
+        muted_instruments = (
+            faders.muted - instruments_of(version, names) if names else frozenset[str]()
+        )
+        muted_strikes = levels.muted if names else frozenset[str]()
+        faders = replace(faders, muted=muted_instruments, solo=frozenset())
+        return _with_level(version, faders, replace(levels, muted=muted_strikes, solo=frozenset()))
 
     return edit
 
@@ -72,8 +74,8 @@ def _gain_strikes(command: GainStrikes) -> VersionEdit:
 def _mute_strikes(command: MuteStrikes) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         levels = version.strike_levels
-        muted = levels.muted | {_level_key(version, command.name)}
-        return replace(version, strike_levels=replace(levels, muted=muted))
+        muted_strikes = levels.muted | {_level_key(version, command.name)}
+        return replace(version, strike_levels=replace(levels, muted=muted_strikes))
 
     return edit
 
@@ -84,9 +86,13 @@ def _solo_strikes(command: SoloStrikes) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         level_key = _level_key(version, command.name)
-        quiet = _played_instruments(version) - _struck_instruments(version, level_key)
-        others = frozenset(version.piece.instruments) - quiet if quiet else frozenset[str]()
-        faders = replace(version.faders, solo=others)
+        quiet_instruments = _played_instruments(version) - _struck_instruments(version, level_key)
+        other_instruments = (
+            frozenset(version.piece.instruments) - quiet_instruments
+            if quiet_instruments
+            else frozenset[str]()
+        )
+        faders = replace(version.faders, solo=other_instruments)
         levels = replace(version.strike_levels, solo=frozenset([level_key]))
         return _with_level(version, faders, levels)
 
@@ -99,8 +105,8 @@ def _unmute_strikes(command: UnmuteStrikes) -> VersionEdit:
         levels, faders = version.strike_levels, version.faders
         if levels.solo:
             faders = replace(faders, solo=frozenset())
-        muted = levels.muted - {_level_key(version, command.name)}
-        return _with_level(version, faders, replace(levels, muted=muted, solo=frozenset()))
+        muted_strikes = levels.muted - {_level_key(version, command.name)}
+        return _with_level(version, faders, replace(levels, muted=muted_strikes, solo=frozenset()))
 
     return edit
 
@@ -114,8 +120,8 @@ def _level_key(version: Version, strikes_name: str) -> str:
     strikes_names = {strikes.name for strikes in version.piece.strikes}
     if strikes_name not in strikes_names:
         raise NotTakenError(f"{strikes_name} was removed by another line")
-    first = unnumbered(strikes_name)
-    return first if first in strikes_names else strikes_name
+    base_name = unnumbered(strikes_name)
+    return base_name if base_name in strikes_names else strikes_name
 
 
 def _struck_instruments(version: Version, name: str) -> frozenset[str]:

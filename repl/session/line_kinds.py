@@ -47,7 +47,7 @@ class LineKind(Enum):
     START = 4  # starts the piece, or jumps
 
 
-class Rule(NamedTuple):
+class KindRule(NamedTuple):
     """How lines of a kind act.
 
     A kind that `is_quick` needs no new stage, so that it is never late; one that `is_fenced`
@@ -58,12 +58,12 @@ class Rule(NamedTuple):
     is_fenced: bool
 
 
-RULES: Mapping[LineKind, Rule] = {
-    LineKind.FADERS: Rule(is_quick=True, is_fenced=False),
-    LineKind.ENDS: Rule(is_quick=True, is_fenced=False),
-    LineKind.VALUES: Rule(is_quick=False, is_fenced=False),
-    LineKind.STRUCTURE: Rule(is_quick=False, is_fenced=True),
-    LineKind.START: Rule(is_quick=False, is_fenced=True),
+RULES: Mapping[LineKind, KindRule] = {
+    LineKind.FADERS: KindRule(is_quick=True, is_fenced=False),
+    LineKind.ENDS: KindRule(is_quick=True, is_fenced=False),
+    LineKind.VALUES: KindRule(is_quick=False, is_fenced=False),
+    LineKind.STRUCTURE: KindRule(is_quick=False, is_fenced=True),
+    LineKind.START: KindRule(is_quick=False, is_fenced=True),
 }
 
 # Commands that are not listed change structure.

@@ -80,11 +80,11 @@ def gesture_lines(piece: Piece) -> list[str]:
 def scene_lines(score_texts: Texts) -> list[str]:
     """The scores beside a score, with their lengths."""
     path_here = Path(score_texts.path).resolve()
-    others = [
+    other_names = [
         path.stem for path in scores_in(folder_of(score_texts)) if path.resolve() != path_here
     ]
     scene_rows = {}
-    for number, scene_name in enumerate(dict.fromkeys(others)):
+    for number, scene_name in enumerate(dict.fromkeys(other_names)):
         scene_rows[scene_name] = ""
         if number < _SCENES_MAX:
             try:
@@ -106,15 +106,15 @@ def _family_rows(score_texts: Texts, piece: Piece) -> Mapping[str, Sequence[Memb
 
 def _route_rows(piece: Piece, part: str) -> str:
     routes = [route for route in piece.routes() if route.part == part]
-    places = dict.fromkeys(", ".join(_route_text(route)) for route in routes)
-    return "; ".join(places) or "is not routed"
+    route_texts = dict.fromkeys(", ".join(_route_text(route)) for route in routes)
+    return "; ".join(route_texts) or "is not routed"
 
 
 def _route_text(route: Route) -> Iterator[str]:
     """Where an output sounds, how loud, and from which place."""
-    out = "" if route.out is None else f"{route.out} "
-    to = route.to if isinstance(route.to, str) else " ".join(map(str, route.to))
-    yield f"{out}to {to}"
+    output_text = "" if route.out is None else f"{route.out} "
+    channel_text = route.to if isinstance(route.to, str) else " ".join(map(str, route.to))
+    yield f"{output_text}to {channel_text}"
     if route.gain != 1.0:
         yield f"{decibels_of(route.gain):.3g} dB"
     if route.pan is not None:
@@ -122,8 +122,8 @@ def _route_text(route: Route) -> Iterator[str]:
     if route.pan_path:
         yield f"pan {' -> '.join(f'{point.pan:.2g}' for point in route.pan_path)}"
     for tone in route.tones:
-        shelf = f" {tone.level:.3g} dB" if tone.level else ""
-        yield f"{tone.kind} {tone.frequency:g} Hz{shelf}"
+        shelf_text = f" {tone.level:.3g} dB" if tone.level else ""
+        yield f"{tone.kind} {tone.frequency:g} Hz{shelf_text}"
     if route.echo is not None:
         yield f"delay {1e3 * route.echo.time:g} ms"
     for room, gain in route.sends:
@@ -145,8 +145,8 @@ def _shape_text(gesture: Gesture) -> str:
 
 def _length_text(scene: Scene) -> str:
     """`8 bars`, `8 bars and 2 beats`."""
-    bar, into = scene.piece.tempo_map.bar_beat(scene.beats + SAME)
-    bars, beats = bar - 1, round(into - 1.0, 3)
+    bar, beat_in_bar = scene.piece.tempo_map.bar_beat(scene.beats + SAME)
+    bars, beats = bar - 1, round(beat_in_bar - 1.0, 3)
     text = f"{bars} bar{'s' if bars != 1 else ''}"
     return f"{text} and {beats:g} beats" if beats else text
 

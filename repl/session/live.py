@@ -47,11 +47,11 @@ class LiveEngine:
         self._performance: _core.Performance = perform(
             stage, replace(config, endless=True, loose=True)
         )
-        self._players = [hand.player for hand in stage.live]
-        self._real = {player for board in config.boards for _, player in board.axes}
-        numbers = [hand.index for hand in stage.live if hand.player in self._real]
-        reaches = [hand.reach for hand in stage.live]
-        self.bounds_finder = ForceBoundsFinder(self._performance.hand_limit, reaches, numbers)
+        self._players = [hand.player for hand in stage.live_hands]
+        self._real_players = {player for board in config.boards for _, player in board.axes}
+        numbers = [hand.index for hand in stage.live_hands if hand.player in self._real_players]
+        lever_ratios = [hand.reach for hand in stage.live_hands]
+        self.bounds_finder = ForceBoundsFinder(self._performance.hand_limit, lever_ratios, numbers)
         self._boards = [board.display_name for board in config.boards]
         self._players_by_board = [[player for _, player in board.axes] for board in config.boards]
         self._n_sound_events = 0
@@ -123,12 +123,12 @@ class LiveEngine:
         """Guide players' hands along new paths from frame `frame` on; returns the ticket."""
         import numpy as np
 
-        guided = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
+        guided_paths = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
         return self._performance.change(
             frame,
-            standins=[guided_hand.path for guided_hand in guided],
-            forces=[np.asarray(guided_hand.forces, dtype=float) for guided_hand in guided],
-            guidance=[guided_hand.steps for guided_hand in guided],
+            standins=[guided_hand.path for guided_hand in guided_paths],
+            forces=[np.asarray(guided_hand.forces, dtype=float) for guided_hand in guided_paths],
+            guidance=[guided_hand.steps for guided_hand in guided_paths],
         )
 
     def strike(self, point: int, impulse: float) -> int | None:
@@ -155,10 +155,16 @@ class LiveEngine:
         """The state of the file of `record_sound`; None where there was none."""
         if self._final_status is not None:
             return self._final_sound
-        now = self._performance.audio_recorded()
-        if now is None:
+        recorded_status = self._performance.audio_recorded()
+        if recorded_status is None:
             return None
-        return SoundFileStatus(now.first, now.frames, now.missing, now.ended, now.error)
+        return SoundFileStatus(
+            recorded_status.first,
+            recorded_status.frames,
+            recorded_status.missing,
+            recorded_status.ended,
+            recorded_status.error,
+        )
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""
@@ -170,18 +176,20 @@ class LiveEngine:
         status = self._status()
         hands = zip(self._players, status.hands, strict=False)
         unused_keys = frozenset(
-            name for name, hand in hands if status.ticks and name in self._real and not hand.real
+            name
+            for name, hand in hands
+            if status.ticks and name in self._real_players and not hand.real
         )
-        recording = None if self._final_status else self._performance.recording_trouble()
+        recording_trouble = None if self._final_status else self._performance.recording_trouble()
         current_troubles = troubles(
-            status, self._players, recording, is_endless=self._final_status is None
+            status, self._players, recording_trouble, is_endless=self._final_status is None
         )
         return EngineStatus(
             status.load,
             status.late,
             status.peaks,
             unused_keys,
-            bool(self._real) and has_let_go(),
+            bool(self._real_players) and has_let_go(),
             current_troubles,
         )
 
@@ -197,10 +205,10 @@ class LiveEngine:
                     EngineEvent(frame, act_ticket=int(value), is_late=event_kind == "missed")
                 )
             elif event_text := event_sentence(raw_event, self._players, self._boards):
-                real = self._real_now(raw_event)
+                real_players = self._real_now(raw_event)
                 lost_duration = value if event_kind == "lost" else 0.0
                 engine_events += [
-                    EngineEvent(event_frame, sentence=line, real=real)
+                    EngineEvent(event_frame, sentence=line, real_now=real_players)
                     for event_frame, line in self._notices.shown(
                         frame, event_kind, event_text, lost_duration
                     )
@@ -257,11 +265,13 @@ class LiveEngine:
         if self.sound_file_status() is not None:
             self.end_sound()
         stop = time.monotonic() + _CLOSE_TIMEOUT
-        while (now := self.sound_file_status()) and not (now.ended or now.error):
+        while (status_now := self.sound_file_status()) and not (
+            status_now.has_ended or status_now.error
+        ):
             if time.monotonic() > stop:
                 break
             time.sleep(_POLL_SECONDS)
-        return now
+        return status_now
 
     def close(self) -> None:
         """Play out the ring buffer, and end."""

@@ -26,20 +26,22 @@ class Makings:
         self.latest = math.inf
         self._engine, self._takeovers = engine, takeovers
 
-    def stage(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+    def staged(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that take over together. Raises one of `REFUSALS`."""
-        return self._checked(running, self._takeovers.stage(running, lines, self.latest))
+        return self._with_force_bounds(running, self._takeovers.staged(running, lines, self.latest))
 
-    def cut(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+    def cut_version(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that only end what plays; it takes no time to make.
 
         Raises one of `REFUSALS`.
         """
-        return self._checked(running, self._takeovers.cut(running, lines))
+        return self._with_force_bounds(running, self._takeovers.cut_version(running, lines))
 
     def extended(self, running: RunningVersion, start: int) -> RunningVersion:
         """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""
-        return self._checked(running, self._takeovers.extended(running, start, self.latest))
+        return self._with_force_bounds(
+            running, self._takeovers.extended(running, start, self.latest)
+        )
 
     def first_failing(
         self, running: RunningVersion, line_group: Sequence[WaitingLine]
@@ -47,23 +49,23 @@ class Makings:
         """The first line of a group that cannot be made after those before it, and why."""
         for n_tried in range(1, len(line_group) + 1):
             try:
-                self.stage(running, line_group[:n_tried])
+                self.staged(running, line_group[:n_tried])
             except REFUSALS as error:
                 return line_group[n_tried - 1], str(error)
         return line_group[-1], "it could not be made together with those before it"
 
-    def _checked(self, running: RunningVersion, result: RunningVersion) -> RunningVersion:
+    def _with_force_bounds(self, running: RunningVersion, result: RunningVersion) -> RunningVersion:
         """A version with the bounds of its forces. Raises NotTakenError if it cannot be played."""
-        for changed_unit, present_value, asked in (
+        for changed_unit, present_value, asked_value in (
             ("number of channels", self._engine.n_channels, result.stage.n_channels),
             ("rate", running.stage.rate, result.stage.rate),
         ):
-            if present_value != asked:
+            if present_value != asked_value:
                 raise NotTakenError(
                     f"the {changed_unit} of a session cannot change: this session plays "
                     f"{present_value:g}, "
                     "and "
-                    f"the score has {asked:g}; play that score in a session of its own"
+                    f"the score has {asked_value:g}; play that score in a session of its own"
                 )
         # Every version passes here, so none plays that a real hand's key cannot bear.
         bounds = self._engine.force_bounds(

@@ -49,7 +49,7 @@ ClockMessage = tuple[int, bytes]  # (frame, message)
 class TimedOutput(Protocol):
     """A port whose messages wait until they are due."""
 
-    def send_at(self, data: bytes, at: float) -> None:
+    def send_at(self, data: bytes, instant: float) -> None:
         """Send a message at an instant [s, time.monotonic]."""
 
     def close(self) -> None:
@@ -121,15 +121,17 @@ class ClockOut:
             with contextlib.suppress(EngineError):  # the performance is closed already
                 self.send_computed(time.monotonic())
 
-    def send_computed(self, now: float) -> None:
-        """Send the messages of frames that were computed by `now` [s], each when it is due."""
+    def send_computed(self, instant_now: float) -> None:
+        """Send the messages of frames that were computed by `instant_now` [s], each when it is
+        due.
+        """
         status = self._performance.status()
-        self._hearing_clock.update(status, now)
+        self._hearing_clock.update(status, instant_now)
         if status.sounding is None and status.paced:
             return  # nobody knows yet when it is heard
         for frame, data in self._events.pop_before(status.frame):
-            due = self._hearing_clock.instant_of(frame)
-            self._port.send_at(data, now if due is None else due)
+            due_instant = self._hearing_clock.instant_of(frame)
+            self._port.send_at(data, instant_now if due_instant is None else due_instant)
 
     def close(self) -> None:
         """End sending; the port tells other programs to stop."""
@@ -146,12 +148,15 @@ class ClockIn:
     """
 
     def __init__(
-        self, session: Session, when: Callable[[int], float | None], port: InputPort | None = None
+        self,
+        session: Session,
+        instant_of_frame: Callable[[int], float | None],
+        port: InputPort | None = None,
     ) -> None:
-        """Begin to follow; `when` gives the instant at which a frame is heard [s,
+        """Begin to follow; `instant_of_frame` gives the instant at which a frame is heard [s,
         time.monotonic].
         """
-        self._session, self._when, self._port = session, when, port
+        self._session, self._when, self._port = session, instant_of_frame, port
         self._follower = ClockFollower()
         self._transport: deque[tuple[Transport, float]] = deque(maxlen=16)
         self._lock = threading.Lock()
@@ -169,14 +174,16 @@ class ClockIn:
             if isinstance(message, Transport) and message is not Transport.CLOCK:
                 self._transport.append((message, self._follower.position))
 
-    def follow(self, now: float) -> None:
-        """Start, stop or correct the tempo where that is due; `now` is the instant [s]."""
+    def follow(self, instant_now: float) -> None:
+        """Start, stop or correct the tempo where that is due; `instant_now` is the instant [s]."""
         with self._lock:
-            asked = list(self._transport)
+            asked_transport = list(self._transport)
             self._transport.clear()
-            beat_estimate = self._follower.estimate() if self._follower.is_heard(now) else None
+            beat_estimate = (
+                self._follower.estimate() if self._follower.is_heard(instant_now) else None
+            )
             is_placed = self._follower.is_placed
-        for transport, position in asked:
+        for transport, position in asked_transport:
             self._start_or_stop(transport, position)
         if beat_estimate is not None and self._session.schedule.running.clock.is_running:
             self._correct(beat_estimate, is_placed)

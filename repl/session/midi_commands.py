@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def _maps(session: SessionCore, command: Maps) -> Reply:
     maps = midi_maps.player_maps(session.schedule.head.maps).values()
     map_lines = tuple(row.line.removeprefix("map ") for row in maps)
-    if (unmapped := session.midi.monitor.unmapped_line()) is not None:
-        map_lines = (*map_lines, unmapped)
+    if (unmapped_line := session.midi.monitor.unmapped_line()) is not None:
+        map_lines = (*map_lines, unmapped_line)
     return Reply(True, "" if map_lines else "ok nothing is mapped", lines=map_lines)
 
 
@@ -39,5 +39,5 @@ def _monitor(session: SessionCore, command: Monitor) -> Reply:
 
 def _without_input(session: SessionCore) -> str:
     """What a reply adds where no MIDI can come."""
-    none = "; no MIDI input is open: start ergon with --midi PORT"
-    return "" if session.midi.inputs else none
+    no_input_text = "; no MIDI input is open: start ergon with --midi PORT"
+    return "" if session.midi.inputs else no_input_text

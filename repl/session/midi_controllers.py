@@ -36,9 +36,9 @@ class Controllers:
         else:
             self._values[message.number] = message.value
             yield f"cc {message.number}", seven_bit_position(message.value)
-            yield from self._pairs(message.number, maps)
+            yield from self._pair_positions(message.number, maps)
 
-    def _pairs(self, number: int, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
+    def _pair_positions(self, number: int, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
         for map_source in maps:
             if not map_source.startswith("cc ") or "/" not in map_source:
                 continue

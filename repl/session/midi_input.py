@@ -44,15 +44,15 @@ if TYPE_CHECKING:
 _SUSTAIN_CONTROLLERS, _PEDAL_DOWN = (64, 64)
 
 
-class _Sounding(NamedTuple):
+class _SoundingNote(NamedTuple):
     """A note whose end does something: what it strikes, and by how much its key has pressed
     places [N·s]. A panic ends it: `n_panics` were before it.
     """
 
     n_panics: int
     channel: int
-    ends: Sequence[tuple[Place, float]]
-    pressed: dict[Place, float]
+    end_strikes: Sequence[tuple[Place, float]]
+    impulse_by_place: dict[Place, float]
 
 
 class MidiInput:
@@ -69,7 +69,7 @@ class MidiInput:
         """Act on what plays (`acts`), and on values of lines; `say` adds a message."""
         self._schedule, self._acts = schedule, acts
         self._fast_values, self._stops = fast_values, stops
-        self._sounding: dict[int, _Sounding] = {}  # notes whose end does something
+        self._sounding: dict[int, _SoundingNote] = {}  # notes whose end does something
         self._on_pedal: set[int] = set()  # those whose key is up
         self._is_pedal_down = False
         self._n_lines = 0  # typed by notes
@@ -87,34 +87,36 @@ class MidiInput:
             return
         channel = (data[0] & 0x0F) + 1
         self._zones.follow(data)
-        is_mapped = self._do(message, channel)
+        is_mapped = self._act_on(message, channel)
         self.monitor.note(message, channel, is_mapped=is_mapped)
 
-    def _do(self, message: Played, channel: int) -> bool:
+    def _act_on(self, message: Played, channel: int) -> bool:
         """Act on a message; whether anything is mapped to it."""
         if isinstance(message, NoteEnd):
-            self._end(message.number)
+            self._end_note(message.number)
         elif isinstance(message, Note):
             if self._learn(message):
                 return True
-            self._begin(message, channel)
-            self._type(message)
+            self._begin_note(message, channel)
+            self._type_lines(message)
             head = self._schedule.head
-            for name, line in self._zones.begun(channel, message.number, head.maps, head.piece):
+            for name, line in self._zones.note_begin_values(
+                channel, message.number, head.maps, head.piece
+            ):
                 self._fast_values.set_soon(name, line)
             return any(maps_of(self._schedule.head, message.number))
         elif not isinstance(message, Program):
-            return self._move(message, channel)
+            return self._move_controller(message, channel)
         return False
 
-    def learn(self, wanted: MapControl | MapNotes | None) -> str:
+    def learn(self, wanted_map: MapControl | MapNotes | None) -> str:
         """Map the next controller or note that comes; returns a sentence that says so."""
-        old_wanted, self._wanted = self._wanted, wanted
-        if wanted is None:
+        old_wanted, self._wanted = self._wanted, wanted_map
+        if wanted_map is None:
             if old_wanted is None:
                 raise NotTakenError("nothing is to be learnt; `map learn bell.m.K …` begins it")
             return "nothing is learnt any more"
-        action_text = "strike a note" if isinstance(wanted, MapNotes) else "move a controller"
+        action_text = "strike a note" if isinstance(wanted_map, MapNotes) else "move a controller"
         return f"{action_text}: it will be mapped; `unmap learn` lets it be"
 
     def _learn(self, message: Played) -> bool:
@@ -138,7 +140,7 @@ class MidiInput:
         self._say(f"{wanted_map.name} is learnt: {wanted_map.line}")
         return True
 
-    def _move(self, message: Moved, channel: int) -> bool:
+    def _move_controller(self, message: Moved, channel: int) -> bool:
         """Set what a controller leads to; whether it leads to anything."""
         if self._learn(message):
             return True
@@ -146,14 +148,14 @@ class MidiInput:
         if is_pedal:
             self._move_pedal(is_down=message.value >= _PEDAL_DOWN)
         head = self._schedule.head
-        is_mapped, values = self._zones.moves(channel, message, head.maps, head.piece)
+        is_mapped, values = self._zones.move_values(channel, message, head.maps, head.piece)
         for name, line in values:
             self._fast_values.set_soon(name, line)
         if isinstance(message, Pressure) and not is_mapped:
             return self._press(message, channel)
         return is_mapped or is_pedal
 
-    def _type(self, note: Note) -> None:
+    def _type_lines(self, note: Note) -> None:
         """Run the blocks and play the gestures to which a note is mapped, each by its own line."""
         for note_line in note_lines(self._schedule.running.version, note.number):
             self._n_lines += 1
@@ -161,17 +163,21 @@ class MidiInput:
                 f"note {note.number}, line {self._n_lines}", partial(_constant_line, note_line)
             )
 
-    def _begin(self, note: Note, channel: int) -> None:
+    def _begin_note(self, note: Note, channel: int) -> None:
         """Strike what a note is mapped to in the running version; do nothing during a panic."""
         if self._stops.panicked:
             return
         version = self._schedule.running.version
         if note.number in self._sounding:
-            self._let_down(note.number)
+            self._release_note(note.number)
         strokes = [*struck_places(version, note.number, note.velocity)]
-        ends = [(stroke.place, -stroke.impulse) for stroke in strokes if stroke.lasts]
-        if ends:
-            self._sounding[note.number] = _Sounding(self._stops.n_panics, channel, ends, {})
+        end_strikes = [
+            (stroke.place, -stroke.impulse) for stroke in strokes if stroke.lasts_as_note
+        ]
+        if end_strikes:
+            self._sounding[note.number] = _SoundingNote(
+                self._stops.n_panics, channel, end_strikes, {}
+            )
         for stroke in strokes:
             self._strike(stroke.place, stroke.impulse)
 
@@ -188,39 +194,44 @@ class MidiInput:
             version = self._schedule.running.version
             for struck_place, impulse in pressed_places(version, note_number, message.value):
                 is_pressed = True
-                self._strike(struck_place, impulse - sounding_note.pressed.get(struck_place, 0.0))
-                sounding_note.pressed[struck_place] = impulse
+                self._strike(
+                    struck_place, impulse - sounding_note.impulse_by_place.get(struck_place, 0.0)
+                )
+                sounding_note.impulse_by_place[struck_place] = impulse
         return is_pressed
 
-    def _end(self, number: int) -> None:
+    def _end_note(self, number: int) -> None:
         """End a note, or hold it while the pedal is down."""
         if number in self._sounding and self._is_pedal_down:
             self._on_pedal.add(number)
         elif number in self._sounding:
-            self._let_down(number)
+            self._release_note(number)
 
     def _move_pedal(self, *, is_down: bool) -> None:
         """Move the pedal; where it comes up, notes whose keys are up end."""
         self._is_pedal_down = is_down
         for number in [] if is_down else sorted(self._on_pedal):
-            self._let_down(number)
+            self._release_note(number)
 
-    def _let_down(self, number: int) -> None:
+    def _release_note(self, number: int) -> None:
         sounding_note = self._sounding.pop(number)
         self._on_pedal.discard(number)
         if sounding_note.n_panics != self._stops.n_panics:
             return
         for place, impulse in (
-            *sounding_note.ends,
-            *((p, -i) for p, i in sounding_note.pressed.items()),
+            *sounding_note.end_strikes,
+            *(
+                (pressed_place, -press_impulse)
+                for pressed_place, press_impulse in sounding_note.impulse_by_place.items()
+            ),
         ):
             self._strike(place, impulse)
 
     def _strike(self, place: Place, impulse: float) -> None:
         part, module, member = place
-        strike = partial(self._schedule.engine.strike, place_number(place), impulse)
+        strike_place = partial(self._schedule.engine.strike, place_number(place), impulse)
         strike_fields = {"part": part, "module": module, "member": member, "impulse": impulse}
-        if not self._acts.begin(strike, "strike", **strike_fields):
+        if not self._acts.request(strike_place, "strike", **strike_fields):
             self.lost += 1
 
 

@@ -15,7 +15,7 @@ from ergon.notation.tables.velocities import LAWS
 from ergon.repl.language.hearing import Hear
 from ergon.repl.language.mapping import BPM_UNIT, EVEN, MapControl, MapNotes
 from ergon.repl.language.midi import is_source
-from ergon.repl.session.struck_places import maps_of, struck_by, struck_once
+from ergon.repl.session.struck_places import maps_of, places_of_line, places_of_note
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
@@ -37,17 +37,17 @@ def with_map(version: Version, new_map: Map) -> Mapping[str, Map]:
     """
     if isinstance(new_map, MapNotes) and new_map.gesture is None:
         for note in range(new_map.low, new_map.high + 1):
-            struck_by(version.piece, new_map, note)
+            places_of_note(version.piece, new_map, note)
     maps = dict(version.maps)
     if isinstance(new_map, Hear):
-        for _ in struck_once(version, new_map):  # refuses places that do not exist yet
+        for _ in places_of_line(version, new_map):  # refuses places that do not exist yet
             pass
-        ready = [
+        maps_to_replace = [
             name
-            for name, mapped in maps.items()
-            if isinstance(mapped, Hear) and name != new_map.name
+            for name, midi_map in maps.items()
+            if isinstance(midi_map, Hear) and name != new_map.name
         ]
-        for name in ready[: max(0, len(ready) - MAX_HEAR + 1)]:
+        for name in maps_to_replace[: max(0, len(maps_to_replace) - MAX_HEAR + 1)]:
             del maps[name]
     elif len(player_maps(maps)) >= MAX_MAPS and new_map.name not in maps:
         raise NotTakenError(f"a session has at most {MAX_MAPS} maps; `unmap` one first")
@@ -56,36 +56,44 @@ def with_map(version: Version, new_map: Map) -> Mapping[str, Map]:
 
 def player_maps(maps: Mapping[str, Map]) -> dict[str, MapControl | MapNotes]:
     """The maps that a player made, without those of `hear`."""
-    return {name: mapped for name, mapped in maps.items() if not isinstance(mapped, Hear)}
+    return {name: midi_map for name, midi_map in maps.items() if not isinstance(midi_map, Hear)}
 
 
 def without_map(version: Version, map_name: str) -> Mapping[str, Map]:
     """The maps of a version without one of them. Raises NotTakenError."""
     if map_name not in player_maps(version.maps):
-        known = ", ".join(player_maps(version.maps)) or "there are none"
-        raise NotTakenError(f"nothing is mapped to {map_name}; the maps: {known}")
-    return {other: mapped for other, mapped in version.maps.items() if other != map_name}
+        known_names = ", ".join(player_maps(version.maps)) or "there are none"
+        raise NotTakenError(f"nothing is mapped to {map_name}; the maps: {known_names}")
+    return {
+        other_name: midi_map
+        for other_name, midi_map in version.maps.items()
+        if other_name != map_name
+    }
 
 
 def rename_in_maps(maps: Mapping[str, Map], old_name: str, new_name: str) -> Mapping[str, Map]:
     """The maps after a renaming."""
 
-    def called(text: str | None) -> str | None:
-        head, dot, rest = (text or "").partition(".")
-        return f"{new_name}{dot}{rest}" if head == old_name and text else text
+    def renamed_path(text: str | None) -> str | None:
+        first_name, dot, path_rest = (text or "").partition(".")
+        return f"{new_name}{dot}{path_rest}" if first_name == old_name and text else text
 
-    renamed: list[Map] = []
-    for mapped in maps.values():
-        if isinstance(mapped, MapControl):
-            renamed.append(
-                replace(mapped, target=called(mapped.target), sounding=called(mapped.sounding))
+    renamed_maps: list[Map] = []
+    for midi_map in maps.values():
+        if isinstance(midi_map, MapControl):
+            renamed_maps.append(
+                replace(
+                    midi_map,
+                    target=renamed_path(midi_map.target),
+                    sounding=renamed_path(midi_map.sounding),
+                )
             )
             continue
-        mapped = replace(mapped, target=called(mapped.target) or mapped.target)
-        if isinstance(mapped, MapNotes):
-            mapped = replace(mapped, gesture=called(mapped.gesture))
-        renamed.append(mapped)
-    return {mapped.name: mapped for mapped in renamed}
+        midi_map = replace(midi_map, target=renamed_path(midi_map.target) or midi_map.target)
+        if isinstance(midi_map, MapNotes):
+            midi_map = replace(midi_map, gesture=renamed_path(midi_map.gesture))
+        renamed_maps.append(midi_map)
+    return {midi_map.name: midi_map for midi_map in renamed_maps}
 
 
 def note_lines(version: Version, note_number: int) -> Iterator[str]:
@@ -104,19 +112,19 @@ def line_at_position(source_name: str, position: float, version: Version) -> str
     without a map.
     """
     control = version.maps.get(source_name)
-    return line_to(control, position) if isinstance(control, MapControl) else None
+    return line_of_value(control, position) if isinstance(control, MapControl) else None
 
 
-def line_to(control: MapControl, position: float) -> str:
+def line_of_value(control: MapControl, position: float) -> str:
     """The line that sets the target of a map, at a share (0 to 1) of its range."""
     low, high = control.range
-    x = low + (high - low) * position
+    target_value = low + (high - low) * position
     if control.unit == BPM_UNIT:
-        return f"tempo {x:.6g} now"
+        return f"tempo {target_value:.6g} now"
     if control.target is not None:
-        return f"set {control.target} {x:.6g}{control.unit} over 50ms now"
+        return f"set {control.target} {target_value:.6g}{control.unit} over 50ms now"
     name = "" if control.sounding is None else f"{control.sounding} "
-    return f"gain {name}{x:.6g}dB now"
+    return f"gain {name}{target_value:.6g}dB now"
 
 
 def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
@@ -209,8 +217,10 @@ def _read_row(journal_event: JournalEvent, row: object) -> Map:
             and isfinite(sum(impulse or ()))
             and curve_name in LAWS
         ):
-            ends = None if impulse is None else (impulse[0], impulse[1])
-            return MapNotes(low_number, high_number, target_text, ends, gesture, curve_name)
+            impulse_range = None if impulse is None else (impulse[0], impulse[1])
+            return MapNotes(
+                low_number, high_number, target_text, impulse_range, gesture, curve_name
+            )
         case [
             "control",
             str(source_name),

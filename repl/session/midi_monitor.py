@@ -39,18 +39,18 @@ class MidiMonitor:
             text = f"MIDI {_message_text(message)}, channel {channel}{unmapped_text}"
             self._waiting.append((message_source, text))
 
-    def lines_due(self, now: float) -> Sequence[str]:
+    def lines_due(self, instant_now: float) -> Sequence[str]:
         """The lines to print at an instant [s]: a bounded number each half second, and the
         number of the others.
         """
         monitor_lines = []
-        if now >= self._ends_at:
+        if instant_now >= self._ends_at:
             if self._rest:
                 monitor_lines.append(
                     f"MIDI {self._rest.total():,} more: {_counts_text(self._rest)}"
                 )
             self._rest.clear()
-            self._ends_at, self._n_left = now + _PERIOD_SECONDS, _LINES_MAX
+            self._ends_at, self._n_left = instant_now + _PERIOD_SECONDS, _LINES_MAX
         while self._waiting:
             message_source, monitor_text = self._waiting.popleft()
             if self._n_left:

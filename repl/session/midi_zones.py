@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.tables.notes import number
 from ergon.repl.language.mapping import MapControl
 from ergon.repl.session.midi_controllers import Controllers, Moved
-from ergon.repl.session.midi_maps import Map, line_at_position, line_to
+from ergon.repl.session.midi_maps import Map, line_at_position, line_of_value
 from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_ON, PITCH_BEND, MidiEvent
 from ergon.scores.gesture.midi_wheels import Wheels
 
@@ -41,10 +41,10 @@ class Zones:
         kind = data[0] & 0xF0
         if kind in _FOLLOWED_KINDS:
             event = MidiEvent(0, kind, (data[0] & 0x0F) + 1, data[1], data[1:])
-            for _ in self._wheels.moved(event):
+            for _ in self._wheels.follow(event):
                 pass
 
-    def moves(
+    def move_values(
         self, channel: int, message: Moved, maps: Mapping[str, Map], piece: Piece
     ) -> tuple[bool, list[tuple[str, LineOf]]]:
         """Whether a message has a map, and what it sets: the name of each value, and the line that
@@ -66,7 +66,7 @@ class Zones:
                 lines_by_name.append((map_source, partial(line_at_position, map_source, position)))
         return is_mapped, lines_by_name
 
-    def begun(
+    def note_begin_values(
         self, channel: int, note: int, maps: Mapping[str, Map], piece: Piece
     ) -> Iterator[tuple[str, LineOf]]:
         """What the beginning of a note sets: a note has the values of its channel."""
@@ -98,15 +98,20 @@ class Zones:
         elif position is not None:
             yield (
                 move_name,
-                partial(_constant_line, line_to(replace(control, target=target_path), position)),
+                partial(
+                    _constant_line, line_of_value(replace(control, target=target_path), position)
+                ),
             )
 
 
 def _note_family(control: MapControl, piece: Piece) -> str | None:
     """The instrument with notes to whose parameter a controller leads."""
     words = (control.target or "").split(".")
-    heads = (".".join(words[:count]) for count in range(1, len(words)))
-    return next((head for head in heads if head in piece.families), None)
+    path_beginnings = (".".join(words[:count]) for count in range(1, len(words)))
+    return next(
+        (path_beginning for path_beginning in path_beginnings if path_beginning in piece.families),
+        None,
+    )
 
 
 def _note_target(control: MapControl, family: str | None, key: int, piece: Piece) -> str | None:

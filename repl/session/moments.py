@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import next_boundary
 from ergon.repl.session.line_kinds import RULES, LineKind
-from ergon.repl.session.places import BAR_DURATION, Place, Present, frame_of, place_of
+from ergon.repl.session.places import BAR_DURATION, LinePlace, PresentState, frame_of, place_of
 
 if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
@@ -45,21 +45,21 @@ class Moments:
 
     def tick_after(self, seconds: float) -> int:
         """That frame, or the first of the next tick."""
-        return self._in_tick(self.frame_after(seconds))
+        return self._tick_frame(self.frame_after(seconds))
 
     def soonest_frame(self, kind: LineKind = LineKind.STRUCTURE) -> int:
         """The first frame at which a new line of a kind can take effect: a multiple of the tick."""
         return self.first_frame(0.0 if RULES[kind].is_quick else self._making_time.expected, kind)
 
-    def first_frame(self, making: float, line_kind: LineKind = LineKind.STRUCTURE) -> int:
-        """The first frame for a change that takes `making` [s] to compute."""
+    def first_frame(self, making_seconds: float, line_kind: LineKind = LineKind.STRUCTURE) -> int:
+        """The first frame for a change that takes `making_seconds` [s] to compute."""
         if line_kind is LineKind.FADERS:
             first_after = 0
         elif line_kind is LineKind.ENDS:  # such a line withdraws pending changes
             first_after = self._changes.playing_at(self.tick_after(0.0) - 1).start + 1
         else:
             first_after = self._changes.running.start + 1
-        return self._in_tick(max(self.frame_after(making), first_after))
+        return self._tick_frame(max(self.frame_after(making_seconds), first_after))
 
     def beat_now(self) -> float:
         """The beat of the piece that the engine computes now."""
@@ -67,34 +67,38 @@ class Moments:
 
     def place(
         self, tempo: TempoMap, when: When, grid: Length | None, kind: LineKind = LineKind.STRUCTURE
-    ) -> Place:
+    ) -> LinePlace:
         """The place of a line that is typed now. Raises NotTakenError where its beat is past."""
-        lead = self._timing.lead_of(kind is LineKind.ENDS)
+        lead_seconds = self._timing.lead_of_kind(kind is LineKind.ENDS)
         soonest_frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
-        line_beat, start_frame = place_of(when, grid, self._present(tempo), soonest_frames, lead)
+        line_beat, start_frame = place_of(
+            when, grid, self._present(tempo), soonest_frames, lead_seconds
+        )
         is_now = when is NOW or (when is None and grid is None)
         if kind is LineKind.FADERS and is_now and start_frame is not None:
             start_frame = soonest_frames[
                 1
             ]  # these lines need not wait for the beginning of the piece
-        return Place(line_beat, start_frame)
+        return LinePlace(line_beat, start_frame)
 
     def place_from(
         self, first_frame: int, tempo: TempoMap, line_time: When, grid: Length | None
-    ) -> Place:
+    ) -> LinePlace:
         """The place of a line that needs a stage and is ready at a frame.
 
         Raises NotTakenError where its beat is past.
         """
-        lead = self._timing.lead_of(False)
-        return place_of(line_time, grid, self._present(tempo), (first_frame, first_frame), lead)
+        lead_seconds = self._timing.lead_of_kind(False)
+        return place_of(
+            line_time, grid, self._present(tempo), (first_frame, first_frame), lead_seconds
+        )
 
     def place_after_slip(self, slipped_lines: Sequence[WaitingLine]) -> tuple[float, int]:
         """The next beat and frame of lines that were late: the next bar, or the soonest frame."""
-        first_late, slips = slipped_lines[0], max(line.n_slips for line in slipped_lines)
-        making = self._making_time.after_slips(slips)
+        first_late, n_slips = slipped_lines[0], max(line.n_slips for line in slipped_lines)
+        making_seconds = self._making_time.after_slips(n_slips)
         start_frame = self.first_frame(
-            0.0 if not slips and first_late.rule.is_quick else making, first_late.kind
+            0.0 if not n_slips and first_late.rule.is_quick else making_seconds, first_late.kind
         )
         running, timing = self._changes.running, self._timing
         clock, tempo = running.clock, running.version.piece.tempo_map
@@ -109,10 +113,10 @@ class Moments:
         """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""
         return frame_of(beat, self._present(tempo), self.soonest_frame())
 
-    def _present(self, tempo: TempoMap) -> Present:
-        return Present(self._changes.running.clock, tempo, self.beat_now(), self._timing)
+    def _present(self, tempo: TempoMap) -> PresentState:
+        return PresentState(self._changes.running.clock, tempo, self.beat_now(), self._timing)
 
-    def _in_tick(self, frame: int) -> int:
+    def _tick_frame(self, frame: int) -> int:
         """The first frame of a tick that is not before a frame."""
         tick = self._timing.tick_frames
         return -(-frame // tick) * tick

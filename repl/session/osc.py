@@ -55,7 +55,7 @@ class SessionOsc:
         self._session, self._osc = session, osc
         self._lines: LineQueue[Answer | None] = LineQueue(session)
         self._waiting = 0
-        self._input_values = InputValues(self._tell)
+        self._input_values = InputValues(self._set_input)
         self._handlers: dict[str, Handler] = {
             "/ergon/cmd": text_handler(lambda line: self._enter(line, osc.answerer())),
             "/ergon/panic": button_handler(self._lines.panic),
@@ -75,9 +75,9 @@ class SessionOsc:
 
     def get(self, address: str, /) -> Handler | None:
         """The handler of an address; None if the address is unknown."""
-        known = self._handlers.get(address)
-        if known is not None:
-            return known
+        handler = self._handlers.get(address)
+        if handler is not None:
+            return handler
         if address.startswith(_INPUT_PREFIX):
             input_name = address.removeprefix(_INPUT_PREFIX)
             take = self._session.schedule.head.piece.takes.get(input_name)
@@ -94,10 +94,10 @@ class SessionOsc:
             return None
         return level_handler(lambda level: self._set_level(address, input_name, level))
 
-    def _tell(self, name: str, value: float) -> bool:
+    def _set_input(self, name: str, value: float) -> bool:
         session = self._session
-        tell = partial(session.schedule.engine.set_input, input_id(name), value)
-        return session.acts.begin(tell, "value", input=name, value=value)
+        set_engine_input = partial(session.schedule.engine.set_input, input_id(name), value)
+        return session.acts.request(set_engine_input, "value", input=name, value=value)
 
     def _names(self, kind: str) -> Mapping[str, str]:
         scope = self._session.scope
@@ -116,11 +116,11 @@ class SessionOsc:
         self._lines.enter(line, answer)
 
     def _work(self) -> None:
-        while (queued := self._lines.next()) is not None:
+        while (queued_line := self._lines.next()) is not None:
             self._waiting -= 1
-            address, arguments = self._do_line(queued.text, queued.releases)
-            if queued.sender is not None:
-                queued.sender(address, arguments)
+            address, arguments = self._do_line(queued_line.text, queued_line.releases)
+            if queued_line.sender is not None:
+                queued_line.sender(address, arguments)
 
     def _do_line(self, line: str, releases: bool) -> tuple[str, str]:
         reply = self._session.submit(line, releases=releases, barred=_TYPED_ONLY)
@@ -134,8 +134,8 @@ class SessionOsc:
         self._lines.end()
         self._worker.join()
         if self._osc.malformed:
-            notice = f"{self._osc.malformed} datagrams were not valid OSC and were ignored"
-            self._session.say(notice)
+            malformed_text = f"{self._osc.malformed} datagrams were not valid OSC and were ignored"
+            self._session.say(malformed_text)
 
 
 class SessionEvents:
@@ -148,13 +148,15 @@ class SessionEvents:
 
     def troubles(self) -> Sequence[str]:
         """Troubles that the performance itself does not report."""
-        failed = self._journal is not None and self._journal.has_failed
-        return ("JOURNAL NOT WRITTEN",) if failed else ()
+        has_failed = self._journal is not None and self._journal.has_failed
+        return ("JOURNAL NOT WRITTEN",) if has_failed else ()
 
     def pop_before(self, frame: int) -> Iterator[OscEvent]:
         """The events before a frame that were not returned yet."""
-        for running, first, last in self._played.pop_before(frame):
-            yield from sorted(_version_events(running, first, last), key=lambda event: event[0])
+        for running, first_frame, last_frame in self._played.pop_before(frame):
+            yield from sorted(
+                _version_events(running, first_frame, last_frame), key=lambda event: event[0]
+            )
 
 
 def _version_events(
@@ -165,7 +167,7 @@ def _version_events(
     if clock.began_at is None:
         return
     version = running.version
-    shown = partial(version.sounds_as.shown, part_names=version.piece.keys)
+    shown_key = partial(version.sounds_as.shown_name, part_names=version.piece.keys)
     tempo = stage.piece.tempo_map
     bar, _ = tempo.bar_beat(running.beat(first_frame))
     for beat_event in beat_events(tempo, stage.rate, bar):
@@ -178,7 +180,7 @@ def _version_events(
         if first_frame <= gesture_frame < last_frame:
             event_arguments = (
                 gesture.player,
-                shown(gesture.key),
+                shown_key(gesture.key),
                 gesture.name,
                 float(gesture.start - clock.began_at),
             )

@@ -20,23 +20,23 @@ _DIFFERENCES_MAX = 32
 
 
 @dataclass(frozen=True, slots=True)
-class _Packed:
-    """A text: the whole one, `compressed`, or that of `before` with its characters from `start` to
-    `end` replaced by `text`.
+class _PackedText:
+    """A text: the whole one, `compressed`, or that of `text_before` with its characters from
+    `start` to `end` replaced by `text`.
     """
 
     number: int  # number of differences since a complete text
     compressed: bytes = b""
-    before: _Packed | None = None
+    text_before: _PackedText | None = None
     start: int = 0
     end: int = 0
     text: str = ""
 
     def unpacked(self) -> str:
         """The text."""
-        if self.before is None:
+        if self.text_before is None:
             return zlib.decompress(self.compressed).decode()
-        text = self.before.unpacked()
+        text = self.text_before.unpacked()
         return text[: self.start] + self.text + text[self.end :]
 
 
@@ -45,8 +45,8 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
 
     def __init__(self) -> None:
         """Begin without versions."""
-        self._versions: dict[int, tuple[PastVersion, _Packed]] = {}
-        self._last: tuple[Texts, _Packed] | None = None
+        self._versions: dict[int, tuple[PastVersion, _PackedText]] = {}
+        self._last: tuple[Texts, _PackedText] | None = None
 
     def __getitem__(self, number: int) -> PastVersion:
         """A version with its texts."""
@@ -82,7 +82,7 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
             for number, (version, packed) in self._versions.items()
         }
 
-    def _packed(self, texts: Texts) -> _Packed:
+    def _packed(self, texts: Texts) -> _PackedText:
         if self._last is None:
             return _compressed_text(texts.text)
         texts_before, packed = self._last
@@ -91,23 +91,25 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
         if packed.number >= _DIFFERENCES_MAX:
             return _compressed_text(texts.text)
         start, end, text = difference(texts_before.text, texts.text)
-        return _Packed(packed.number + 1, b"", packed, start, end, text)
+        return _PackedText(packed.number + 1, b"", packed, start, end, text)
 
 
-def _compressed_text(text: str) -> _Packed:
-    return _Packed(0, zlib.compress(text.encode(), 1))
+def _compressed_text(text: str) -> _PackedText:
+    return _PackedText(0, zlib.compress(text.encode(), 1))
 
 
-def difference(old: str, new: str) -> tuple[int, int, str]:
-    """The characters from one index to another that become a text, so that a text becomes `new`."""
-    shared = min(len(old), len(new))
-    start_index = _n_equal(shared, lambda a, b: old[a:b] == new[a:b])
-    n_old, n_new = len(old), len(new)
+def difference(old_text: str, new_text: str) -> tuple[int, int, str]:
+    """The characters from one index to another that become a text, so that a text becomes
+    `new_text`.
+    """
+    shared_count = min(len(old_text), len(new_text))
+    start_index = _n_equal(shared_count, lambda a, b: old_text[a:b] == new_text[a:b])
+    n_old, n_new = len(old_text), len(new_text)
     after_index = _n_equal(
-        shared - start_index,
-        lambda a, b: old[n_old - b : n_old - a] == new[n_new - b : n_new - a],
+        shared_count - start_index,
+        lambda a, b: old_text[n_old - b : n_old - a] == new_text[n_new - b : n_new - a],
     )
-    return start_index, n_old - after_index, new[start_index : n_new - after_index]
+    return start_index, n_old - after_index, new_text[start_index : n_new - after_index]
 
 
 def _n_equal(count: int, is_equal: Callable[[int, int], bool]) -> int:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 BAR_DURATION = Length(bars=1.0)
 
 
-class Present(NamedTuple):
+class PresentState(NamedTuple):
     """Where a piece is: its clock, its tempo with all waiting lines, and its beat now."""
 
     clock: Clock
@@ -27,7 +27,7 @@ class Present(NamedTuple):
     timing: Timing
 
 
-class Place(NamedTuple):
+class LinePlace(NamedTuple):
     """The beat on which a line acts, and the frame at which it takes over; None: the piece is
     stopped, and has not reached that beat."""
 
@@ -38,18 +38,18 @@ class Place(NamedTuple):
 def place_of(
     line_time: When,
     grid: Length | None,
-    present: Present,
+    present: PresentState,
     soonest_frames: tuple[int, int],
     lead: float,
-) -> Place:
+) -> LinePlace:
     """The place of a line that takes over `lead` [s] before its beat.
 
     `soonest_frames` are the first frame that a request can reach, and the soonest one for which a
     line is expected to be ready; a named beat may come before the latter. Raises NotTakenError
     where the beat is past.
     """
-    earliest, soonest = soonest_frames
-    clock, tempo, now, timing = present
+    earliest_frame, soonest_frame = soonest_frames
+    clock, tempo, beat_now, timing = present
     if not clock.is_running:
         line_beat = clock.stopped_beat
         if isinstance(line_time, Position):
@@ -58,33 +58,39 @@ def place_of(
             line_beat = tempo.after(line_beat, line_time)
         if line_beat < clock.stopped_beat - SAME:
             raise _past_error(line_time, line_beat, present)
-        return Place(line_beat, None if line_beat > clock.stopped_beat + SAME else soonest)
-    first_beat = clock.beat(tempo, soonest / timing.rate + lead)
+        return LinePlace(
+            line_beat, None if line_beat > clock.stopped_beat + SAME else soonest_frame
+        )
+    first_beat = clock.beat(tempo, soonest_frame / timing.rate + lead)
     if isinstance(line_time, Position | Length):
-        reached = clock.beat(tempo, earliest / timing.rate + lead)
+        reached_beat = clock.beat(tempo, earliest_frame / timing.rate + lead)
         if isinstance(line_time, Position):
             line_beat = _resolved_position(tempo, line_time)
-            if line_beat < reached - SAME:
+            if line_beat < reached_beat - SAME:
                 raise _past_error(line_time, line_beat, present)
         else:
-            line_beat = max(reached, tempo.after(now, line_time))
-        return Place(line_beat, max(earliest, timing.takeover_frame(clock, tempo, line_beat, lead)))
+            line_beat = max(reached_beat, tempo.after(beat_now, line_time))
+        return LinePlace(
+            line_beat, max(earliest_frame, timing.takeover_frame(clock, tempo, line_beat, lead))
+        )
     if line_time is NOW or grid is None:
         # Before its beginning the piece is at its first beat, for which a cut need not wait.
         is_cut = not lead
         frame = timing.takeover_frame(clock, tempo, first_beat, lead)
-        return Place(first_beat, soonest if is_cut else max(soonest, frame))
+        return LinePlace(first_beat, soonest_frame if is_cut else max(soonest_frame, frame))
     line_beat = next_boundary(tempo, first_beat, grid)
-    return Place(line_beat, max(soonest, timing.takeover_frame(clock, tempo, line_beat, lead)))
+    return LinePlace(
+        line_beat, max(soonest_frame, timing.takeover_frame(clock, tempo, line_beat, lead))
+    )
 
 
-def frame_of(line_beat: float, present: Present, soonest: int) -> int:
+def frame_of(line_beat: float, present: PresentState, soonest_frame: int) -> int:
     """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""
     clock, tempo, _, timing = present
     if not clock.is_running:
-        return soonest
-    every = timing.tick_frames
-    return int(clock.seconds(tempo, line_beat) * timing.rate) // every * every
+        return soonest_frame
+    tick_frames = timing.tick_frames
+    return int(clock.seconds(tempo, line_beat) * timing.rate) // tick_frames * tick_frames
 
 
 def _resolved_position(tempo: TempoMap, position: Position) -> float:
@@ -94,10 +100,11 @@ def _resolved_position(tempo: TempoMap, position: Position) -> float:
         raise NotTakenError(error.message) from None
 
 
-def _past_error(when: When, line_beat: float, present: Present) -> NotTakenError:
-    asked = when.text if isinstance(when, Position) and when.text else ""
+def _past_error(when: When, line_beat: float, present: PresentState) -> NotTakenError:
+    asked_text = when.text if isinstance(when, Position) and when.text else ""
     verb = "is" if present.clock.is_running else "is stopped"
     present_place = present.tempo.written(present.beat)
     return NotTakenError(
-        f"{asked or present.tempo.written(line_beat)} is past: the piece {verb} at {present_place}"
+        f"{asked_text or present.tempo.written(line_beat)} is past: the piece {verb} at "
+        f"{present_place}"
     )

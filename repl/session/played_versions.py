@@ -29,12 +29,14 @@ class PlayedVersions:
         # Versions that are under way come between; those that were over before are not included.
         versions = [
             self._last,
-            *(change.before for change in schedule.changes.under_way[:]),
+            *(change.running_before for change in schedule.changes.pending[:]),
             schedule.running,
         ]
         for number, running in enumerate(versions):
             begins = max(first_frame, running.start) if number else first_frame
-            ends = min([frame, *(other.start for other in versions[number + 1 :])])
-            if begins < ends:
+            end_frame = min(
+                [frame, *(later_version.start for later_version in versions[number + 1 :])]
+            )
+            if begins < end_frame:
                 self._last = running
-                yield running, begins, ends
+                yield running, begins, end_frame

@@ -21,20 +21,20 @@ def rehearsal_stage(piece: Piece, gesture_name: str) -> Stage | None:
     A gesture without a player needs one key that can follow it; None if there is no key. Raises
     StageError.
     """
-    plays = {
-        (piece.players[play.player].key, _without_places(do), play.manner): (play.manner, do)
+    options_by_play = {
+        (piece.players[play.player].key, _without_places(chain), play.manner): (play.manner, chain)
         for play in piece.parts
         if gesture_name in play.names
-        for do in play.chains
+        for chain in play.chains
     }
-    if not plays:
+    if not options_by_play:
         return _on_some_key(piece, gesture_name)
     keys_and_gestures = _keys_and_gestures(piece)
-    first, *_ = [
+    first_stage, *_ = [
         solo(keys_and_gestures, gesture_name, key, transforms, manner)
-        for (key, *_), (manner, transforms) in plays.items()
+        for (key, *_), (manner, transforms) in options_by_play.items()
     ]
-    return first
+    return first_stage
 
 
 def keys_for(piece: Piece, name: str) -> list[str]:
@@ -50,10 +50,10 @@ def keys_for(piece: Piece, name: str) -> list[str]:
 def _on_some_key(piece: Piece, gesture_name: str) -> Stage | None:
     keys_and_gestures, refusal = _keys_and_gestures(piece), None
     for key in piece.keys:
-        tried = _try_key(keys_and_gestures, gesture_name, key)
-        if not isinstance(tried, StageError):
-            return tried
-        refusal = refusal or tried
+        stage_tried = _try_key(keys_and_gestures, gesture_name, key)
+        if not isinstance(stage_tried, StageError):
+            return stage_tried
+        refusal = refusal or stage_tried
     if refusal is not None:
         raise refusal
     return None

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from ergon.exchange.frozen import NotFrozenError
 from ergon.repl.language.hearing import Hear
 from ergon.repl.session import version_edits
-from ergon.repl.session.clock import Clock, Timing, entry_of
+from ergon.repl.session.clock import Clock, Timing, takeover_beats
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.frozen_parts import LoadedPart
 from ergon.repl.session.frozen_parts import load_frozen as frozen_held
@@ -80,30 +80,35 @@ class ReplayedSession:
 
     def __init__(self, journal_content: JournalContent) -> None:
         """Begin at frame 0. Raises JournalError, NotTakenError, StageError."""
-        opening, take = journal_content.start, journal_content.start.take
+        session_start, take = journal_content.start, journal_content.start.take
         with _as_journal_errors(journal_content.first):
-            version = opening.version()
-        real = {} if take is None else dict.fromkeys(hand.player for hand in take.hands)
+            version = session_start.version()
+        real_players = {} if take is None else dict.fromkeys(hand.player for hand in take.hands)
         for hand in () if take is None else take.hands:
             player = version.piece.players.get(hand.player)
             if player is None or player.key != hand.key:
                 journal_content.first.refuse(f"its score has no {hand.player} on {hand.key}")
-        frozen = _frozen_of_session(journal_content, version, real)
+        frozen = _frozen_of_session(journal_content, version, real_players)
         running = stage_first(
-            version, Clock(None, opening.beat), real, None, frozen, is_seen=opening.is_seen
+            version,
+            Clock(None, session_start.beat),
+            real_players,
+            None,
+            frozen,
+            is_seen=session_start.is_seen,
         )
         hands = RecordedHands((), 0, ())
         if take is not None:
-            hands = recorded_hands(take, running.stage, opening.tick_frames)
+            hands = recorded_hands(take, running.stage, session_start.tick_frames)
         self._engine = SteppedEngine(
             running.stage,
-            tick_frames=opening.tick_frames,
-            highpass=opening.highpass,
-            reference=opening.reference,
+            tick_frames=session_start.tick_frames,
+            highpass=session_start.highpass,
+            reference=session_start.reference,
             hands=hands.hands,
         )
         self._engine.set_faders(fader_ratios(running))
-        self._schedule = ReplayedSchedule(self._engine, running, real, 0)
+        self._schedule = ReplayedSchedule(self._engine, running, real_players, 0)
         self._versions = _initial_versions(journal_content, version)
         self._due_changes = deque(_journal_changes(journal_content))
         self._note_next()
@@ -114,7 +119,7 @@ class ReplayedSession:
         self.rate = running.stage.rate
         # A session that was killed may have recorded hands after its last line.
         self.n_frames = journal_content.n_frames
-        if not journal_content.ended:
+        if not journal_content.has_ended:
             self.n_frames = max(self.n_frames, hands.n_frames)
         self.warnings = (*hands.warnings, *_gap_warnings(journal_content, hands, self.rate))
         if journal_content.n_frames > DURATION_MAX * self.rate:
@@ -158,25 +163,25 @@ class ReplayedSession:
         n_done = 0
         while n_done < len(out):
             self._do_due()
-            n = min(_BLOCK_FRAMES, len(out) - n_done, *self._frames_until_due(len(out)))
-            out[n_done : n_done + n] = self._engine.process(n)
-            n_done += n
+            n_frames_next = min(_BLOCK_FRAMES, len(out) - n_done, *self._frames_until_due(len(out)))
+            out[n_done : n_done + n_frames_next] = self._engine.process(n_frames_next)
+            n_done += n_frames_next
 
     def _frames_until_due(self, frames_max: int) -> Iterator[int]:
         """Numbers of frames until the next change or act, and `frames_max`."""
-        for due in (self._due_changes, self._due_acts):
-            if due:
-                yield max(1, due[0].frame - self._engine.frame)
+        for due_items in (self._due_changes, self._due_acts):
+            if due_items:
+                yield max(1, due_items[0].frame - self._engine.frame)
         yield frames_max
 
     def _note_next(self) -> None:
         """Note the next change. The timeline ends where that of the session ended at a skip."""
-        schedule, coming = self._schedule, self._due_changes
-        schedule.next_frame = coming[0].frame if coming else math.inf
-        staged = next((change for change in coming if change.is_staged), None)
+        schedule, coming_changes = self._schedule, self._due_changes
+        schedule.next_frame = coming_changes[0].frame if coming_changes else math.inf
+        staged_change = next((change for change in coming_changes if change.is_staged), None)
         schedule.makings.latest = math.inf
-        if staged is not None and staged.skipped_from is not None:
-            schedule.makings.latest = staged.skipped_from
+        if staged_change is not None and staged_change.skipped_from is not None:
+            schedule.makings.latest = staged_change.skipped_from
 
     def _do_due(self) -> None:
         """Hand the engine the changes and acts that take effect at this frame."""
@@ -258,8 +263,10 @@ def _journal_changes(journal_content: JournalContent) -> Iterator[_ReplayedChang
     for (commit_frame, _), commits in groupby(
         journal_content.commits, lambda commit: (commit.frame, commit.change)
     ):
-        for before in [frame_skipped for frame_skipped in skips if frame_skipped < commit_frame]:
-            yield _ReplayedChange(before, (), skips.pop(before))
+        for skipped_before in [
+            frame_skipped for frame_skipped in skips if frame_skipped < commit_frame
+        ]:
+            yield _ReplayedChange(skipped_before, (), skips.pop(skipped_before))
         yield _ReplayedChange(commit_frame, tuple(commits), skips.pop(commit_frame, None))
     for frame_skipped, begin in skips.items():
         yield _ReplayedChange(frame_skipped, (), begin)
@@ -274,14 +281,14 @@ def _line_kind(event: JournalEvent) -> LineKind:
 
 
 def _frozen_of_session(
-    journal_content: JournalContent, version: Version, real: Collection[str]
+    journal_content: JournalContent, version: Version, real_players: Collection[str]
 ) -> tuple[LoadedPart, ...]:
     """The frozen parts with which a session began. Raises JournalError."""
     folder = journal_content.start.frozen
     if folder is None:
         return ()
     try:
-        return frozen_held(folder, version, real)
+        return frozen_held(folder, version, real_players)
     except NotFrozenError as error:
         names = ", ".join(part.name for part in folder.parts)
         raise JournalError(
@@ -291,9 +298,9 @@ def _frozen_of_session(
 
 def _initial_versions(journal_content: JournalContent, version: Version) -> PastVersionStore:
     """The versions that exist when a session begins."""
-    history, versions = journal_content.start.history, PastVersionStore()
+    history_read, versions = journal_content.start.history, PastVersionStore()
     versions[0] = PastVersion.from_version(version, "1|1")
-    for past_version in () if history is None else history.versions:
+    for past_version in () if history_read is None else history_read.versions:
         versions[past_version.number] = past_version
     return versions
 
@@ -303,24 +310,31 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
 
     Raises JournalError, NotTakenError.
     """
-    opening = journal_content.start
+    session_start = journal_content.start
     with _as_journal_errors(journal_content.first):
-        version = opening.version()
-    versions, clock = _initial_versions(journal_content, version), Clock(None, opening.beat)
+        version = session_start.version()
+    versions, clock = _initial_versions(journal_content, version), Clock(None, session_start.beat)
     rate = version.piece.rate
-    timing = Timing(rate, opening.tick_frames)
+    timing = Timing(rate, session_start.tick_frames)
     committed_numbers = {commit.line.get("number", int) for commit in journal_content.commits}
-    waited = [
+    waiting_lines_read = [
         (
             journal_content.n_frames,
-            journal_content.late.get(number, journal_content.lines[number].get("beat", float)),
+            journal_content.late_beats.get(
+                number, journal_content.lines[number].get("beat", float)
+            ),
             event,
         )
-        for number, event in ((n, journal_content.lines[n]) for n in journal_content.order())
+        for number, event in (
+            (line_number, journal_content.lines[line_number])
+            for line_number in journal_content.order()
+        )
         if number not in committed_numbers and number not in journal_content.dropped
     ]
-    committed = [(commit.frame, commit.beat, commit.line) for commit in journal_content.commits]
-    for takeover_frame, last_beat, line_event in (*committed, *waited):
+    committed_lines = [
+        (commit.frame, commit.beat, commit.line) for commit in journal_content.commits
+    ]
+    for takeover_frame, last_beat, line_event in (*committed_lines, *waiting_lines_read):
         with _as_journal_errors(line_event):
             makes_running = line_event.fields.get("goes")
             now_running = makes_running if isinstance(makes_running, bool) else version.is_running
@@ -334,14 +348,14 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
                 version, tempo.written(last_beat), line_event.get("line", str)
             )
             sets_running = makes_running if isinstance(makes_running, bool) else None
-            resumed_entry = entry_of(
+            resumed_entry = takeover_beats(
                 clock,
                 old_tempo,
                 tempo,
                 last_beat,
                 takeover_frame,
                 sets_running,
-                version.enter_beat,
+                version.takeover_beat,
                 timing,
             )
             clock = resumed_entry.clock
@@ -371,7 +385,7 @@ def _renumbered_history(
 ) -> PastVersions:
     """The history of the session resumed as `resumed_version`, numbered for its own journal."""
     history = journal_content.history()
-    past = []
+    past_versions = []
     for place, old_number in enumerate(history.numbers):
         # Numbers from 1 on belong to the lines of that session, and -1 means none.
         new_number = 0 if place == history.index else -2 - place
@@ -380,8 +394,8 @@ def _renumbered_history(
             known_version = PastVersion.from_version(
                 resumed_version, known_version.where, known_version.line
             )
-        past.append(replace(known_version, number=new_number, guides={}))
-    return PastVersions(past, history.index)
+        past_versions.append(replace(known_version, number=new_number, guides={}))
+    return PastVersions(past_versions, history.index)
 
 
 def edit_of_line(
@@ -393,34 +407,36 @@ def edit_of_line(
     """The version edit of a journal's line, without its other effects. Raises NotTakenError."""
     if line_event.fields.get("resets"):
         return version_edits.hush
-    if (known := file_versions.get(line_event.number)) is not None:
-        texts, glide, enters = known
+    if (file_version := file_versions.get(line_event.number)) is not None:
+        texts, glide, enter_beat = file_version
         return lambda version, beat: replace(
-            version, texts=texts, piece=piece_of(texts), glide=glide, enter_beat=enters
+            version, texts=texts, piece=piece_of(texts), glide=glide, takeover_beat=enter_beat
         )
-    restores = line_event.fields.get("restores")
-    if isinstance(restores, int):
-        target = versions.get(restores)
+    restored_number = line_event.fields.get("restores")
+    if isinstance(restored_number, int):
+        target = versions.get(restored_number)
         return version_edits.unchanged if target is None else target.restore
     commands = reparse(line_event.get("line", str), old_version)
     if any(
         type(command) in version_edits.READS_FILES for command in commands
     ):  # rendering a journal reads no further file
         raise NotTakenError("the journal lacks the texts that this line read from files")
-    edits = [command for command in commands if type(command) in version_edits.VERSION_EDITS]
+    edit_commands = [
+        command for command in commands if type(command) in version_edits.VERSION_EDITS
+    ]
     # What `hear` needs is a line of its own, also where it was typed together with others.
-    music = [command for command in edits if not isinstance(command, Hear)]
-    return version_edits.combined(music or edits)
+    music_commands = [command for command in edit_commands if not isinstance(command, Hear)]
+    return version_edits.combined(music_commands or edit_commands)
 
 
 def _gap_warnings(
     journal_content: JournalContent, hands: RecordedHands, rate: float
 ) -> Iterator[str]:
     """Warnings about gaps in a journal, a missing end, and a recording that ends early."""
-    if gap := journal_content.gaps.sentence(journal_content.first.file):
-        yield gap
+    if gap_sentence := journal_content.gaps.sentence(journal_content.first.file):
+        yield gap_sentence
     duration = journal_content.n_frames / rate
-    if not journal_content.ended:
+    if not journal_content.has_ended:
         yield (
             f"{journal_content.first.file} has no end: the session was killed, is still playing, "
             f"or could not write; its last event is at {duration:.1f} s"

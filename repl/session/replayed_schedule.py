@@ -37,9 +37,9 @@ class ReplayedSchedule(Schedule):
         if kinds == {LineKind.FADERS}:
             self._move_faders(line_group)
         elif kinds == {LineKind.ENDS}:
-            self._hand(line_group, self.makings.cut(running, line_group))
+            self._hand(line_group, self.makings.cut_version(running, line_group))
         else:
-            self._hand(line_group, self.makings.stage(running, line_group))
+            self._hand(line_group, self.makings.staged(running, line_group))
         self.reports.clear()
 
     def skip(self, frame: int) -> None:

@@ -11,33 +11,33 @@ if TYPE_CHECKING:
     from ergon.repl.session.waiting_lines import WaitingLine
 
 
-class Moved(NamedTuple):
+class LineMoved(NamedTuple):
     """A waiting line has another frame now."""
 
     line: WaitingLine
 
 
-class Slipped(NamedTuple):
+class LinesSlipped(NamedTuple):
     """Lines were not ready in time, and wait for a later frame, together."""
 
     lines: Sequence[WaitingLine]
 
 
-class Dropped(NamedTuple):
+class LineDropped(NamedTuple):
     """A line will not take effect."""
 
     line: WaitingLine
-    why: str
+    reason: str
 
 
-class Superseded(NamedTuple):
+class LineSuperseded(NamedTuple):
     """A line will not take effect, because one that was typed later does its work before it."""
 
     line: WaitingLine
 
 
-class Done(NamedTuple):
-    """Lines took effect at a frame, as change number `change`, in the version `after` them.
+class LinesDone(NamedTuple):
+    """Lines took effect at a frame, as change number `change`, in the version `running_after`.
 
     Without lines the timeline was extended.
     """
@@ -45,13 +45,13 @@ class Done(NamedTuple):
     frame: int
     change: int
     lines: Sequence[WaitingLine]
-    after: RunningVersion
+    running_after: RunningVersion
 
 
-class Unable(NamedTuple):
+class TimelineFailed(NamedTuple):
     """The timeline cannot be extended."""
 
     sentence: str
 
 
-Report = Moved | Slipped | Dropped | Superseded | Done | Unable
+Report = LineMoved | LinesSlipped | LineDropped | LineSuperseded | LinesDone | TimelineFailed

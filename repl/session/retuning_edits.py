@@ -20,8 +20,8 @@ def _retuned_version(command: Retune) -> VersionEdit:
     texts_by_file: dict[str, str] = {}
 
     def edit(version: Version, edit_beat: float) -> Version:
-        before = replace(version.texts, overlay={**texts_by_file, **version.texts.overlay})
-        retuned_texts, texts_read = retuning.retune(before, command.target, command.fields)
+        texts_before = replace(version.texts, overlay={**texts_by_file, **version.texts.overlay})
+        retuned_texts, texts_read = retuning.retune(texts_before, command.target, command.fields)
         texts_by_file.update(texts_read)
         if texts_read:
             piece_from_files(
@@ -32,8 +32,8 @@ def _retuned_version(command: Retune) -> VersionEdit:
         }
         base_texts = version.base
         if new_texts:
-            written = base_texts or version.texts
-            base_texts = replace(written, overlay={**new_texts, **written.overlay})
+            written_texts = base_texts or version.texts
+            base_texts = replace(written_texts, overlay={**new_texts, **written_texts.overlay})
         glide = GLIDE_DURATION
         if command.over is not None:
             tempo = version.piece.tempo_map

@@ -80,19 +80,25 @@ class RunningVersion:
         """Pairs of players and gestures at a frame."""
         instant = frame / self.stage.rate
         gestures = self.stage.gestures
-        return tuple((g.player, g.name) for g in gestures if g.start <= instant < g.stop)
+        return tuple(
+            (gesture.player, gesture.name)
+            for gesture in gestures
+            if gesture.start <= instant < gesture.stop
+        )
 
 
 def put_horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
     """The beat up to which endless parts are put on the timeline, seen from `from_beat`, and how
     many bars that is.
     """
-    first_bar, reached = (
+    first_bar, beats_reached = (
         tempo.bars.bar_beat(from_beat)[0],
         tempo.seconds(from_beat) + _AHEAD_SECONDS,
     )
     n_bars = _FEWEST_BARS
-    while n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first_bar + n_bars)) < reached:
+    while (
+        n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first_bar + n_bars)) < beats_reached
+    ):
         n_bars += _FEWEST_BARS
     return tempo.bars.start(first_bar + n_bars), n_bars
 
@@ -102,14 +108,14 @@ def rehearsal_piece(piece: Piece) -> Piece:
 
     It serves to measure the level of the piece.
     """
-    plays, starts, start_beat = [], [], 0.0
-    able = {name: keys_for(piece, name) for name in piece.gestures}
+    rehearsal_plays, starts, start_beat = [], [], 0.0
+    keys_by_gesture = {name: keys_for(piece, name) for name in piece.gestures}
     for player in piece.players.values():
         for gesture in piece.gestures.values():
-            if player.key not in able[gesture.name]:
+            if player.key not in keys_by_gesture[gesture.name]:
                 continue
             play_position, gesture_place = Position(plus=Length(beats=start_beat)), gesture.place
-            plays.append(
+            rehearsal_plays.append(
                 Play(
                     player.name,
                     gesture.name,
@@ -126,13 +132,13 @@ def rehearsal_piece(piece: Piece) -> Piece:
             )
             starts.append((start_beat,))
             start_beat += max(1.0, gesture.points[-1].at.beats + gesture.points[-1].at.seconds)
-    return replace(piece, parts=tuple(plays), starts=tuple(starts))
+    return replace(piece, parts=tuple(rehearsal_plays), starts=tuple(starts))
 
 
 def stage_first(
     version: Version,
     clock: Clock,
-    real: Real,
+    real_hands: Real,
     store: Store | None,
     frozen: tuple[LoadedPart, ...] = (),
     *,
@@ -140,7 +146,7 @@ def stage_first(
 ) -> RunningVersion:
     """Stage a version whose piece is stopped, at frame 0."""
     first_stage = stage_spans(
-        version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen
+        version, clock, (), None, 0, real_hands, store, frozen=frozen, is_seen=is_seen
     )
     return RunningVersion(
         version, clock, (), first_stage, 0, clock.stopped_beat, frozen=frozen, is_seen=is_seen
@@ -153,9 +159,9 @@ def stage_spans(
     spans: tuple[Span, ...],
     old_stage: Stage | None,
     start_frame: int,
-    real: Real,
+    real_hands: Real,
     store: Store | None,
-    moving: tuple[Glide, ...] = (),
+    moving_glides: tuple[Glide, ...] = (),
     leaving_links: tuple[LeavingLink, ...] = (),
     *,
     frozen: tuple[LoadedPart, ...],
@@ -163,7 +169,7 @@ def stage_spans(
 ) -> Stage:
     """Stage what `spans` play, from frame `start_frame` on, in place of the stage `old_stage`.
 
-    `moving` are parameters that glide, `leaving_links` removed links that still separate.
+    `moving_glides` are parameters that glide, `leaving_links` removed links that still separate.
     """
     piece = with_leaving(version.sounding, leaving_links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if old_stage is None else start_frame / old_stage.rate)
@@ -172,11 +178,13 @@ def stage_spans(
         piece,
         planned=True,
         store=store,
-        real_hands=real,
+        real_hands=real_hands,
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
-        going=StageTakeover(spans, old_stage, start_frame, moving, strike_points(version)),
+        takeover=StageTakeover(
+            spans, old_stage, start_frame, moving_glides, strike_points(version)
+        ),
         is_seen=is_seen,
     )
-    new_stage.placed = place_samples(frozen, new_stage.listening, clock, new_stage.rate)
+    new_stage.recalled_outputs = place_samples(frozen, new_stage.listening, clock, new_stage.rate)
     return new_stage

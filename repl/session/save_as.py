@@ -20,32 +20,40 @@ def texts_to_write(
     score_texts: Texts, changed: Collection[str], target_path: Path
 ) -> Mapping[str, str]:
     """The texts to write, by file, where these used files were changed. Raises EditError."""
-    moved = _files_using(score_texts, changed)
+    moved_files = _files_using(score_texts, changed)
     folder = Path(score_texts.path).parent
     journal_names = {
         file: journal_name(file, folder).removeprefix(LIBRARY_PREFIX)
         for file in score_texts.overlay
     }
-    for file_name, path, used_name, used in [*_use_entries(score_texts)]:
-        if file_name not in moved and file_name != score_texts.path:
+    for file_name, path, used_name, used_file in [*_use_entries(score_texts)]:
+        if file_name not in moved_files and file_name != score_texts.path:
             continue
-        new = f"{target_path.stem}/{journal_names[used]}" if used in moved else journal_names[used]
-        if new != used_name and (used in moved or file_name in moved):
-            score_texts = score_texts.put(path, edit.quoted(new), file_name)
-    copies = {file: target_path.parent / target_path.stem / journal_names[file] for file in moved}
+        new_name = (
+            f"{target_path.stem}/{journal_names[used_file]}"
+            if used_file in moved_files
+            else journal_names[used_file]
+        )
+        if new_name != used_name and (used_file in moved_files or file_name in moved_files):
+            score_texts = score_texts.put(path, edit.quoted(new_name), file_name)
+    path_by_file = {
+        file: target_path.parent / target_path.stem / journal_names[file] for file in moved_files
+    }
     return {
         str(target_path): score_texts.text,
-        **{str(copy): score_texts.overlay[file] for file, copy in copies.items()},
+        **{str(copy_path): score_texts.overlay[file] for file, copy_path in path_by_file.items()},
     }
 
 
 def _files_using(score_texts: Texts, changed: Collection[str]) -> set[str]:
     """These files, and all files that use one of them, directly or not."""
-    users, count = set(changed), -1
-    while changed and len(users) != count:
-        count = len(users)
-        users |= {file for file, _, _, used in _use_entries(score_texts) if used in users}
-    return users - {score_texts.path}
+    using_files, count = set(changed), -1
+    while changed and len(using_files) != count:
+        count = len(using_files)
+        using_files |= {
+            file for file, _, _, used_file in _use_entries(score_texts) if used_file in using_files
+        }
+    return using_files - {score_texts.path}
 
 
 def _use_entries(score_texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:

@@ -31,7 +31,14 @@ _Stamps = Sequence[tuple[str, int, int]]  # file, time of the last change [ns], 
 def scene_of(score_texts: Texts, scene_name: str) -> Scene:
     """The scene of a name, from its file beside a score. Raises NotTakenError."""
     folder = folder_of(score_texts)
-    path = next((p for suffix in SUFFIXES if is_file(p := folder / f"{scene_name}{suffix}")), None)
+    path = next(
+        (
+            scene_path
+            for suffix in SUFFIXES
+            if is_file(scene_path := folder / f"{scene_name}{suffix}")
+        ),
+        None,
+    )
     if path is None:
         suggestion = nearest(scene_name, [score_file.stem for score_file in scores_in(folder)])
         raise NotTakenError(
@@ -94,7 +101,7 @@ def _scene(command: versions.Scene) -> VersionEdit:
             else [scene(version, command.before), scene_found]
         )
         for missing_name in missing_text:
-            edited_texts = scene_matter.with_matter(edited_texts, piece, missing_name)
+            edited_texts = scene_matter.with_scene_parts(edited_texts, piece, missing_name)
             piece = piece if edited_texts is version.texts else piece_of(edited_texts)
         new_texts = {
             file: text
@@ -104,11 +111,13 @@ def _scene(command: versions.Scene) -> VersionEdit:
         base_texts = version.base
         if new_texts and base_texts is not None:  # `use` adds files in the same way
             base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
-        over = None if command.over is None else command.words["over"].text
+        glide_length = None if command.over is None else command.words["over"].text
         begin_beat, glide = edit_beat, GLIDE_DURATION
         first_scene = scene_found if command.before is None else scene(version, command.before)
-        released = tuple(scenes.released_parameters(piece, first_scene, edit_beat))
-        edited_texts = scenes.with_scene_tempo(edited_texts, piece, scene_found, edit_beat, over)
+        released_parameters = tuple(scenes.released_parameters(piece, first_scene, edit_beat))
+        edited_texts = scenes.with_scene_tempo(
+            edited_texts, piece, scene_found, edit_beat, glide_length
+        )
         if command.over is not None:
             tempo = piece_of(edited_texts).tempo_map
             glide_end = tempo.after(edit_beat, command.over)
@@ -124,9 +133,13 @@ def _scene(command: versions.Scene) -> VersionEdit:
         edited_texts = scenes.with_scene_values(
             edited_texts, piece, scene_found
         )  # last: no beat depends on a parameter
-        played = with_texts(version, edited_texts)
+        played_version = with_texts(version, edited_texts)
         return replace(
-            played, glide=glide, freed_parameters=released, read_files=new_texts, base=base_texts
+            played_version,
+            glide=glide,
+            released_parameters=released_parameters,
+            read_files=new_texts,
+            base=base_texts,
         )
 
     return edit

@@ -17,20 +17,27 @@ from typing import TYPE_CHECKING
 from ergon._core import FORCE_FALL_TIME, StoppedError
 from ergon.notation.clock.positions import Length
 from ergon.repl.language.commands import When
-from ergon.repl.session.changes import Changes, Returned
+from ergon.repl.session.changes import Changes, TakenBack
 from ergon.repl.session.clock import Timing
 from ergon.repl.session.drafting import Draft, Drafts, Request
 from ergon.repl.session.engine import Change
 from ergon.repl.session.extensions import Extensions
-from ergon.repl.session.gains import can_move, changed_ratios
+from ergon.repl.session.gains import can_move_faders, changed_ratios
 from ergon.repl.session.groups import StagedGroup, group_of, staged_group_of
 from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.makings import Makings
 from ergon.repl.session.moments import Moments
 from ergon.repl.session.past_versions import PastVersionStore
-from ergon.repl.session.places import Place
-from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Superseded
+from ergon.repl.session.places import LinePlace
+from ergon.repl.session.reports import (
+    LineDropped,
+    LineMoved,
+    LinesDone,
+    LinesSlipped,
+    LineSuperseded,
+    Report,
+)
 from ergon.repl.session.running import RunningVersion
 from ergon.repl.session.takeover import Takeovers
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
@@ -109,11 +116,11 @@ class Schedule:
     def line(self, number: int) -> WaitingLine | None:
         """A line that waits or is under way, by its number."""
         with self.lock:
-            sent = (line for change in self.changes.under_way for line in change.lines)
+            sent_lines = (line for change in self.changes.pending for line in change.lines)
             return next(
                 (
                     waiting_line
-                    for waiting_line in (*self.waiting, *sent)
+                    for waiting_line in (*self.waiting, *sent_lines)
                     if waiting_line.number == number
                 ),
                 None,
@@ -129,7 +136,7 @@ class Schedule:
         """The beat of the piece that the engine computes now."""
         return self.moments.beat_now()
 
-    def place(self, when: When, grid: Length | None) -> Place:
+    def place(self, when: When, grid: Length | None) -> LinePlace:
         """The place of a line that is typed now. Raises NotTakenError where its beat is past."""
         return self.moments.place(self.head.piece.tempo_map, when, grid)
 
@@ -156,9 +163,11 @@ class Schedule:
             if self.lines is not draft.base_lines:
                 self._check_dropped(request)
                 sketch = self._drafts.sketch(request, self.lines, draft.requested)
-                again = self._drafts.draft(sketch)
-                checked = replace(draft.checked, version=again.line.result())
-                draft = replace(again, checked=checked)
+                checked_draft = self._drafts.draft(sketch)
+                checked_version = replace(
+                    draft.checked_version, version=checked_draft.line.result()
+                )
+                draft = replace(checked_draft, checked_version=checked_version)
             self._set_lines(draft.lines)
             if draft.staged is not None:
                 self._staged = draft.staged
@@ -178,48 +187,53 @@ class Schedule:
         """Remove all waiting lines and return them, also those that are under way to the engine."""
         with self.lock:
             self._wait_again(self.changes.withdraw(self.moments.first_frame(0.0, LineKind.ENDS)))
-            waited = [*self.waiting]
+            dropped_lines = [*self.waiting]
             self.n_drops += 1
             self._set_lines(replace(self.lines, lines=(), superseded=()))
-            return waited
+            return dropped_lines
 
-    def _set_lines(self, lines: WaitingLines, before: Sequence[WaitingLine] | None = None) -> None:
+    def _set_lines(
+        self, lines: WaitingLines, lines_before: Sequence[WaitingLine] | None = None
+    ) -> None:
         """Replace the waiting lines; report which of them have moved, and which are left out.
 
-        Lines that were under way are among those `before`.
+        Lines that were under way are among `lines_before`.
         """
-        starts = {line.number: line.start for line in (self.waiting if before is None else before)}
+        start_by_number = {
+            line.number: line.start
+            for line in (self.waiting if lines_before is None else lines_before)
+        }
         for waiting_line in lines.lines:
             place_text = waiting_line.result().piece.tempo_map.written(waiting_line.beat)
             self.past_versions[waiting_line.number] = PastVersion.from_version(
                 waiting_line.result(), place_text
             )
-            if starts.get(waiting_line.number, waiting_line.start) != waiting_line.start:
-                self.reports.append(Moved(waiting_line))
-        self.reports.extend(Superseded(line) for line in lines.superseded)
+            if start_by_number.get(waiting_line.number, waiting_line.start) != waiting_line.start:
+                self.reports.append(LineMoved(waiting_line))
+        self.reports.extend(LineSuperseded(line) for line in lines.superseded)
         self.lines = lines
 
     def _let_wait(self, lines: Sequence[WaitingLine]) -> None:
         """Let lines wait after the running version; drop those that can no longer be made."""
         self._set_lines(self._arranged(lines, self.soonest_frame()), lines)
 
-    def _arranged(self, lines: Sequence[WaitingLine], soonest: int) -> WaitingLines:
+    def _arranged(self, lines: Sequence[WaitingLine], soonest_frame: int) -> WaitingLines:
         """Lines after the running version, not before a frame; those that cannot be are dropped."""
         waiting_lines = WaitingLines(self.running.version, self.running.clock, self.timing)
-        arranged, lost = waiting_lines.followed_by(lines, soonest)
-        self.reports.extend(Dropped(lost_line.line, lost_line.why) for lost_line in lost)
-        return arranged
+        arranged_lines, lost_lines = waiting_lines.followed_by(lines, soonest_frame)
+        self.reports.extend(LineDropped(lost_line.line, lost_line.why) for lost_line in lost_lines)
+        return arranged_lines
 
-    def _wait_again(self, returned: Returned) -> None:
+    def _wait_again(self, taken_back: TakenBack) -> None:
         """Let lines that were under way wait again, before the others."""
-        if returned.before.version is not self.lines.base or returned.lines:
-            self._let_wait([*returned.lines, *self.waiting])
+        if taken_back.running_before.version is not self.lines.base or taken_back.lines:
+            self._let_wait([*taken_back.lines, *self.waiting])
         self.past_versions.update(self.changes.past_versions(self.past_versions))
 
-    def _fail(self, failed: Sequence[WaitingLine], why: str) -> None:
+    def _drop_failed(self, failed_line: Sequence[WaitingLine], reason: str) -> None:
         """Drop waiting lines."""
-        self.reports.extend(Dropped(waiting_line, why) for waiting_line in failed)
-        numbers = {waiting_line.number for waiting_line in failed}
+        self.reports.extend(LineDropped(waiting_line, reason) for waiting_line in failed_line)
+        numbers = {waiting_line.number for waiting_line in failed_line}
         self._let_wait(
             [waiting_line for waiting_line in self.waiting if waiting_line.number not in numbers]
         )
@@ -248,18 +262,21 @@ class Schedule:
                     else:
                         self._hand_staged(due_group)
                 except REFUSALS as error:
-                    self._fail(due_group, str(error))
+                    self._drop_failed(due_group, str(error))
 
     def _first_due(self) -> tuple[WaitingLine, ...]:
         """The next lines that can be handed over, or are late; empty if there are none."""
         moments, lines_left = self.moments, self.waiting
-        until, soon_frame = moments.frame_after(_AHEAD_SECONDS), moments.frame_after(_PASS_SECONDS)
-        while lines_left and lines_left[0].frame <= until:
+        until_frame, soon_frame = (
+            moments.frame_after(_AHEAD_SECONDS),
+            moments.frame_after(_PASS_SECONDS),
+        )
+        while lines_left and lines_left[0].frame <= until_frame:
             due_group = group_of(lines_left)
             due_kind, group_start = due_group[0].kind, due_group[0].frame
             is_first = len(lines_left) == len(self.waiting)
             if due_kind is LineKind.FADERS:
-                is_due = is_first or can_move(self.running, due_group)
+                is_due = is_first or can_move_faders(self.running, due_group)
             elif due_kind is LineKind.ENDS:
                 # A beat counts from the beginning of the piece, which then comes first.
                 begins = any(line.sets_running for line in self.waiting[: -len(lines_left)])
@@ -274,16 +291,16 @@ class Schedule:
         return ()
 
     def _is_staged(self, group: Sequence[WaitingLine]) -> bool:
-        return self._staged is not None and self._staged.fits(group, self.running)
+        return self._staged is not None and self._staged.is_made_of(group, self.running)
 
     def _slip(self, late_group: Sequence[WaitingLine]) -> None:
         """Let late lines, and those typed after them, wait for the next bar, or for the soonest
         frame.
         """
         beat, start = self.moments.place_after_slip(late_group)
-        slipped_lines, lost, moved = self.lines.slipped(late_group, beat, start)
-        self.reports.append(Slipped(moved))
-        self.reports.extend(Dropped(lost_line.line, lost_line.why) for lost_line in lost)
+        slipped_lines, lost_lines, moved_lines = self.lines.slipped(late_group, beat, start)
+        self.reports.append(LinesSlipped(moved_lines))
+        self.reports.extend(LineDropped(lost_line.line, lost_line.why) for lost_line in lost_lines)
         self._set_lines(slipped_lines)
 
     def _move_faders(self, fader_group: Sequence[WaitingLine]) -> None:
@@ -300,28 +317,28 @@ class Schedule:
         """End what plays: a cut of the running stage, before all that waits."""
         end_frame = group[0].start
         assert end_frame is not None
-        returned = self.changes.withdraw(end_frame)
-        ending_lines = [*returned.lines, *(line for line in self.waiting if line not in group)]
+        taken_back = self.changes.withdraw(end_frame)
+        ending_lines = [*taken_back.lines, *(line for line in self.waiting if line not in group)]
         # One of the same frame that was under way ends together with these.
-        also = [
+        other_endings = [
             line for line in ending_lines if line.kind is LineKind.ENDS and line.start == end_frame
         ]
-        lines_left = [line for line in ending_lines if line not in also]
-        group = sorted((*also, *group), key=lambda line: line.number)
-        stops = [
+        lines_left = [line for line in ending_lines if line not in other_endings]
+        group = sorted((*other_endings, *group), key=lambda line: line.number)
+        stop_numbers = [
             waiting_line.number for waiting_line in group if waiting_line.sets_running is False
         ]
-        if stops:
-            lines_left = self._without_start(lines_left, max(stops))
+        if stop_numbers:
+            lines_left = self._without_start(lines_left, max(stop_numbers))
         ending = self._arranged(group, end_frame).lines
-        ends = [line for line in ending if line.start is not None]
+        ending_started = [line for line in ending if line.start is not None]
         # Without what was taken back, the piece may stand, and has not reached the beat of some.
         lines_left += [line for line in ending if line.start is None]
         try:
-            if ends:
-                self._hand(ends, self.makings.cut(self.running, ends))
+            if ending_started:
+                self._hand(ending_started, self.makings.cut_version(self.running, ending_started))
         except REFUSALS as error:
-            self.reports.extend(Dropped(line, str(error)) for line in ends)
+            self.reports.extend(LineDropped(line, str(error)) for line in ending_started)
         self._let_wait(lines_left)
 
     def _without_start(
@@ -330,14 +347,14 @@ class Schedule:
         """Lines that wait after a stop: those that start the piece and were typed before the line
         `stop_frame` are dropped.
         """
-        started = [
+        started_lines = [
             waiting_line
             for waiting_line in waiting_lines
             if waiting_line.sets_running and waiting_line.number < stop_frame
         ]
-        why = "the piece was stopped before it began"
-        self.reports.extend(Dropped(waiting_line, why) for waiting_line in started)
-        return [waiting_line for waiting_line in waiting_lines if waiting_line not in started]
+        reason = "the piece was stopped before it began"
+        self.reports.extend(LineDropped(waiting_line, reason) for waiting_line in started_lines)
+        return [waiting_line for waiting_line in waiting_lines if waiting_line not in started_lines]
 
     def _hand_staged(self, group: Sequence[WaitingLine]) -> None:
         staged_group = self._staged
@@ -368,17 +385,22 @@ class Schedule:
         """Note that a change took effect, or came too late."""
         with self.lock:
             if engine_event.is_late:
-                soonest = self.moments.first_frame(0.0, LineKind.FADERS)
-                self._wait_again(self.changes.note_late(engine_event.ticket or 0, soonest))
+                soonest_frame = self.moments.first_frame(0.0, LineKind.FADERS)
+                self._wait_again(self.changes.note_late(engine_event.ticket or 0, soonest_frame))
                 return
-            running, finished = self.running, self.changes.note_done(engine_event)
-            if finished is None:
+            running, finished_change = self.running, self.changes.note_done(engine_event)
+            if finished_change is None:
                 return
             self.reports.append(
-                Done(engine_event.frame, finished.number, finished.lines, finished.after)
+                LinesDone(
+                    engine_event.frame,
+                    finished_change.number,
+                    finished_change.lines,
+                    finished_change.running_after,
+                )
             )
             if self.running is not running:  # the withdrawal came too late
-                numbers = {line.number for line in finished.lines}
+                numbers = {line.number for line in finished_change.lines}
                 self._let_wait(
                     [
                         waiting_line
@@ -401,15 +423,15 @@ class Schedule:
         start_frame = self.making_time.began()
         try:
             staged_group = StagedGroup(
-                unmade_group, running, self.makings.stage(running, unmade_group)
+                unmade_group, running, self.makings.staged(running, unmade_group)
             )
         except StoppedError:  # the session is closed
             raise
         except REFUSALS:
-            failed, why = self.makings.first_failing(running, unmade_group)
+            failed_line, reason = self.makings.first_failing(running, unmade_group)
             with self.lock:
                 if unmade_group == staged_group_of(self.waiting):
-                    self._fail([failed], why)
+                    self._drop_failed([failed_line], reason)
             return True
         finally:
             self.making_time.add(start_frame)
@@ -418,9 +440,9 @@ class Schedule:
         return True
 
     def _first_unmade(self) -> tuple[WaitingLine, ...]:
-        until = self.moments.frame_after(_AHEAD_SECONDS + self.making_time.expected)
+        until_frame = self.moments.frame_after(_AHEAD_SECONDS + self.making_time.expected)
         unmade_group = staged_group_of(self.waiting)
-        if not unmade_group or unmade_group[0].frame > until:
+        if not unmade_group or unmade_group[0].frame > until_frame:
             return ()
         is_late = unmade_group[0].frame < self.moments.first_frame(0.0)
         return () if is_late or self._is_staged(unmade_group) else unmade_group
@@ -459,10 +481,10 @@ class Schedule:
         numbers = [*last_numbers, *(waiting_line.number for waiting_line in self.waiting)]
         return {number: float(place) for place, number in enumerate(numbers)}
 
-    def rebase(self, base: Texts) -> None:
+    def rebase(self, base_texts: Texts) -> None:
         """Note that the files hold these texts now."""
         with self.lock:
-            self.past_versions.rebase(base)
-            version = replace(self.running.version, base=base, renames=())
+            self.past_versions.rebase(base_texts)
+            version = replace(self.running.version, base=base_texts, renames=())
             self.changes.running = replace(self.running, version=version)
             self._let_wait(self.waiting)

@@ -16,7 +16,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.without_gc import without_gc
 from ergon.repl.language.complete import complete
 from ergon.repl.language.highlight import highlighted_tokens
-from ergon.repl.language.lines import is_whole
+from ergon.repl.language.lines import is_complete
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.session import session_commands
@@ -78,18 +78,18 @@ class Session(SessionCore):
         try:
             reply = self._do_lines(text, barred)
         except Refusal as refusal:
-            reply = _not_taken(refusal.message, refusal.try_)
+            reply = _refused_reply(refusal.message, refusal.try_)
         except NotTakenError as error:
-            reply = _not_taken(str(error), error.try_)
+            reply = _refused_reply(str(error), error.try_)
         except StageError as error:
-            first = error.diagnostics[0]
-            reply = _not_taken(first.message, None, first.help)
+            first_error = error.diagnostics[0]
+            reply = _refused_reply(first_error.message, None, first_error.help)
         except _core.StoppedError as error:
-            reply = _not_taken(self.computing.refusal(error))
+            reply = _refused_reply(self.computing.refusal(error))
         except (EditError, _core.EngineError) as error:
-            reply = _not_taken(str(error))
+            reply = _refused_reply(str(error))
         except BaseException as error:  # also pyo3's panics and SystemExit
-            reply = _not_taken(f"internal error: {type(error).__name__}; nothing has changed")
+            reply = _refused_reply(f"internal error: {type(error).__name__}; nothing has changed")
         self._write_reply(text, reply)
         return reply
 
@@ -98,7 +98,7 @@ class Session(SessionCore):
             engine_frame = (
                 self.schedule.engine.frame
             )  # so that `--resume` knows how far the session went
-            self.attend()  # a journal that names a frame has all that happened before it
+            self.hand_over_due()  # a journal that names a frame has all that happened before it
             self.log.write(
                 "said",
                 line=reply_text[:10_000],
@@ -117,41 +117,47 @@ class Session(SessionCore):
             if type(command) in barred:
                 raise NotTakenError(barred[type(command)])
         known_commands = session_commands.SESSION_COMMANDS
-        music = [command for command in commands if type(command) not in known_commands]
-        others = [command for command in commands if type(command) in known_commands]
-        replies = [self.make_version(text, music)] if music else []
-        replies += [known_commands[type(command)](self, command) for command in others]
+        version_commands = [command for command in commands if type(command) not in known_commands]
+        other_commands = [command for command in commands if type(command) in known_commands]
+        replies = [self.make_version(text, version_commands)] if version_commands else []
+        replies += [known_commands[type(command)](self, command) for command in other_commands]
         reply_texts = [reply.text for reply in replies if reply.text]
         lines = tuple(line for reply in replies for line in reply.lines)
-        taken = all(reply.taken for reply in replies)
-        return Reply(taken, "; ".join(reply_texts), None, lines, any(r.leaves for r in replies))
+        is_taken = all(reply.taken for reply in replies)
+        return Reply(
+            is_taken,
+            "; ".join(reply_texts),
+            None,
+            lines,
+            any(line_reply.leaves for line_reply in replies),
+        )
 
     def state(self) -> State:
         """Position, tempo, what plays, load and level."""
         running, engine = self.schedule.running, self.schedule.engine
-        engine_frame, look = engine.frame, engine.status()
+        engine_frame, engine_status = engine.frame, engine.status()
         tempo = running.version.piece.tempo_map
         engine_beat = running.beat(engine_frame)
-        bar, into = tempo.bar_beat(engine_beat)
-        peak = max(look.peaks, default=0.0)
-        failed = self.journal is not None and self.journal.has_failed
+        bar, beat_in_bar = tempo.bar_beat(engine_beat)
+        peak = max(engine_status.peaks, default=0.0)
+        has_failed = self.journal is not None and self.journal.has_failed
         capture = self.captures.current
         return State(
             bar=bar,
-            beat=into,
+            beat=beat_in_bar,
             tempo=tempo.bpm(engine_beat),
             playing=running.in_flight(engine_frame),
-            load=look.load,
-            late=look.late,
+            load=engine_status.load,
+            late=engine_status.late_ticks,
             level=decibels_of(peak),
             quant=self.quant_text,
             recording=None
             if capture is None
             else capture.seconds(engine_frame, running.stage.rate),
             panicked=self.stops.panicked,
-            let_go=look.let_go,
+            let_go=engine_status.is_let_go,
             drawing=self.drawing,
-            troubles=(*(("JOURNAL NOT WRITTEN",) if failed else ()), *look.troubles),
+            troubles=(*(("JOURNAL NOT WRITTEN",) if has_failed else ()), *engine_status.troubles),
         )
 
     def messages(self) -> Sequence[str]:
@@ -184,15 +190,15 @@ class Session(SessionCore):
 
     def is_whole(self, text: str) -> bool:
         """Whether Enter ends the text."""
-        return is_whole(text)
+        return is_complete(text)
 
     def run(self) -> None:
         """Start the threads that keep the session going until it is closed."""
         for port_name, turn in (
             ("ergon session", self._attend),
-            ("ergon feeder", self.feed),
+            ("ergon feeder", self.extend_timeline),
             ("ergon maker", self.make_due),
-            ("ergon files", self._look_around),
+            ("ergon files", self._reload_changed_files),
         ):
             thread = threading.Thread(
                 target=self._repeat, args=(turn,), name=port_name, daemon=True
@@ -211,11 +217,11 @@ class Session(SessionCore):
                 self.say(f"{type(error).__name__}: {error}")
 
     def _attend(self) -> None:
-        self.attend()
+        self.hand_over_due()
         for turn in self._turns:
             turn(time.monotonic())
 
-    def _look_around(self) -> None:
+    def _reload_changed_files(self) -> None:
         """Guide hands, find the names of the next line, and read the score again if its file has
         changed.
         """
@@ -226,16 +232,16 @@ class Session(SessionCore):
         self._n_looks += 1
         if self._n_looks % _CHECKS_PER_FILE_CHECK == 0 and self.watch and self.watch.has_changed():
             name, reply = Path(self.schedule.head.texts.path).name, self.submit("reload")
-            taken = "reloaded" if reply.taken else "not reloaded"
-            self.say(f"{name} has changed and is {taken}: {reply.text}")
+            reload_text = "reloaded" if reply.taken else "not reloaded"
+            self.say(f"{name} has changed and is {reload_text}: {reply.text}")
 
     def close(self) -> None:
         """End the session, its engine and its journal."""
         if self._is_closed.is_set():
             return
         self._is_closed.set()
-        for attached in self._attached:
-            attached.close()
+        for attached_part in self._attached:
+            attached_part.close()
         self._closing.cancel()
         for thread in self._threads:
             thread.join()
@@ -255,5 +261,5 @@ class Session(SessionCore):
                     self.say(journal_error)
 
 
-def _not_taken(message: str, try_: str | None = None, help: str | None = None) -> Reply:
+def _refused_reply(message: str, try_: str | None = None, help: str | None = None) -> Reply:
     return Reply(False, f"{message} ({help})" if help else message, try_)

@@ -78,7 +78,7 @@ def _play(session: SessionCore, command: Play) -> Reply:
 def _hear(session: SessionCore, command: Hear) -> Reply:
     if session.stops.panicked:
         raise NotTakenError("a panic is active: type `release`, then `hear` again")
-    return Reply(True, f"ok {session.hearing.hear(command)}")
+    return Reply(True, f"ok {session.hearing.strike(command)}")
 
 
 @executes(Stop)
@@ -86,9 +86,9 @@ def _stop(session: SessionCore, command: Stop) -> Reply:
     is_starting = any(waiting_line.sets_running for waiting_line in session.schedule.waiting)
     if not (session.schedule.running.clock.is_running or is_starting):
         raise NotTakenError("the piece is already stopped; `play` continues it")
-    when = NOW if command.when is None else command.when
+    line_time = NOW if command.when is None else command.when
     stop_entry = Entry(
-        "stop", version_edits.unchanged, LineKind.ENDS, when, sets_running=False, restores=-1
+        "stop", version_edits.unchanged, LineKind.ENDS, line_time, sets_running=False, restores=-1
     )
     place, _ = session.queue(stop_entry)
     return Reply(True, f"ok {place} the piece stops; `play` continues from there")
@@ -119,20 +119,20 @@ def _quant(session: SessionCore, command: Quant) -> Reply:
 
 @executes(Tap)
 def _tap(session: SessionCore, command: Tap) -> Reply:
-    now = time.monotonic()
-    taps = session.taps
-    if taps and now - taps[-1] > _TAP_PAUSE_MAX:
-        taps.clear()
-    taps.append(now)
-    del taps[:-_TAPS_MAX]
-    if len(taps) < 2:
+    instant_now = time.monotonic()
+    tap_instants = session.taps
+    if tap_instants and instant_now - tap_instants[-1] > _TAP_PAUSE_MAX:
+        tap_instants.clear()
+    tap_instants.append(instant_now)
+    del tap_instants[:-_TAPS_MAX]
+    if len(tap_instants) < 2:
         return Reply(True, "tap 1: one more sets the tempo")
-    beat = (taps[-1] - taps[0]) / (len(taps) - 1)
+    beat = (tap_instants[-1] - tap_instants[0]) / (len(tap_instants) - 1)
     bpm = round(60.0 / max(beat, 1e-3), 1)
     if not _TAP_BPM[0] <= bpm <= _TAP_BPM[1]:
-        slowest, fastest = _TAP_BPM
-        taps.clear()
-        message = f"the taps are at {bpm:g} bpm; tap between {slowest:g} and {fastest:g} bpm, or"
+        bpm_min, bpm_max = _TAP_BPM
+        tap_instants.clear()
+        message = f"the taps are at {bpm:g} bpm; tap between {bpm_min:g} and {bpm_max:g} bpm, or"
         return Reply(False, f"{message} write a tempo", "tempo 120")
     return session.make_version(f"tempo {bpm:g}", [Tempo(bpm, when=NOW)])
 
@@ -149,7 +149,7 @@ def _back(session: SessionCore, command: Back) -> Reply:
 
 
 def _back_by(
-    session: SessionCore, command: Command, n_lines: int, line_text: str, none: str
+    session: SessionCore, command: Command, n_lines: int, line_text: str, nothing_text: str
 ) -> Reply:
     """Go back by `n_lines` lines. Those that still wait are cancelled, and those undone before
     that wait again. If any has taken effect, or an `undo` waits that was typed after it, the
@@ -158,24 +158,30 @@ def _back_by(
     history = session.history
     target_index = history.index - n_lines
     if target_index < 0:
-        raise NotTakenError(f"{none}; `history` lists the versions")
+        raise NotTakenError(f"{nothing_text}; `history` lists the versions")
     reverted_numbers = history.numbers[target_index + 1 : history.index + 1]
-    undone = history.undone
+    undone_numbers = history.undone_numbers
     waiting = [
         waiting_line
         for waiting_line in session.schedule.waiting
         if waiting_line.number in reverted_numbers
     ]
-    for cancelled in reversed(session.schedule.waiting):
-        if cancelled.number in (*reverted_numbers, *undone):
-            session.drop(cancelled)
-            session.cancelled.append(cancelled)
-    restoring = (waiting_line for waiting_line in session.schedule.waiting if waiting_line.sets_all)
-    is_restored = any(waiting_line.number > min(reverted_numbers) for waiting_line in restoring)
+    for cancelled_line in reversed(session.schedule.waiting):
+        if cancelled_line.number in (*reverted_numbers, *undone_numbers):
+            session.drop(cancelled_line)
+            session.cancelled.append(cancelled_line)
+    restoring_lines = (
+        waiting_line for waiting_line in session.schedule.waiting if waiting_line.sets_all
+    )
+    is_restored = any(
+        waiting_line.number > min(reverted_numbers) for waiting_line in restoring_lines
+    )
     if len(waiting) == len(reverted_numbers) and not is_restored:
         lines = " and ".join(f"'{first_line(waiting_line.line)}'" for waiting_line in waiting)
-        predicate = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
-        return Reply(True, f"ok {lines} {predicate} took effect")
+        cancelled_text = (
+            "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
+        )
+        return Reply(True, f"ok {lines} {cancelled_text} took effect")
     return _restore(session, command, target_index, line_text)
 
 
@@ -204,20 +210,20 @@ def _redo(session: SessionCore, command: Redo) -> Reply:
 
 
 def _restore(session: SessionCore, command: Command, index: int, line_text: str) -> Reply:
-    past, number = session.schedule.past_versions, session.history.numbers[index]
+    past_versions, number = session.schedule.past_versions, session.history.numbers[index]
 
     def restored(version: Version, beat: float) -> Version:
-        return past[number].restore(version, beat)
+        return past_versions[number].restore(version, beat)
 
-    beat_text, queued = session.queue(
+    beat_text, queued_version = session.queue(
         Entry(line_text, restored, when=command.when, restores=number)
     )
     session.history.go_to(number)
-    changes = [
-        f"as after: {first_line(past[number].line) or 'the beginning'}",
-        *session.log.force_messages(queued),
+    change_texts = [
+        f"as after: {first_line(past_versions[number].line) or 'the beginning'}",
+        *session.log.force_messages(queued_version),
     ]
-    return Reply(True, f"ok {beat_text} {'; '.join(changes)}")
+    return Reply(True, f"ok {beat_text} {'; '.join(change_texts)}")
 
 
 @executes(History)
@@ -325,21 +331,23 @@ def _scope_on(session: SessionCore, command: TraceOn) -> Reply:
 @executes(Meters)
 def _meters(session: SessionCore, command: Meters) -> Reply:
     peaks = session.schedule.engine.status().peaks
-    shown = [
+    channel_rows = [
         f"{channel:3}  {decibels_of(peak):6.1f} dB"
         if peak > SILENT_PEAK
         else f"{channel:3}  silent"
         for channel, peak in enumerate(peaks, 1)
     ]
-    return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
+    return Reply(True, "", lines=tuple(channel_rows or ["no channel is metered here"]))
 
 
 @executes(Save)
 def _save(session: SessionCore, command: Save) -> Reply:
-    written = files.save_version(session, None if command.file is None else Path(command.file))
-    if not written:
+    written_lines = files.save_version(
+        session, None if command.file is None else Path(command.file)
+    )
+    if not written_lines:
         return Reply(True, "ok nothing to write: the files already hold this version")
-    return Reply(True, f"ok wrote {', '.join(written)}")
+    return Reply(True, f"ok wrote {', '.join(written_lines)}")
 
 
 @executes(Record)
@@ -353,7 +361,7 @@ def _record(session: SessionCore, command: Record) -> Reply:
             "a take is written beside its score, and this score ships with ergon: "
             "`save NAME`, then `load NAME.yaml`"
         )
-    record_beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
+    record_beat, _ = session.schedule.place(session.resolved_time(command.when), session.quant)
     session.captures.begin(command.player, command.take, session.schedule.frame_of(record_beat))
     return Reply(
         True,
@@ -364,7 +372,7 @@ def _record(session: SessionCore, command: Record) -> Reply:
 
 @executes(RecordOff)
 def _record_off(session: SessionCore, command: RecordOff) -> Reply:
-    beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
+    beat, _ = session.schedule.place(session.resolved_time(command.when), session.quant)
     capture = session.captures.end(session.schedule.frame_of(beat))
     return Reply(True, f"ok {session.position_text(beat)} take {capture.name} ends")
 
@@ -381,11 +389,11 @@ def _record_audio(session: SessionCore, command: RecordAudio) -> Reply:
 
 @executes(Keep)
 def _keep(session: SessionCore, command: Keep) -> Reply:
-    written = files.write_last_bars(session, command.length, command.name)
+    written_lines = files.write_last_bars(session, command.length, command.name)
     scene_of(
         session.schedule.head.texts, command.name
     )  # read it now, so that `scene` answers at once
-    return Reply(True, f"ok wrote {', '.join(written)}")
+    return Reply(True, f"ok wrote {', '.join(written_lines)}")
 
 
 @executes(Py)

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.live.display import force_sentence
 from ergon.repl.session.journal_content import effect_fields, text_fields
-from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Superseded, Unable
+from ergon.repl.session.reports import (
+    LineDropped,
+    LineMoved,
+    LinesDone,
+    LinesSlipped,
+    LineSuperseded,
+    Report,
+    TimelineFailed,
+)
 from ergon.repl.session.version import Version, first_line
 from ergon.scores.edits import merging
 
@@ -84,21 +92,21 @@ class SessionLog:
 
     def _note(self, report: Report) -> None:
         match report:
-            case Moved(waiting_line):
+            case LineMoved(waiting_line):
                 self._note_moved(waiting_line)
-            case Slipped(group_lines):
+            case LinesSlipped(group_lines):
                 self._note_slipped(group_lines)
-            case Dropped(waiting_line, why):
+            case LineDropped(waiting_line, why):
                 self.say(
                     f"line {waiting_line.number} '{first_line(waiting_line.line)}' could not take "
                     f"effect and is dropped: {why}"
                 )
                 self.note_dropped(waiting_line)
-            case Superseded(waiting_line):
+            case LineSuperseded(waiting_line):
                 self.note_dropped(waiting_line)
-            case Done(frame, change, group_lines, after):
+            case LinesDone(frame, change, group_lines, after):
                 self._note_done(frame, change, group_lines, after)
-            case Unable(sentence):
+            case TimelineFailed(sentence):
                 self.say(sentence)
 
     def _note_moved(self, line: WaitingLine) -> None:
@@ -107,20 +115,20 @@ class SessionLog:
 
     def _note_slipped(self, lines: Sequence[WaitingLine]) -> None:
         schedule = self._schedule
-        typed = [line for line in lines if line.line]
-        if not typed:
+        typed_lines = [line for line in lines if line.line]
+        if not typed_lines:
             return
-        first, *lines_after = typed
-        assert first.start is not None
-        delay = (first.start - schedule.engine.frame) / schedule.rate
-        is_soon = first.is_now or not schedule.running.clock.is_running
+        first_line_slipped, *lines_after = typed_lines
+        assert first_line_slipped.start is not None
+        delay = (first_line_slipped.start - schedule.engine.frame) / schedule.rate
+        is_soon = first_line_slipped.is_now or not schedule.running.clock.is_running
         if is_soon and delay <= _DELAY_TOLD:
             return
         delay_text = f"in {delay:.1f} s" if is_soon else "at the next bar"
-        others = f", together with {len(lines_after)} typed after it" if lines_after else ""
+        others_text = f", together with {len(lines_after)} typed after it" if lines_after else ""
         self.say(
-            f"'{first_line(first.line)}' was not ready in time; it takes effect "
-            f"{delay_text}{others}"
+            f"'{first_line(first_line_slipped.line)}' was not ready in time; it takes effect "
+            f"{delay_text}{others_text}"
         )
 
     def note_dropped(self, line: WaitingLine) -> None:
@@ -144,9 +152,9 @@ class SessionLog:
             text_values: dict[str, object] = {}
             if done_line.reads_files:
                 version = done_line.result()
-                effects = effect_fields(version)
-                if self._read.pop(done_line.number, None) != (version.texts, effects):
-                    text_values = {**text_fields(version.texts), **effects}
+                effect_values = effect_fields(version)
+                if self._read.pop(done_line.number, None) != (version.texts, effect_values):
+                    text_values = {**text_fields(version.texts), **effect_values}
             self.write(
                 "commit",
                 number=done_line.number,
@@ -176,49 +184,53 @@ class SessionLog:
 
     def force_messages(self, running: RunningVersion) -> list[str]:
         """Messages about the share of force that real hands get, where it has changed."""
-        changed = [
+        changed_bounds = [
             bound
             for bound in running.force_bounds
             if self._scales.get(bound.player, 1.0) != bound.last.scale
         ]
-        self._scales |= {bound.player: bound.last.scale for bound in changed}
-        return [force_sentence(bound) for bound in changed]
+        self._scales |= {bound.player: bound.last.scale for bound in changed_bounds}
+        return [force_sentence(bound) for bound in changed_bounds]
 
     def note_thawed(self, running: RunningVersion) -> None:
         """Report which frozen parts are computed live from a version on."""
-        frozen = {part.name for part in running.frozen}
-        thawed = [
-            running.version.sounds_as.shown(name, running.version.piece.instruments)
-            for name in sorted(self._frozen - frozen)
+        frozen_names = {part.name for part in running.frozen}
+        thawed_names = [
+            running.version.sounds_as.shown_name(name, running.version.piece.instruments)
+            for name in sorted(self._frozen - frozen_names)
             if name in running.version.sounding.instruments
         ]
-        self._frozen = frozen
-        if thawed:
-            verb, start = ("is", "starts") if len(thawed) == 1 else ("are", "start")
+        self._frozen = frozen_names
+        if thawed_names:
+            verb, start = ("is", "starts") if len(thawed_names) == 1 else ("are", "start")
             self.say(
-                f"from this line on {', '.join(thawed)} {verb} computed live and {start} at rest, "
+                f"from this line on {', '.join(thawed_names)} {verb} computed live and {start} "
+                "at rest, "
                 "because the line changes what was frozen"
             )
 
     def discard_messages(self, version: Version) -> list[str]:
         """Messages about typed values that were replaced by those of the files."""
         messages = []
-        for spot in version.discarded_spots:
-            line = self._line_that_changed(spot)
-            typed = f"'{first_line(line)}'" if line else "what was typed"
+        for place in version.discarded_places:
+            line = self._line_that_changed(place)
+            typed_text = f"'{first_line(line)}'" if line else "what was typed"
             messages.append(
-                f"{spot} was changed by {typed} and in the file; the value in the file is kept, "
+                f"{place} was changed by {typed_text} and in the file; the value in the file "
+                "is kept, "
                 "and the line is discarded"
             )
         return messages
 
-    def _line_that_changed(self, spot: ValuePlace) -> str:
+    def _line_that_changed(self, place: ValuePlace) -> str:
         """The last earlier line that changed a place; empty if none is found."""
         history, versions = self._history, self._schedule.past_versions
-        past = [versions[n] for n in history.numbers[: history.index]]
-        for before, after in itertools.pairwise(reversed(past[-_LOOKS_BACK:])):
-            if merging.differ(before.texts, after.texts, spot):
-                return before.line
+        past_versions = [versions[n] for n in history.numbers[: history.index]]
+        for version_before, version_after in itertools.pairwise(
+            reversed(past_versions[-_LOOKS_BACK:])
+        ):
+            if merging.is_different_at(version_before.texts, version_after.texts, place):
+                return version_before.line
         return ""
 
     def note_troubles(self, troubles: Sequence[str], engine_frame: int) -> None:
@@ -228,7 +240,7 @@ class SessionLog:
         rate = self._schedule.rate
         for trouble in troubles:
             trouble_kind = trouble.rstrip("0123456789")
-            last, shown_frame = self._troubles.get(trouble_kind, ("", -rate))
-            if trouble != last and engine_frame >= shown_frame + rate:
+            last_trouble, shown_frame = self._troubles.get(trouble_kind, ("", -rate))
+            if trouble != last_trouble and engine_frame >= shown_frame + rate:
                 self._troubles[trouble_kind] = trouble, engine_frame
                 self.say(f"{self.position_at(engine_frame)} {trouble}")

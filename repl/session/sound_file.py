@@ -46,22 +46,22 @@ class SoundFile:
         status = engine.sound_file_status()
         if status is None:
             return "", None
-        if status.ended or status.error is not None:
+        if status.has_ended or status.error is not None:
             path, self._path = self._path, None
             if status.error is not None:
                 engine.end_sound()
                 return status.error, None
             return (
-                f"sound of {status.frames / rate:.1f} s{_missing_text(status, rate)} -> {path}",
+                f"sound of {status.n_frames / rate:.1f} s{_missing_text(status, rate)} -> {path}",
                 status,
             )
-        if status.missing > self._missing:
-            self._missing = status.missing
+        if status.n_missing > self._missing:
+            self._missing = status.n_missing
             return f"{self._path}: the disk is too slow{_missing_text(status, rate)}", None
         return "", None
 
 
 def _missing_text(status: SoundFileStatus, rate: float) -> str:
-    if not status.missing:
+    if not status.n_missing:
         return ""
-    return f", of which {status.missing / rate:.3f} s are silence, for the disk was too slow"
+    return f", of which {status.n_missing / rate:.3f} s are silence, for the disk was too slow"

@@ -51,23 +51,33 @@ class SoundingPlaces:
     def __call__(self) -> Sounding:
         """What has begun since the last call, in order of time."""
         engine_frame, sounding_places = self._schedule.engine.frame, []
-        for running, first, last in self._played.pop_before(engine_frame):
+        for running, first_frame, last_frame in self._played.pop_before(engine_frame):
             rate, texts = running.stage.rate, running.version.texts
-            for event in self._between(running, first / rate, last / rate):
+            for event in self._between(running, first_frame / rate, last_frame / rate):
                 sounding_places.append(_shown_place(event, texts))
         return Sounding(engine_frame / self._schedule.rate, tuple(sounding_places[:_PLACES_MAX]))
 
-    def _between(self, running: RunningVersion, since: float, before: float) -> Iterator[_Begun]:
+    def _between(
+        self, running: RunningVersion, since_instant: float, before_instant: float
+    ) -> Iterator[_Begun]:
         """What begins in a version between two instants [s]."""
         if running.clock.began_at is None:
             return
-        if running is not self._running or not self._since <= since <= before <= self._before:
-            self._running, self._since = running, since
-            self._before = max(before, since + _WINDOW_SECONDS)
+        if (
+            running is not self._running
+            or not self._since <= since_instant <= before_instant <= self._before
+        ):
+            self._running, self._since = running, since_instant
+            self._before = max(before_instant, since_instant + _WINDOW_SECONDS)
             self._known = sorted(
-                _begun_places(running, since, self._before), key=lambda begun: begun.start
+                _begun_places(running, since_instant, self._before),
+                key=lambda begun_place: begun_place.start,
             )
-        yield from (begun for begun in self._known if since <= begun.start < before)
+        yield from (
+            begun_place
+            for begun_place in self._known
+            if since_instant <= begun_place.start < before_instant
+        )
 
 
 def _shown_place(event: _Begun, score_texts: Texts) -> SoundingPlace:
@@ -82,10 +92,10 @@ def _shown_place(event: _Begun, score_texts: Texts) -> SoundingPlace:
     )
     lines = shown_text.splitlines()
     line = lines[begun_place.line - 1] if begun_place.line <= len(lines) else ""
-    marked = line[begun_place.column - 1 : begun_place.column - 1 + begun_place.length]
+    marked_text = line[begun_place.column - 1 : begun_place.column - 1 + begun_place.length]
     file = str(Path(begun_place.file).absolute())
     return SoundingPlace(
-        file, begun_place.line, begun_place.column, marked, event.start, event.end, event.what
+        file, begun_place.line, begun_place.column, marked_text, event.start, event.end, event.what
     )
 
 
@@ -94,9 +104,9 @@ def _begun_places(running: RunningVersion, since: float, before_beat: float) -> 
         if since <= gesture.begins < before_beat:
             yield _Begun(gesture.begins, gesture.stop, gesture.place, gesture.name)
     piece = running.stage.piece
-    first, last = (piece.tempo_map.beats(instant) for instant in (since, before_beat))
+    first_beat, last_beat = (piece.tempo_map.beats(instant) for instant in (since, before_beat))
     for strikes in piece.strikes:
-        yield from _strokes_between(piece, strikes, first - SAME, last + SAME)
+        yield from _strokes_between(piece, strikes, first_beat - SAME, last_beat + SAME)
 
 
 def _strokes_between(
@@ -105,34 +115,36 @@ def _strokes_between(
     """What strikes begin between two beats."""
     tempo = piece.tempo_map
 
-    def begun(beat: float, end: float, what: str, place: Place = strikes.place) -> _Begun:
+    def begun_stroke(beat: float, end: float, what: str, place: Place = strikes.place) -> _Begun:
         return _Begun(tempo.seconds(beat), tempo.seconds(max(beat, end)), place, what)
 
     if strikes.is_melody:
-        for stroke_beat, _, hit in strikes.falls(piece, first_beat, last_beat):
+        for stroke_beat, _, hit in strikes.played_hits(piece, first_beat, last_beat):
             if first_beat <= stroke_beat < last_beat:
                 stroke_end = (
                     stroke_beat if hit.lasting is None else tempo.after(stroke_beat, hit.lasting)
                 )
-                yield begun(stroke_beat, stroke_end, hit.what, hit.place)
+                yield begun_stroke(stroke_beat, stroke_end, hit.what, hit.place)
     elif strikes.passing is not None:
         assert strikes.length is not None
         for stroke_beat in strikes.rounds(tempo):
             if first_beat <= stroke_beat < last_beat:
-                yield begun(stroke_beat, tempo.after(stroke_beat, strikes.length), strikes.name)
+                yield begun_stroke(
+                    stroke_beat, tempo.after(stroke_beat, strikes.length), strikes.name
+                )
     elif strikes.pattern is not None:
         pattern_steps = strikes.steps(piece)
         for step_index in range(
             n_before(pattern_steps, first_beat), n_before(pattern_steps, last_beat)
         ):
-            note_word = pattern_steps.course.named(step_index)
+            note_word = pattern_steps.places.name_in_place(step_index)
             if note_word is not None:
                 stroke_end = (
                     pattern_steps[step_index + 1]
                     if step_index + 1 < len(pattern_steps)
                     else pattern_steps[step_index]
                 )
-                yield begun(
+                yield begun_stroke(
                     pattern_steps[step_index],
                     stroke_end,
                     note_word if strikes.voices else strikes.name,
@@ -140,8 +152,8 @@ def _strokes_between(
     elif strikes.rate is not None:
         stroke_beat, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         if first_beat <= stroke_beat < last_beat:
-            yield begun(stroke_beat, stroke_beat if stop is None else stop, strikes.name)
+            yield begun_stroke(stroke_beat, stroke_beat if stop is None else stop, strikes.name)
     else:
         beats = strikes.beats(tempo)
         for step_index in range(n_before(beats, first_beat), n_before(beats, last_beat)):
-            yield begun(beats[step_index], -math.inf, strikes.name)
+            yield begun_stroke(beats[step_index], -math.inf, strikes.name)

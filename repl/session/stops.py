@@ -55,7 +55,7 @@ class Stops:
     @property
     def has_let_go(self) -> bool:
         """Whether forces are off, by `let_go` or by a signal."""
-        return self._schedule.engine.status().let_go
+        return self._schedule.engine.status().is_let_go
 
     @property
     def is_stopped(self) -> bool:
@@ -132,7 +132,7 @@ class Stops:
                 "panic", version_edits.hush, LineKind.ENDS, NOW, sets_running=False, resets=True
             )
             try:
-                _, queued = self._queue(stop_entry)
-                self._reset_number = queued.version.number
+                _, queued_version = self._queue(stop_entry)
+                self._reset_number = queued_version.version.number
             except REFUSALS as error:
                 self._log.say(f"the piece could not be reset after the panic: {error}")

@@ -26,14 +26,14 @@ class StrikeLevels:
         """Whether any strikes have a level of their own."""
         return bool(self.gains or self.muted or self.solo)
 
-    def key(self, name: str) -> str:
+    def level_key(self, name: str) -> str:
         """The name under which strikes have their level: that of the first of a numbered row."""
-        first = unnumbered(name)
-        return first if not self._has(name) and self._has(first) else name
+        base_name = unnumbered(name)
+        return base_name if not self._has(name) and self._has(base_name) else name
 
     def ratio(self, name: str) -> float:
         """The ratio that scales impulses."""
-        key = self.key(name)
+        key = self.level_key(name)
         is_heard = key not in self.muted and (not self.solo or key in self.solo)
         return self.gains.get(key, 1.0) if is_heard else 0.0
 
@@ -42,11 +42,11 @@ class StrikeLevels:
         if not self:
             return piece
         ratios = [self.ratio(strikes.name) for strikes in piece.strikes]
-        scaled = tuple(
+        scaled_strikes = tuple(
             strikes if ratio == 1.0 else replace(strikes, session_gain=ratio)
             for strikes, ratio in zip(piece.strikes, ratios, strict=True)
         )
-        return replace(piece, strikes=scaled)
+        return replace(piece, strikes=scaled_strikes)
 
     def _has(self, name: str) -> bool:
         return name in self.gains or name in self.muted or name in self.solo
@@ -54,8 +54,8 @@ class StrikeLevels:
 
 def unnumbered(name: str) -> str:
     """The name without the number that a session adds: `rain` for `rain-2`."""
-    numbered = _NUMBERED_PATTERN.fullmatch(name)
-    return name if numbered is None else numbered[1]
+    number_match = _NUMBERED_PATTERN.fullmatch(name)
+    return name if number_match is None else number_match[1]
 
 
 def levels_fields(strike_levels: StrikeLevels) -> dict[str, object]:
@@ -71,5 +71,5 @@ def levels_fields(strike_levels: StrikeLevels) -> dict[str, object]:
 
 def read_levels(event: JournalEvent) -> StrikeLevels:
     """The levels in a journal's event. Raises JournalError."""
-    muted, solo = event.name_set("muted_strikes"), event.name_set("solo_strikes")
-    return StrikeLevels(event.mapping("strike_gains", float), muted, solo)
+    muted_strikes, solo_strikes = event.name_set("muted_strikes"), event.name_set("solo_strikes")
+    return StrikeLevels(event.mapping("strike_gains", float), muted_strikes, solo_strikes)

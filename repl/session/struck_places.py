@@ -31,18 +31,20 @@ if TYPE_CHECKING:
 _MAX_STRUCK = 128  # one for each MIDI note
 
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
-Struck = tuple[Place, ImpulseRange | None]  # with the impulses of its softest and hardest stroke
+PlaceAndRange = tuple[
+    Place, ImpulseRange | None
+]  # with the impulses of its softest and hardest stroke
 
 
 class Stroke(NamedTuple):
     """What the beginning of a note strikes, and its impulse [N·s].
 
-    If it `lasts`, the end of the note strikes it by the opposite impulse.
+    If it `lasts_as_note`, the end of the note strikes it by the opposite impulse.
     """
 
     place: Place
     impulse: float
-    lasts: bool = False
+    lasts_as_note: bool = False
 
 
 # The engine's numbers of struck places: each place keeps its number as long as this process runs,
@@ -65,22 +67,27 @@ def strike_points(version: Version) -> StrikePoints:
     A map is left out while the score does not have its target.
     """
     numbered_places: dict[Place, None] = {}
-    for mapped in version.maps.values():
+    for midi_map in version.maps.values():
         with contextlib.suppress(NotTakenError):
-            if isinstance(mapped, MapNotes):
-                for note_number in range(mapped.low, mapped.high + 1):
+            if isinstance(midi_map, MapNotes):
+                for note_number in range(midi_map.low, midi_map.high + 1):
                     numbered_places.update(
-                        (place, None) for place, _ in _note_places(version, mapped, note_number)
+                        (place, None) for place, _ in _note_places(version, midi_map, note_number)
                     )
-                    acts = _played_acts(version.piece, mapped, note_number)
-                    acts += _pressing_acts(version.piece, mapped, note_number)
+                    acts = _played_acts(version.piece, midi_map, note_number)
+                    acts += _pressing_acts(version.piece, midi_map, note_number)
                     numbered_places.update(
-                        (p, None) for p in _act_places(version, acts, mapped.target)
+                        (act_place, None)
+                        for act_place in _act_places(version, acts, midi_map.target)
                     )
-            elif isinstance(mapped, Hear):
-                numbered_places.update((place, None) for place, _ in struck_once(version, mapped))
-                acts = _acts_of(version.piece, mapped)
-                numbered_places.update((p, None) for p in _act_places(version, acts, mapped.target))
+            elif isinstance(midi_map, Hear):
+                numbered_places.update(
+                    (place, None) for place, _ in places_of_line(version, midi_map)
+                )
+                acts = _acts_of(version.piece, midi_map)
+                numbered_places.update(
+                    (act_place, None) for act_place in _act_places(version, acts, midi_map.target)
+                )
     return [
         (part, module, member, place_number((part, module, member)))
         for part, module, member in numbered_places
@@ -104,14 +111,14 @@ def strokes_of_line(version: Version, hear: Hear) -> Iterator[Stroke]:
     for act in _acts_of(version.piece, hear):
         yield from _act_strokes(version, act, hear.level, hear.target)
     if not _is_act(version.piece, hear.target):
-        for struck_place, _ in struck_once(version, hear):
+        for struck_place, _ in places_of_line(version, hear):
             if hear.level.is_strength:
                 message = f"{hear.target} does not say how it is played; write an impulse"
                 raise NotTakenError(message)
             yield Stroke(struck_place, hear.level.impulse(None, max))
 
 
-def struck_once(version: Version, hear: Hear) -> Iterator[Struck]:
+def places_of_line(version: Version, hear: Hear) -> Iterator[PlaceAndRange]:
     """The places that `hear` strikes, at whatever level. Raises NotTakenError."""
     for act in _acts_of(version.piece, hear):
         for target in act.targets:
@@ -157,7 +164,7 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
 def _is_act(piece: Piece, path: str) -> bool:
     """Whether a path names an instrument that says how it is played, or one of its acts."""
     name, _, act_name = path.partition(".")
-    instrument = piece.playable(name)
+    instrument = piece.playable_instrument(name)
     acts = () if instrument is None else instrument.acts
     return bool(acts) and (not act_name or any(act.name == act_name for act in acts))
 
@@ -170,14 +177,14 @@ def _note_of(member: str) -> str:
 # --- what notes strike ---------------------------------------------------------------------------
 
 
-def struck_by(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Struck]:
+def places_of_note(piece: Piece, map_notes: MapNotes, note_number: int) -> list[PlaceAndRange]:
     """What a note of a range strikes. Raises NotTakenError.
 
     An instrument that is played by its strengths is struck by its usual act, one with notes at
     its note. Of other targets the lowest note strikes the first MAT and the next note the second;
     a single MAT is struck by every note.
     """
-    if _types_lines(piece, map_notes):
+    if _is_typed_by_notes(piece, map_notes):
         return []
     if map_notes.impulse is None:
         return [
@@ -191,16 +198,16 @@ def struck_by(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Struc
     return [(members[member], None)] if member < len(members) else []
 
 
-def _types_lines(piece: Piece, notes: MapNotes) -> bool:
+def _is_typed_by_notes(piece: Piece, notes: MapNotes) -> bool:
     """Whether notes run a block or let a player play, instead of striking."""
     return notes.gesture is not None or (notes.impulse is None and notes.target in piece.blocks)
 
 
 def maps_of(version: Version, note_number: int) -> Iterator[MapNotes]:
     """The maps whose range has a note."""
-    for new in version.maps.values():
-        if isinstance(new, MapNotes) and new.low <= note_number <= new.high:
-            yield new
+    for note_map in version.maps.values():
+        if isinstance(note_map, MapNotes) and note_map.low <= note_number <= note_map.high:
+            yield note_map
 
 
 def struck_places(version: Version, note_number: int, velocity: int) -> Iterator[Stroke]:
@@ -215,8 +222,8 @@ def struck_places(version: Version, note_number: int, velocity: int) -> Iterator
                     )
                 continue
             for struck_place, _ in _note_places(version, map_notes, note_number):
-                weak, strong = map_notes.impulse
-                impulse = weak + (strong - weak) * float(level_curve.share(velocity, 1))
+                softest, loudest = map_notes.impulse
+                impulse = softest + (loudest - softest) * float(level_curve.share(velocity, 1))
                 yield Stroke(struck_place, impulse)
 
 
@@ -240,7 +247,7 @@ def pressed_places(
 
 def _played_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Act]:
     """The acts with which a note plays an instrument. Raises NotTakenError."""
-    if map_notes.impulse is not None or _types_lines(piece, map_notes):
+    if map_notes.impulse is not None or _is_typed_by_notes(piece, map_notes):
         return []
     return _acts_at_note(piece, map_notes.target, note_number)
 
@@ -251,7 +258,7 @@ def _pressing_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[
     """
     instrument_name = map_notes.target.partition(".")[0]
     part_name = instrument_name
-    if map_notes.impulse is not None or _types_lines(piece, map_notes):
+    if map_notes.impulse is not None or _is_typed_by_notes(piece, map_notes):
         return []
     if instrument_name in piece.families:
         part_name = _member_of(piece, instrument_name, note_number) or ""
@@ -264,10 +271,12 @@ def _pressing_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[
     ]
 
 
-def _note_places(version: Version, notes: MapNotes, note: int) -> list[Struck]:
+def _note_places(version: Version, notes: MapNotes, note: int) -> list[PlaceAndRange]:
     """What a note strikes, as the engine knows it. Raises NotTakenError."""
-    struck = struck_by(version.piece, notes, note)
-    return [(_as_sounding(version, place), reach) for place, reach in struck]
+    places_and_ranges = places_of_note(version.piece, notes, note)
+    return [
+        (_as_sounding(version, place), impulse_range) for place, impulse_range in places_and_ranges
+    ]
 
 
 # --- both ----------------------------------------------------------------------------------------
@@ -284,10 +293,10 @@ def _act_strokes(version: Version, act: Act, stroke_level: Level, path: str) -> 
     """
     impulse = stroke_level.impulse(act.reach, max)
     for hold in act.holds:
-        lasting = hold.impulse(act.reach.strength(impulse))
+        hold_impulse = hold.impulse(act.reach.strength(impulse))
         for hold_target in hold.targets:
             for struck_place in _member_mats(hold_target, path):
-                yield Stroke(_as_sounding(version, struck_place), lasting, lasts=True)
+                yield Stroke(_as_sounding(version, struck_place), hold_impulse, lasts_as_note=True)
     for hold_target in act.targets:
         for struck_place in _member_mats(hold_target, path):
             yield Stroke(_as_sounding(version, struck_place), impulse, act.is_drawn)
@@ -306,13 +315,13 @@ def _member_of(piece: Piece, instrument_name: str, note: int | str) -> str | Non
     """The member of an instrument with notes that has a pitch, or that a MIDI note plays, by the
     tuning of the instrument; None if there is none.
     """
-    tuned = piece.tuning_of(instrument_name)
-    with tuning.used(tuned):
+    instrument_tuning = piece.tuning_of(instrument_name)
+    with tuning.used(instrument_tuning):
         try:
             note_height = pitch(note if isinstance(note, str) else tuning.current().key_word(note))
         except TextError:  # a key that the keyboard map leaves out
             return None
-    members = _by_pitch(piece.families[instrument_name], tuned)
+    members = _by_pitch(piece.families[instrument_name], instrument_tuning)
     return None if note_height is None else tuning.part_at_height(members, note_height)
 
 
@@ -328,8 +337,8 @@ def _act_of_part(piece: Piece, target: str, part_name: str) -> Act:
     instrument = piece.instruments.get(part_name)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}
     if act_name and act_name not in acts:
-        known = ", ".join(acts) or "there is none"
-        raise NotTakenError(f"{instrument_name} has no act {act_name}; the acts: {known}")
+        act_list = ", ".join(acts) or "there is none"
+        raise NotTakenError(f"{instrument_name} has no act {act_name}; the acts: {act_list}")
     if not acts:
         raise NotTakenError(
             f"{instrument_name} does not say how it is played; write impulses, as 1mNs..20mNs"
@@ -352,9 +361,10 @@ def _member_mats(strike_target: Target, target_text: str) -> list[Place]:
             f"{target_text} has {strike_target.count:,} masses, and notes strike {_MAX_STRUCK} at "
             "most; name some of them"
         )
-    first = strike_target.first
+    first_member = strike_target.first
     return [
-        (strike_target.part, strike_target.module, first + i) for i in range(strike_target.count)
+        (strike_target.part, strike_target.module, first_member + member_index)
+        for member_index in range(strike_target.count)
     ]
 
 

@@ -27,8 +27,8 @@ def _build(command: Build, version: Version, beat: float) -> Texts:
         raise NotTakenError(
             f"{command.name} exists: {_name_in_use_advice(version.texts, command.name)}"
         )
-    base = families.base_of_instrument(piece, command.base)
-    arguments = base, command.fields, command.semitones
+    base_name = families.base_of_instrument(piece, command.base)
+    arguments = base_name, command.fields, command.semitones
     return structure.add_instrument(version.texts, piece, command.name, *arguments)
 
 
@@ -43,10 +43,10 @@ def _name_in_use_advice(score_texts: Texts, used_name: str) -> str:
 
 @edits_texts(Link)
 def _link(command: Link, version: Version, beat: float) -> Texts:
-    ends = command.a, command.b
-    texts, piece = families.with_definitions(version.texts, version.piece, ends)
-    texts = structure.add_link(texts, command.kind, ends, command.fields)[0]
-    return families.with_routes_of(texts, piece, ends)
+    end_paths = command.a, command.b
+    texts, piece = families.with_definitions(version.texts, version.piece, end_paths)
+    texts = structure.add_link(texts, command.kind, end_paths, command.fields)[0]
+    return families.with_routes_of(texts, piece, end_paths)
 
 
 @edits_texts(Takes)
@@ -117,11 +117,12 @@ def _fade(command: Fade, version: Version, beat: float) -> Texts:
 @edits_texts(Remove)
 def _remove(command: Remove, version: Version, beat: float) -> Texts:
     edited_texts = structure.remove_named(version.texts, version.piece, command.name)
-    if users := structure.entries_with_mistakes(edited_texts):
-        strikes = (entry.name for entry in users if entry.section == "strikes")
+    if using_entries := structure.entries_with_mistakes(edited_texts):
+        strikes = (entry.name for entry in using_entries if entry.section == "strikes")
         first_strikes = next(strikes, None)
         raise NotTakenError(
-            f"cannot remove {command.name}, because it is used by {', '.join(map(str, users))}; "
+            f"cannot remove {command.name}, because it is used by "
+            f"{', '.join(map(str, using_entries))}; "
             "change or remove that first",
             None if first_strikes in (None, command.name) else f"remove {first_strikes}",
         )
@@ -137,18 +138,25 @@ def _rename(command: Rename) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         piece = version.piece
-        edited = with_texts(version, renaming.rename(version.texts, piece, old_name, new_name))
+        edited_version = with_texts(
+            version, renaming.rename(version.texts, piece, old_name, new_name)
+        )
         maps = midi_maps.rename_in_maps(version.maps, old_name, new_name)
-        edited = replace(edited, renames=(*version.renames, (old_name, new_name)), maps=maps)
+        edited_version = replace(
+            edited_version, renames=(*version.renames, (old_name, new_name)), maps=maps
+        )
         if old_name in piece.blocks:
             return replace(
-                edited,
-                rules={new_name if n == old_name else n: rule for n, rule in version.rules.items()},
+                edited_version,
+                rules={
+                    new_name if name == old_name else name: rule
+                    for name, rule in version.rules.items()
+                },
             )
         if old_name not in {*piece.keys, *piece.instruments, *piece.families}:
-            return edited
+            return edited_version
         return replace(
-            edited,
+            edited_version,
             faders=_renamed_faders(version.faders, piece, old_name, new_name),
             sounds_as=version.sounds_as.renamed(old_name, new_name),
         )
@@ -156,9 +164,12 @@ def _rename(command: Rename) -> VersionEdit:
     return edit
 
 
-def _renamed_faders(faders: Faders, piece: Piece, old: str, new: str) -> Faders:
+def _renamed_faders(faders: Faders, piece: Piece, old_name: str, new_name: str) -> Faders:
     """The faders under the new name of an instrument and its notes."""
-    new_names = {old: new, **{name: new + name[len(old) :] for name in piece.families.get(old, ())}}
+    new_names = {
+        old_name: new_name,
+        **{name: new_name + name[len(old_name) :] for name in piece.families.get(old_name, ())},
+    }
     return replace(
         faders,
         gains={new_names.get(name, name): gain for name, gain in faders.gains.items()},

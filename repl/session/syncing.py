@@ -21,10 +21,10 @@ def next_beginning(piece: Piece, voice_name: str, after_beat: float) -> float:
     """The first beat, not before `after_beat`, on which a voice begins again: a cycle of a rhythm,
     a round of a pattern, a phrase or a sweep, else a stroke or a gesture. Raises NotTakenError.
     """
-    coming = [
+    next_beats = [
         _next_beat(beats, after_beat) for beats in _beginning_beats(piece, voice_name, after_beat)
     ]
-    begins = [beat for beat in coming if beat is not None]
+    begins = [beat for beat in next_beats if beat is not None]
     if not begins:
         place_text = piece.tempo_map.written(after_beat)
         raise NotTakenError(
@@ -49,27 +49,27 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
     tempo = piece.tempo_map
     if strikes.rhythm is not None:
         begin = tempo.resolve(strikes.at)
-        number = strikes.rhythm.count(tempo, begin, after_beat - SAME)
-        beat = strikes.rhythm.begin(tempo, begin, number)
+        number = strikes.rhythm.cycle_count(tempo, begin, after_beat - SAME)
+        beat = strikes.rhythm.cycle_begin(tempo, begin, number)
         return [beat] if number < strikes.cycles(tempo) else []
     if strikes.pattern is not None:
         return _next_round_beat(strikes.steps(piece), after_beat)
     if strikes.length is not None or strikes.passing is not None:
         return strikes.rounds(tempo)
     if strikes.hits:
-        return sorted({beat for beat, *_ in strikes.falls(piece)})
+        return sorted({beat for beat, *_ in strikes.played_hits(piece)})
     return strikes.beats(tempo)
 
 
 def _next_round_beat(pattern_steps: Steps, after_beat: float) -> Sequence[float]:
     """The beat of the next place on which a round of a pattern begins."""
-    pattern = pattern_steps.course.pattern
+    pattern = pattern_steps.places.pattern
     count = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
     place = n_before(pattern_steps, after_beat - SAME)
     place += -(place + pattern.skip) % count
     return [pattern_steps.beat(place)] if place < len(pattern_steps) else []
 
 
-def _next_beat(beats: Sequence[float], after: float) -> float | None:
-    place = n_before(beats, after - SAME)
+def _next_beat(beats: Sequence[float], after_beat: float) -> float | None:
+    place = n_before(beats, after_beat - SAME)
     return beats[place] if place < len(beats) else None

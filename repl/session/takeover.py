@@ -33,30 +33,32 @@ class Takeovers:
     real: Real
     store: Store | None = None
 
-    def stage(
+    def staged(
         self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float = math.inf
     ) -> RunningVersion:
         """The version after lines that take over together from `running`.
 
         Nothing begins on beat `latest` or later. Raises StageError, NotTakenError.
         """
-        after = self._after(running, lines, latest)
-        return replace(after, stage=self._staged(after, running), serial=running.serial + 1)
+        running_after = self._next_version(running, lines, latest)
+        return replace(
+            running_after, stage=self._staged(running_after, running), serial=running.serial + 1
+        )
 
-    def cut(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+    def cut_version(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that only end what plays, without making a stage.
 
         Raises EngineError.
         """
-        running_after = self._after(running, lines, running.timeline_end)
+        running_after = self._next_version(running, lines, running.timeline_end)
         stage = cut_stage(
             running.stage,
             running_after.start,
             ends_gestures=any(waiting_line.result().ends_gestures for waiting_line in lines),
-            stops=not running_after.clock.is_running,
+            is_stopped=not running_after.clock.is_running,
             resets=any(waiting_line.resets for waiting_line in lines),
         )
-        stage.placed = place_samples(
+        stage.recalled_outputs = place_samples(
             running_after.frozen, stage.listening, running_after.clock, stage.rate
         )
         return replace(running_after, stage=stage, serial=running.serial + 1)
@@ -69,12 +71,14 @@ class Takeovers:
         Nothing begins on beat `latest` or later. Raises StageError, NotTakenError.
         """
         tempo = running.version.piece.tempo_map
-        enter = running.clock.beat(tempo, start / self.timing.rate + self.timing.lead)
-        spans, until, skipped_from = self._spans(running, running, start, enter, enter, latest)
-        after = replace(
-            running, spans=spans, start=start, timeline_end=until, skipped_from=skipped_from
+        enter_beat = running.clock.beat(tempo, start / self.timing.rate + self.timing.takeover_lead)
+        spans, timeline_end, skipped_from = self._spans(
+            running, running, start, enter_beat, enter_beat, latest
         )
-        return replace(after, stage=self._staged(after, running))
+        running_after = replace(
+            running, spans=spans, start=start, timeline_end=timeline_end, skipped_from=skipped_from
+        )
+        return replace(running_after, stage=self._staged(running_after, running))
 
     def _staged(self, after: RunningVersion, running: RunningVersion) -> Stage:
         """The stage of a version that takes over from `running`."""
@@ -92,38 +96,40 @@ class Takeovers:
             is_seen=running.is_seen,
         )
 
-    def _after(
+    def _next_version(
         self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float
     ) -> RunningVersion:
         """What the lines make of a running version, with the stage of before."""
         running_after = replace(running, damp=None, skipped_from=None)
         for line in lines:
-            running_after = self._followed(running_after, line, latest)
+            running_after = self._following_version(running_after, line, latest)
         return running_after
 
-    def _followed(
+    def _following_version(
         self, running: RunningVersion, line: WaitingLine, latest: float
     ) -> RunningVersion:
         """The running version after one line, with the stage of before."""
         assert line.start is not None
         old_version, version, frame = running.version, line.result(), line.start
-        clock, leave, enter = line_beat(running.clock, old_version, version, line, self.timing)
+        clock, leave_beat, enter_beat = line_beat(
+            running.clock, old_version, version, line, self.timing
+        )
         running_after = replace(running, version=version, clock=clock)
         spans, timeline_end, skipped_from = self._spans(
-            running, running_after, frame, leave, enter, latest
+            running, running_after, frame, leave_beat, enter_beat, latest
         )
         start = frame / self.timing.rate
-        pieces = old_version.sounding, version.sounding
-        moving = glides(*pieces, running.glides, start, version.glide)
-        leaving = leaving_links(*pieces, running.glides, running.leaving, start)
+        old_and_new = old_version.sounding, version.sounding
+        moving_glides = glides(*old_and_new, running.glides, start, version.glide)
+        leaving_links_now = leaving_links(*old_and_new, running.glides, running.leaving, start)
         return replace(
             running_after,
             spans=spans,
             start=frame,
             timeline_end=timeline_end,
             skipped_from=running.skipped_from if skipped_from is None else skipped_from,
-            glides=(*moving, *(link.glide for link in leaving)),
-            leaving=leaving,
+            glides=(*moving_glides, *(link.glide for link in leaving_links_now)),
+            leaving=leaving_links_now,
             frozen=still_frozen(running.frozen, old_version, version, self.real),
             damp=running.damp if version.damp is None else version.damp,
         )
@@ -131,44 +137,51 @@ class Takeovers:
     def _spans(
         self,
         running: RunningVersion,
-        after: RunningVersion,
+        running_after: RunningVersion,
         start: int,
-        leave: float,
-        enter: float,
+        leave_beat: float,
+        enter_beat: float,
         latest: float,
     ) -> tuple[tuple[Span, ...], float, float | None]:
-        """What plays of the versions up to `running`, which ends on beat `leave`, and of that
-        `after` it, which goes on from beat `enter`; up to which beat; and from which beat on
-        nothing began.
+        """What plays of the versions up to `running`, which ends on beat `leave_beat`, and of
+        `running_after`, which goes on from beat `enter_beat`; up to which beat; and from which
+        beat on nothing began.
         """
         start_instant = start / self.timing.rate
-        version, clock = after.version, after.clock
+        version, clock = running_after.version, running_after.clock
         old_spans: Sequence[Span] = ()
-        if after is running or not version.ends_gestures:
-            old_spans = continuing_spans(running, leave, start_instant, running.stage)
-        timeline_end = min(put_horizon(version.piece.tempo_map, enter)[0], latest)
+        if running_after is running or not version.ends_gestures:
+            old_spans = continuing_spans(running, leave_beat, start_instant, running.stage)
+        timeline_end = min(put_horizon(version.piece.tempo_map, enter_beat)[0], latest)
         piece = replace(
             version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_instant)
         )
-        new = (Span(piece, Window(enter, timeline_end, start_instant)),) if clock.is_running else ()
-        is_skipped = running.clock.is_running and leave > running.timeline_end + SAME
-        return (*old_spans, *new), timeline_end, running.timeline_end if is_skipped else None
+        new_spans = (
+            (Span(piece, Window(enter_beat, timeline_end, start_instant)),)
+            if clock.is_running
+            else ()
+        )
+        is_skipped = running.clock.is_running and leave_beat > running.timeline_end + SAME
+        return (*old_spans, *new_spans), timeline_end, running.timeline_end if is_skipped else None
 
 
 def continuing_spans(
-    old_running: RunningVersion, leave: float, after: float, stage: Stage
+    old_running: RunningVersion, leave_beat: float, after_instant: float, stage: Stage
 ) -> Sequence[Span]:
     """The spans of earlier versions, the last one cut at a beat, of which something goes on after
-    `after` [s].
+    `after_instant` [s].
     """
     tracked_spans = [(gesture.begins, gesture.stop) for gesture in stage.gestures]
     running_spans = []
     for index, (piece, window) in enumerate(old_running.spans):
         is_last = index == len(old_running.spans) - 1 and old_running.clock.is_running
-        span_end = min(window.until, leave) if is_last else window.until
-        first, last = (piece.tempo_map.seconds(beat) for beat in (window.since, span_end))
-        if last > after or any(
-            first - JOIN_DURATION <= start <= last and stop > after for start, stop in tracked_spans
+        span_end = min(window.until, leave_beat) if is_last else window.until
+        first_instant, last_instant = (
+            piece.tempo_map.seconds(beat) for beat in (window.since, span_end)
+        )
+        if last_instant > after_instant or any(
+            first_instant - JOIN_DURATION <= start <= last_instant and stop > after_instant
+            for start, stop in tracked_spans
         ):
-            running_spans.append(Span(piece, Window(window.since, span_end, after)))
+            running_spans.append(Span(piece, Window(window.since, span_end, after_instant)))
     return running_spans

@@ -21,19 +21,21 @@ def tuning_lines(piece: Piece) -> Iterator[str]:
         if tuning_name not in piece.families:
             yield f"tuning of {tuning_name}: {piece.tunings[tuning_name].words()}"
     for tuning_name, members in piece.families.items():
-        tuned = piece.tuning_of(tuning_name) or tuning.PLAIN
+        used_tuning = piece.tuning_of(tuning_name) or tuning.PLAIN
         if tuning_name in piece.tunings:
-            yield f"tuning of {tuning_name}: {tuned.words()}"
+            yield f"tuning of {tuning_name}: {used_tuning.words()}"
         words = [member.rpartition(".")[2] for member in members]
-        shown = [f"{word} {_hertz_text(tuned, word)}" for word in words[:_NOTES_SHOWN_MAX]]
+        note_texts = [
+            f"{word} {_hertz_text(used_tuning, word)}" for word in words[:_NOTES_SHOWN_MAX]
+        ]
         others_text = (
             [f"and {len(words) - _NOTES_SHOWN_MAX} more"] if len(words) > _NOTES_SHOWN_MAX else []
         )
-        yield f"{tuning_name}: {', '.join([*shown, *others_text])}"
+        yield f"{tuning_name}: {', '.join([*note_texts, *others_text])}"
 
 
-def _hertz_text(tuned: tuning.Tuning, word: str) -> str:
+def _hertz_text(used_tuning: tuning.Tuning, word: str) -> str:
     try:
-        return f"{tuned.hertz(word) or 0.0:.2f} Hz"
+        return f"{used_tuning.hertz(word) or 0.0:.2f} Hz"
     except TextError:  # a key that the tuning leaves out
         return "without a pitch"

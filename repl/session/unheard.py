@@ -25,7 +25,7 @@ def check_unheard(old_piece: Piece, stage: Stage) -> None:
     """
     piece, known_instruments = stage.piece, old_piece.instruments
     plan_rows = () if stage.plan is None else stage.plan.rows()
-    changed = [
+    changed_names = [
         name
         for row in plan_rows
         if row.what == "unheard"
@@ -35,7 +35,7 @@ def check_unheard(old_piece: Piece, stage: Stage) -> None:
             name in known_instruments and is_same(known_instruments[name], piece.instruments[name])
         )
     ]
-    if not changed:
+    if not changed_names:
         return
     try:
         stage.network.certify(stage.rate)
@@ -45,7 +45,7 @@ def check_unheard(old_piece: Piece, stage: Stage) -> None:
         refusals = [
             module_error
             for module_error in error.refusals or [error]
-            if _is_in(changed, module_error.module)
+            if _is_in(changed_names, module_error.module)
         ]
         if refusals:
             error.refusals = refusals

@@ -58,7 +58,7 @@ class HandGuide:
     viscosity.
     """
 
-    by: str
+    player: str
     stiffness: float
     viscosity: float
 
@@ -68,17 +68,17 @@ class Version:
     """The result of one accepted line (or block of lines) on the version before it.
 
     How it takes over: if it `ends_gestures`, every gesture in flight ends; `damp` [s] is a T60
-    for all that sounds; changed parameters glide for `glide` [s]; with an `enter_beat`, the piece
-    goes on from that beat, whatever the beat was before.
+    for all that sounds; changed parameters glide for `glide` [s]; with a `takeover_beat`, the
+    piece goes on from that beat, whatever the beat was before.
 
     What it has: `guides` has the guide of each real hand, by player; `maps` the MIDI maps and
     `rules` the rules of blocks, by name; `strike_levels` the levels of strikes; `sounds_as` the
     names in the engine of keys and instruments that were renamed while they sound; `is_running` is
     True while the piece runs.
 
-    From files: `read_texts` has the texts that the line read from the disk, and `discarded_spots`
+    From files: `read_texts` has the texts that the line read from the disk, and `discarded_places`
     the places where typed values gave way to them; `read_files` has the texts of further files
-    that the line brought in; `freed_parameters` has the parameters whose automation a scene has
+    that the line brought in; `released_parameters` has the parameters whose automation a scene has
     ended; `base` is the content of the files when they were last read or
     saved, and `renames` are the renamings since then, as (old, new).
     """
@@ -92,15 +92,15 @@ class Version:
     damp: float | None = None
     glide: float = GLIDE_DURATION
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
-    enter_beat: float | None = None
+    takeover_beat: float | None = None
     maps: Mapping[str, MapControl | MapNotes | Hear] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
     renames: Sequence[tuple[str, str]] = ()
     read_texts: Texts | None = None
     read_files: Mapping[str, str] = field(default_factory=dict)
-    discarded_spots: Sequence[ValuePlace] = ()
-    freed_parameters: Sequence[str] = ()
+    discarded_places: Sequence[ValuePlace] = ()
+    released_parameters: Sequence[str] = ()
     base: Texts | None = None
     is_running: bool = False
     strike_levels: StrikeLevels = field(default_factory=StrikeLevels)
@@ -114,11 +114,11 @@ class Version:
             ends_gestures=False,
             damp=None,
             glide=GLIDE_DURATION,
-            enter_beat=None,
+            takeover_beat=None,
             read_texts=None,
             read_files={},
-            discarded_spots=(),
-            freed_parameters=(),
+            discarded_places=(),
+            released_parameters=(),
         )
 
     @property
@@ -141,14 +141,14 @@ def is_same_music(first_version: Version, other_version: Version) -> bool:
             first_version.ends_gestures,
             first_version.damp,
             first_version.glide,
-            first_version.enter_beat,
+            first_version.takeover_beat,
             first_version.is_running,
         )
         == (
             other_version.ends_gestures,
             other_version.damp,
             other_version.glide,
-            other_version.enter_beat,
+            other_version.takeover_beat,
             other_version.is_running,
         )
     )
@@ -217,8 +217,8 @@ class PastVersion:
 
 def first_line(line: str) -> str:
     """A line as messages and the history show it: only the first of several lines."""
-    first, *lines_after = line.strip().split("\n")
-    return f"{first} …" if lines_after else first
+    first_text, *lines_after = line.strip().split("\n")
+    return f"{first_text} …" if lines_after else first_text
 
 
 def piece_from_files(score_texts: Texts) -> Piece:
@@ -227,7 +227,7 @@ def piece_from_files(score_texts: Texts) -> Piece:
     """
     loaded = score_texts.load()
     if loaded.piece is None:
-        errors = [found for found in loaded.diagnostics if found.severity == "error"]
+        errors = [diagnostic for diagnostic in loaded.diagnostics if diagnostic.severity == "error"]
         first_error, error_place = errors[0], errors[0].place
         suggestion_text = (
             f"; did you mean {quote(first_error.suggestion)}?" if first_error.suggestion else ""
@@ -242,6 +242,12 @@ def piece_of(texts: Texts) -> Piece:
     """The piece of these texts. Raises NotTakenError with their first mistake."""
     loaded = texts.load()
     if loaded.piece is None:
-        first = next(found for found in loaded.diagnostics if found.severity == "error")
-        raise NotTakenError(f"{first.message} ({first.help})" if first.help else first.message)
+        first_error = next(
+            diagnostic for diagnostic in loaded.diagnostics if diagnostic.severity == "error"
+        )
+        raise NotTakenError(
+            f"{first_error.message} ({first_error.help})"
+            if first_error.help
+            else first_error.message
+        )
     return loaded.piece

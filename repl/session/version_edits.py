@@ -75,10 +75,10 @@ def unchanged(version: Version, beat: float) -> Version:
 
 def combined(commands: Sequence[Command]) -> VersionEdit:
     """Combine several commands into one edit."""
-    edits = [VERSION_EDITS[type(command)](command) for command in commands]
+    version_edits = [VERSION_EDITS[type(command)](command) for command in commands]
 
     def edit(version: Version, beat: float) -> Version:
-        for apply_edit in edits:
+        for apply_edit in version_edits:
             version = apply_edit(version, beat)
         return version
 
@@ -111,7 +111,9 @@ def _plays(command: Plays, version: Version, beat: float) -> Texts:
 
 @edits_texts(Do)
 def _do(command: Do, version: Version, beat: float) -> Texts:
-    return parts.transform(version.texts, version.piece, command.player, beat, command.chain)
+    return parts.transform(
+        version.texts, version.piece, command.player, beat, command.transform_texts
+    )
 
 
 @edits_texts(StrikeModules)
@@ -153,8 +155,10 @@ def _rest(command: Rest, version: Version, beat: float) -> Texts:
 @edits_texts(Tempo)
 def _tempo(command: Tempo, version: Version, beat: float) -> Texts:
     end = "" if command.end is None else f" -> {command.end:.12g}"
-    over = command.words["over"].text if command.over is not None else None
-    return times.change_tempo(version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", over)
+    ramp_length = command.words["over"].text if command.over is not None else None
+    return times.change_tempo(
+        version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", ramp_length
+    )
 
 
 @edits_texts(SetMeter)
@@ -169,8 +173,8 @@ def _nudge(command: Nudge, version: Version, beat: float) -> Texts:
     """
     tempo = version.piece.tempo_map
     bpm = tempo.bpm(beat)
-    shift = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
-    beat_length = 60.0 / bpm + shift
+    shift_seconds = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
+    beat_length = 60.0 / bpm + shift_seconds
     if not 30.0 / bpm <= beat_length <= 120.0 / bpm:
         raise NotTakenError(
             "this nudge is too large: it may make one beat half or twice "
@@ -183,8 +187,8 @@ def _nudge(command: Nudge, version: Version, beat: float) -> Texts:
 @edits_texts(Couple)
 def _couple(command: Couple, version: Version, beat: float) -> Texts:
     stiffness, viscosity = f"{command.stiffness:.12g}N/m", f"{command.viscosity:.12g}Ns/m"
-    ends = command.a, command.b
-    return keys.couple(version.texts, version.piece, beat, *ends, stiffness, viscosity)
+    key_names = command.a, command.b
+    return keys.couple(version.texts, version.piece, beat, *key_names, stiffness, viscosity)
 
 
 @edits_texts(Uncouple)
@@ -209,12 +213,12 @@ def _set_gliding(command: Set) -> VersionEdit:
         duration = tempo.seconds(tempo.after(edit_beat, command.over)) - tempo.seconds(edit_beat)
         is_written = duration >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
         if version.is_running and is_written:
-            value, over = command_words["change"].text, command_words["over"].text
-            args = command.target, edit_beat, value, {"over": over}, value_on
+            value, glide_length = command_words["change"].text, command_words["over"].text
+            args = command.target, edit_beat, value, {"over": glide_length}, value_on
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
         automation.check_can_glide(version.piece, command.target)
-        edited = with_texts(version, _set(command, version, edit_beat))
-        return replace(edited, glide=max(GLIDE_DURATION, duration))
+        edited_version = with_texts(version, _set(command, version, edit_beat))
+        return replace(edited_version, glide=max(GLIDE_DURATION, duration))
 
     return edit
 
@@ -232,10 +236,10 @@ def _define_rehearsed(command: Define) -> VersionEdit:
     """Define a gesture, and check that its keys can follow it."""
 
     def edit(version: Version, beat: float) -> Version:
-        edited = with_texts(version, _define(command, version, beat))
-        for name in space_path.played(command.name, edited.piece.gestures):
-            rehearsal_stage(edited.piece, name)
-        return edited
+        edited_version = with_texts(version, _define(command, version, beat))
+        for name in space_path.played(command.name, edited_version.piece.gestures):
+            rehearsal_stage(edited_version.piece, name)
+        return edited_version
 
     return edit
 
@@ -263,12 +267,14 @@ def _map(command: midi_maps.Map) -> VersionEdit:
     """Map a MIDI controller or notes, or let what `hear` strikes be ready."""
 
     def edit(version: Version, beat: float) -> Version:
-        struck = [] if isinstance(command, MapControl) else [command.target]
-        played_texts = families.with_routes_of(version.texts, version.piece, struck)
+        struck_paths = [] if isinstance(command, MapControl) else [command.target]
+        played_texts = families.with_routes_of(version.texts, version.piece, struck_paths)
         if isinstance(command, Hear) or (isinstance(command, MapNotes) and command.impulse is None):
-            played_texts = families.with_ready_acts(played_texts, command.target)
-        after = version if played_texts is version.texts else with_texts(version, played_texts)
-        return replace(after, maps=midi_maps.with_map(after, command))
+            played_texts = families.with_act_modules(played_texts, command.target)
+        mapped_version = (
+            version if played_texts is version.texts else with_texts(version, played_texts)
+        )
+        return replace(mapped_version, maps=midi_maps.with_map(mapped_version, command))
 
     return edit
 
@@ -285,15 +291,18 @@ def _load(command: Load) -> VersionEdit:
 
     def edit(version: Version, edit_beat: float) -> Version:
         if not loaded_texts:
-            before = version.texts.bounds
-            trust = before is not None and before.allows_any_file
+            bounds_before = version.texts.bounds
+            is_trusted = bounds_before is not None and bounds_before.allows_any_file
             folder = Path(command.file).parent
-            loaded_texts.append(_file_version(command.file, FileBounds.around(folder, trust=trust)))
+            loaded_texts.append(
+                _file_version(command.file, FileBounds.around(folder, trust=is_trusted))
+            )
         texts = loaded_texts[0]
-        edited = replace(version, texts=texts, piece=piece_from_files(texts))
-        edited = replace(edited, read_texts=texts, base=texts, renames=())
+        loaded_version = replace(version, texts=texts, piece=piece_from_files(texts))
+        loaded_version = replace(loaded_version, read_texts=texts, base=texts, renames=())
         return replace(
-            edited, enter_beat=edit_beat if has_events_from(edited.piece, edit_beat) else 0.0
+            loaded_version,
+            takeover_beat=edit_beat if has_events_from(loaded_version.piece, edit_beat) else 0.0,
         )
 
     return edit
@@ -312,9 +321,9 @@ def _reload(command: Reload) -> VersionEdit:
         if path not in reloaded_texts:
             reloaded_texts[path] = _file_version(path, version.texts.bounds)
         texts_before = version.base or version.texts
-        now = family_edits.with_brought(reloaded_texts[path], texts_before)
-        piece_from_files(now)  # its own mistakes come before those of the merge
-        current_texts = now
+        disk_texts = family_edits.with_brought_files(reloaded_texts[path], texts_before)
+        piece_from_files(disk_texts)  # its own mistakes come before those of the merge
+        current_texts = disk_texts
         for (
             old_name,
             new_name,
@@ -325,9 +334,14 @@ def _reload(command: Reload) -> VersionEdit:
                     for renamed_texts in (texts_before, current_texts)
                 ]
                 texts_before, current_texts = block_lines
-        texts, dropped = merging.merged_texts(texts_before, current_texts, version.texts)
-        edited = with_texts(version, texts)
-        return replace(edited, read_texts=now, base=now, discarded_spots=tuple(dropped))
+        texts, discarded_places = merging.merged_texts(texts_before, current_texts, version.texts)
+        reloaded_version = with_texts(version, texts)
+        return replace(
+            reloaded_version,
+            read_texts=disk_texts,
+            base=disk_texts,
+            discarded_places=tuple(discarded_places),
+        )
 
     return edit
 
@@ -364,16 +378,17 @@ def command_summary(command: Command, running: RunningVersion, where_text: str) 
     if isinstance(command, Scene):
         prefix = "" if command.before is None else f"{command.before}, then "
         reply_sentence = f"{prefix}{command.name}, from its beginning, again and again"
-        if not running.version.freed_parameters:
+        if not running.version.released_parameters:
             return reply_sentence
-        many = len(running.version.freed_parameters) > 1
-        verb_phrase = "have their own values" if many else "has its own value"
+        has_several = len(running.version.released_parameters) > 1
+        verb_phrase = "have their own values" if has_several else "has its own value"
         return (
-            f"{reply_sentence}; {', '.join(running.version.freed_parameters)} {verb_phrase} again"
+            f"{reply_sentence}; {', '.join(running.version.released_parameters)} {verb_phrase} "
+            "again"
         )
     if isinstance(command, Use):
         return family_edits.family_summary(command, running.version.piece)
-    if isinstance(command, Load) and running.version.enter_beat == 0.0 and where_text != "1|1":
+    if isinstance(command, Load) and running.version.takeover_beat == 0.0 and where_text != "1|1":
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, Guide):
         source = command.by

@@ -15,8 +15,8 @@ from ergon.repl.language.commands import Command
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
-from ergon.repl.session.clock import Clock, Entry, Timing, entry_of
-from ergon.repl.session.line_kinds import RULES, LineKind, Rule
+from ergon.repl.session.clock import Clock, TakeoverBeats, Timing, takeover_beats
+from ergon.repl.session.line_kinds import RULES, KindRule, LineKind
 from ergon.repl.session.version import NotTakenError, Version, is_same_music
 from ergon.scores.staging.refusals import StageError
 
@@ -60,13 +60,13 @@ class WaitingLine:
     n_slips: int = 0
 
     @property
-    def rule(self) -> Rule:
+    def rule(self) -> KindRule:
         """How it acts."""
         return RULES[self.kind]
 
     def lead(self, timing: Timing) -> float:
         """How long before its beat it takes over [s]."""
-        return timing.lead_of(self.kind is LineKind.ENDS)
+        return timing.lead_of_kind(self.kind is LineKind.ENDS)
 
     @property
     def frame(self) -> float:
@@ -375,18 +375,18 @@ def line_beat(
     edited: Version,
     waiting_line: WaitingLine,
     timing: Timing,
-) -> Entry:
+) -> TakeoverBeats:
     """Where a line leaves the piece of the version before, and where that of its own goes on."""
     if waiting_line.start is None:
-        return Entry(clock, waiting_line.beat, waiting_line.beat)
+        return TakeoverBeats(clock, waiting_line.beat, waiting_line.beat)
     tempos = old_version.piece.tempo_map, edited.piece.tempo_map
-    return entry_of(
+    return takeover_beats(
         clock,
         *tempos,
         waiting_line.beat,
         waiting_line.start,
         waiting_line.sets_running,
-        edited.enter_beat,
+        edited.takeover_beat,
         timing,
     )
 

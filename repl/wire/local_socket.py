@@ -58,7 +58,7 @@ class ServerSocket:
                 raise
             raise SocketError(f"{path}: {error.strerror or error}") from None
 
-    def is_key(self, key_line: bytes) -> bool:
+    def is_client_key(self, key_line: bytes) -> bool:
         """Whether a line is what a client of a port sends first."""
         return self.address is not None and hmac.compare_digest(
             key_line.strip(), self.address.key.encode()
@@ -171,6 +171,8 @@ def is_same_user(connection: socket.socket) -> bool:
     peer_option = getattr(socket, "SO_PEERCRED", None)
     if peer_option is None:  # this system cannot tell: the file mode protects
         return True
-    form = struct.Struct("3i")
-    _, user, _ = form.unpack(connection.getsockopt(socket.SOL_SOCKET, peer_option, form.size))
-    return bool(user == os.geteuid())
+    credentials_format = struct.Struct("3i")
+    _, user_id, _ = credentials_format.unpack(
+        connection.getsockopt(socket.SOL_SOCKET, peer_option, credentials_format.size)
+    )
+    return bool(user_id == os.geteuid())

@@ -46,20 +46,20 @@ def bind_loopback(path: Path) -> tuple[socket.socket, Address]:
 
     Raises OSError.
     """
-    bound = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    bound_socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
         if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows: no other program may share the port
-            bound.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
-        bound.bind((HOST, 0))
-        port = bound.getsockname()[1]
+            bound_socket.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+        bound_socket.bind((HOST, 0))
+        port = bound_socket.getsockname()[1]
         address = Address(port, secrets.token_hex(_SECRET_BYTES), secrets.token_hex(_SECRET_BYTES))
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(handle, "w", encoding="ascii") as file:
             json.dump(asdict(address), file)
     except OSError:
-        bound.close()
+        bound_socket.close()
         raise
-    return bound, address
+    return bound_socket, address
 
 
 def read_address(path: Path) -> Address | None:

@@ -216,7 +216,7 @@ class SessionServer:
         self._n_asked += 1
         try:
             async with asyncio.timeout(_KEY_TIMEOUT):
-                return self._server_socket.is_key(await reader.readline())
+                return self._server_socket.is_client_key(await reader.readline())
         except (TimeoutError, ValueError):  # the prompt sends nothing, or a line without an end
             return False
         finally:

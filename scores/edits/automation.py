@@ -11,7 +11,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.tables import quantities as q
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits.lists import place, without_entry
+from ergon.scores.edits.lists import entry_path, without_entry
 from ergon.scores.edits.matter import TRANSPOSE, quantity_text
 from ergon.scores.edits.positions import ENDLESS_POSITION, endless_end, position_text
 from ergon.scores.edits.texts import Texts
@@ -20,7 +20,7 @@ from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece
 
 # The value of a parameter of a module (part, module) of a piece on a beat, with automation applied.
-ValueOn = Callable[[Piece, tuple[str, str], str, float], float]
+ValueAtBeat = Callable[[Piece, tuple[str, str], str, float], float]
 
 
 def automate(
@@ -56,19 +56,19 @@ def glide(
     from_beat: float,
     value: str,
     glide_fields: Mapping[str, str],
-    value_on: ValueOn,
+    value_on: ValueAtBeat,
 ) -> Texts:
     """Let a parameter glide to a value, `over` a length, and stay there.
 
     `x1.5` is a factor of the value that it has on that beat. Raises EditError.
     """
-    path_head, _, parameter = target_path.rpartition(".")
+    module_path, _, parameter = target_path.rpartition(".")
     check_can_glide(piece, target_path)
     if value.startswith("x") and _entry_numbers(score_texts, piece, target_path):
-        part, module, _ = _modules_of_path(piece, path_head)[0]
+        part, module, _ = _modules_of_path(piece, module_path)[0]
         if module.kind != "BANK":
-            now = value_on(piece, (part, module.name), parameter, from_beat)
-            value = value_text(piece, target_path, q.factor(value) * now, value_on)
+            current_value = value_on(piece, (part, module.name), parameter, from_beat)
+            value = value_text(piece, target_path, q.factor(value) * current_value, value_on)
     automation_entry: dict[str, edit.Tree] = {
         "set": target_path,
         "to": value,
@@ -79,7 +79,7 @@ def glide(
     return _with_automation_ended(score_texts, piece, from_beat, target_path)[0]
 
 
-def value_text(piece: Piece, target_path: str, value: float, value_on: ValueOn) -> str:
+def value_text(piece: Piece, target_path: str, value: float, value_on: ValueAtBeat) -> str:
     """A value of a parameter as a score writes it; for all notes of an instrument, of which `value`
     is that of the first, the factor of their values without automation.
     """
@@ -89,8 +89,10 @@ def value_text(piece: Piece, target_path: str, value: float, value_on: ValueOn) 
         return f"x{value:.12g}"
     if automatable.named_module(module_path, piece.keys, piece.instruments) is not None:
         return quantity_text(value, parameter, is_ca=False)
-    unchanged = replace(piece, automation=(), strikes=())
-    return f"x{value / value_on(unchanged, (part_name, part_module.name), parameter, 0.0)!r}"
+    unautomated_piece = replace(piece, automation=(), strikes=())
+    return (
+        f"x{value / value_on(unautomated_piece, (part_name, part_module.name), parameter, 0.0)!r}"
+    )
 
 
 def check_can_glide(piece: Piece, target_path: str) -> None:
@@ -134,9 +136,11 @@ def end_endless(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
     """End endless automation at a beat, for a score that is saved."""
     for automation_index, entry in enumerate(piece.automation):
         if entry.until is not None and ENDLESS_POSITION.fullmatch(entry.until.text) is not None:
-            until = position_text(piece, max(from_beat, piece.tempo_map.resolve(entry.at) + 1.0))
+            end_position = position_text(
+                piece, max(from_beat, piece.tempo_map.resolve(entry.at) + 1.0)
+            )
             score_texts = score_texts.put(
-                (*place(score_texts, "automation", automation_index), "until"), until
+                (*entry_path(score_texts, "automation", automation_index), "until"), end_position
             )
     return score_texts
 
@@ -163,23 +167,23 @@ def end_beat_of(piece: Piece, automation_entry: Automation) -> float:
     )
     if automation_entry.pattern is None:
         return end_beat
-    places = automation_entry.steps(piece.tempo_map, piece.seed)
-    return min(end_beat, places.beat(len(places)))
+    pattern_steps = automation_entry.steps(piece.tempo_map, piece.seed)
+    return min(end_beat, pattern_steps.beat(len(pattern_steps)))
 
 
 def _with_automation_ended(
     score_texts: Texts, piece: Piece, from_beat: float, target: str
 ) -> tuple[Texts, int]:
-    tempo, n_ended = piece.tempo_map, 0
+    tempo, ended_count = piece.tempo_map, 0
     for automation_index in reversed(_entry_numbers(score_texts, piece, target)):
         entry = piece.automation[automation_index]
-        is_over = entry.until is not None and tempo.resolve(entry.until) <= from_beat + SAME
-        if not (is_over and tempo.resolve(entry.at) < from_beat - SAME):
-            score_texts, n_ended = (
+        has_ended = entry.until is not None and tempo.resolve(entry.until) <= from_beat + SAME
+        if not (has_ended and tempo.resolve(entry.at) < from_beat - SAME):
+            score_texts, ended_count = (
                 _with_entry_ended(score_texts, piece, from_beat, automation_index),
-                n_ended + 1,
+                ended_count + 1,
             )
-    return score_texts, n_ended
+    return score_texts, ended_count
 
 
 def _entry_numbers(score_texts: Texts, piece: Piece, target_path: str) -> Sequence[int]:
@@ -195,7 +199,7 @@ def _entry_numbers(score_texts: Texts, piece: Piece, target_path: str) -> Sequen
         if changed_range := changed_part(old_automation, piece.automation):
             first_changed = changed_range.start  # those behind it are counted anew
             numbers_by_target = {
-                key: [n for n in numbers if n < first_changed]
+                key: [entry_number for entry_number in numbers if entry_number < first_changed]
                 for key, numbers in numbers_by_target.items()
             }
             for number, entry in enumerate(piece.automation[first_changed:], first_changed):
@@ -215,6 +219,6 @@ def _with_entry_ended(
     if piece.tempo_map.resolve(piece.automation[automation_index].at) >= from_beat - SAME:
         return without_entry(score_texts, "automation", automation_index)
     return score_texts.put(
-        (*place(score_texts, "automation", automation_index), "until"),
+        (*entry_path(score_texts, "automation", automation_index), "until"),
         position_text(piece, from_beat),
     )

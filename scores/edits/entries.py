@@ -13,7 +13,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.texts import SECTIONS, ListEdit, Texts
-from ergon.scores.gesture.transforms import parse_do
+from ergon.scores.gesture.transforms import parse_transform
 from ergon.scores.pattern import words
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
@@ -27,7 +27,7 @@ class Entry:
     """An entry of a part: each field as its text, and its transformations."""
 
     fields: Mapping[str, str]  # at, play and options, in the order written
-    do: tuple[str, ...] = ()
+    transforms: tuple[str, ...] = ()
 
     def with_fields(self, **fields: str | None) -> Entry:
         """The entry with other fields; None removes one."""
@@ -43,14 +43,15 @@ class Entry:
     def with_step(self, step_text: str) -> Entry:
         """The entry with a time between repetitions that `fast` and `slow` do not change."""
         return replace(
-            self.with_fields(every=step_text), do=tuple(map(_gesture_transform_text, self.do))
+            self.with_fields(every=step_text),
+            transforms=tuple(map(_gesture_transform_text, self.transforms)),
         )
 
     def flow(self) -> str:
         """The entry as an item of a list."""
         tree: dict[str, edit.Tree] = dict(self.fields)
-        if self.do:
-            tree["do"] = list(self.do)
+        if self.transforms:
+            tree["do"] = list(self.transforms)
         return edit.flow(tree)
 
     def row_words(self) -> str:
@@ -66,17 +67,19 @@ class Entry:
                     if is_flag
                     else [field_name, field_text]
                 )
-        return " ".join([*words_written, *(["do", ", ".join(self.do)] if self.do else [])])
+        return " ".join(
+            [*words_written, *(["do", ", ".join(self.transforms)] if self.transforms else [])]
+        )
 
 
-def _gesture_transform_text(do: str) -> str:
+def _gesture_transform_text(transform: str) -> str:
     """A transformation of gestures alone: `stretch` in place of `fast` and `slow`."""
-    if do.split()[:1] not in (["fast"], ["slow"]):
-        return do
+    if transform.split()[:1] not in (["fast"], ["slow"]):
+        return transform
     try:
-        return f"stretch {parse_do(do).lengthening!r}"
+        return f"stretch {parse_transform(transform).lengthening!r}"
     except TextError as error:
-        raise EditError(f"{quote(do)} cannot be written out: {error.message}") from None
+        raise EditError(f"{quote(transform)} cannot be written out: {error.message}") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +109,9 @@ class PlacedEntry:
         """
         return n_before(self.starts or (), before_beat - SAME)
 
-    def part(self, first_start: int, stop_start: int, written_at: Callable[[float], str]) -> Entry:
+    def between_starts(
+        self, first_start: int, stop_start: int, written_at: Callable[[float], str]
+    ) -> Entry:
         """The entry with only its beginnings from number `first_start` to before `stop_start`;
         `written_at` writes beats.
         """
@@ -117,17 +122,17 @@ class PlacedEntry:
                 at=written_at(starts[first_start]), until=None, times=str(n_entries)
             )
             return part_entry if n_entries > 1 else part_entry.with_fields(every=None, times=None)
-        return self.entry.with_fields(**starts.part(first_start, stop_start, written_at))
+        return self.entry.with_fields(**starts.from_place(first_start, stop_start, written_at))
 
 
 def entry_of_play(play_words: words.PlayWords, play_text: str) -> Entry:
     """The entry of a play that was read from a text, without its position."""
     play_options = {name: word.text for name, word in play_words.options.items()}
-    do = tuple(
+    transforms = tuple(
         play_text[transformation.offset : transformation.offset + transformation.length]
-        for transformation in play_words.do
+        for transformation in play_words.transforms
     )
-    return Entry({"play": play_words.what.text, **play_options}, do)
+    return Entry({"play": play_words.played.text, **play_options}, transforms)
 
 
 def placed_entries(
@@ -155,8 +160,12 @@ def newest_first(texts: Texts, piece: Piece, player: str) -> Iterator[PlacedEntr
 
 
 def _plays_of_player(piece: Piece, player: str) -> list[tuple[Play, Sequence[float] | None]]:
-    pairs = zip(piece.parts, piece.starts, strict=True)
-    return [pair for pair in pairs if pair[0].player == player]
+    plays_and_starts = zip(piece.parts, piece.starts, strict=True)
+    return [
+        play_and_starts
+        for play_and_starts in plays_and_starts
+        if play_and_starts[0].player == player
+    ]
 
 
 def _placed_entries(
@@ -166,10 +175,10 @@ def _placed_entries(
     part_node, playing_entries = _part_node(score_texts, player), _plays_of_player(piece, player)
     table_rows: list[tuple[int, Entry, str]] = []
     if isinstance(part_node, Scalar) and not part_node.is_empty:
-        number = offset_counted = 0
+        number = row_offset_first = 0
         for table_row, row_offset in words.rows(part_node.text):
-            number, offset_counted = (
-                number + part_node.text.count("\n", offset_counted, row_offset),
+            number, row_offset_first = (
+                number + part_node.text.count("\n", row_offset_first, row_offset),
                 row_offset,
             )
             parsed_row = words.parse_row(table_row, row_offset)
@@ -199,56 +208,56 @@ class PartEdit:
     """
 
     player: str
-    until: str = ""
-    closed: Sequence[PlacedEntry] = ()
-    dropped: Sequence[PlacedEntry] = ()
-    new: Sequence[Entry] = ()
+    end_position: str = ""
+    ended: Sequence[PlacedEntry] = ()
+    removed: Sequence[PlacedEntry] = ()
+    added: Sequence[Entry] = ()
 
     def as_list_edit(self) -> ListEdit:
         """This change as the edit of a list."""
         path = ("parts", self.player)
 
         def edited_text(list_document: document.Document, n_removed_before: int) -> str:
-            for closed_entry in self.closed:
+            for closed_entry in self.ended:
                 item_path = (*path, closed_entry.number - n_removed_before)
                 try:
-                    edited_text = edit.put(list_document, (*item_path, "until"), self.until)
+                    edited_text = edit.put(list_document, (*item_path, "until"), self.end_position)
                 except EditError:  # an alias cannot be edited: write the entry out
                     edited_text = edit.put(
                         list_document,
                         item_path,
-                        closed_entry.entry.with_fields(until=self.until).flow(),
+                        closed_entry.entry.with_fields(until=self.end_position).flow(),
                     )
                 list_document = edit.read(edited_text, list_document.file)
             # Add new entries before others are removed: a list that never becomes empty keeps its
             # style.
-            if self.new:
-                entry_texts = [entry.flow() for entry in self.new]
+            if self.added:
+                entry_texts = [entry.flow() for entry in self.added]
                 list_document = edit.read(
                     edit.extend(list_document, path, entry_texts, SECTIONS), list_document.file
                 )
-            if self.dropped:
+            if self.removed:
                 return edit.remove(
                     list_document,
-                    *((*path, line.number - n_removed_before) for line in self.dropped),
+                    *((*path, line.number - n_removed_before) for line in self.removed),
                 )
             return list_document.text
 
-        numbers = [line.number for line in self.closed]
-        numbers += [line.number - 1 for line in self.dropped]  # include an item that stays
+        numbers = [line.number for line in self.ended]
+        numbers += [line.number - 1 for line in self.removed]  # include an item that stays
         return ListEdit(path, min(numbers, default=None), edited_text)
 
     def as_table_edit(self, table_text: str) -> Callable[[document.Document], str]:
         """This change as the edit of a table."""
         path = ("parts", self.player)
         rows_by_line: dict[int, str | None] = {
-            line.number: _row_ended_at(line, self.until) for line in self.closed
+            line.number: _row_with_end(line, self.end_position) for line in self.ended
         }
-        rows_by_line |= dict.fromkeys(line.number for line in self.dropped)
+        rows_by_line |= dict.fromkeys(line.number for line in self.removed)
 
         def edited_text(table_document: document.Document) -> str:
             edited_text = table_document.text
-            for entry in self.new:
+            for entry in self.added:
                 edited_text = edit.add_row(
                     edit.read(edited_text, table_document.file),
                     path,
@@ -268,16 +277,16 @@ def with_part_edits(score_texts: Texts, *edits: PartEdit) -> Texts:
 
     New entries are written in the form of the part: list items or rows. Raises EditError.
     """
-    lists: list[ListEdit] = []
+    list_edits: list[ListEdit] = []
     table_edits: list[Callable[[document.Document], str]] = []
     for part_edit in edits:
-        if part_edit.closed or part_edit.dropped or part_edit.new:
+        if part_edit.ended or part_edit.removed or part_edit.added:
             node = _part_node(score_texts, part_edit.player)
             if isinstance(node, Scalar) and not node.is_empty:
                 table_edits.append(part_edit.as_table_edit(node.text))
             else:
-                lists.append(part_edit.as_list_edit())
-    score_texts = score_texts.edited_lists(lists) if lists else score_texts
+                list_edits.append(part_edit.as_list_edit())
+    score_texts = score_texts.edited_lists(list_edits) if list_edits else score_texts
     for table in table_edits:
         score_texts = score_texts.edited("parts", table)
     return score_texts
@@ -295,24 +304,24 @@ def _entry_of_item(item_node: Node) -> Entry:
         for name, (_, child) in item_node.entries.items()
         if isinstance(child, Scalar) and name != "do"
     }
-    do = item_node.get("do")
+    transforms_node = item_node.get("do")
     chain: list[str] = []
-    if isinstance(do, document.Sequence):
-        chain = [node.text for node in do.items if isinstance(node, Scalar)]
-    elif isinstance(do, Scalar) and not do.is_empty:
-        chain = [*split_chain(do.text)]
+    if isinstance(transforms_node, document.Sequence):
+        chain = [node.text for node in transforms_node.items if isinstance(node, Scalar)]
+    elif isinstance(transforms_node, Scalar) and not transforms_node.is_empty:
+        chain = [*split_chain(transforms_node.text)]
     return Entry(entry_fields, tuple(chain))
 
 
-def _row_ended_at(line: PlacedEntry, until: str) -> str:
+def _row_with_end(line: PlacedEntry, end_position: str) -> str:
     """A row with an end at a position; its other words and their spaces do not change."""
     table_row = line.row or ""
     until_text = words.parse_row(table_row).play.options.get("until")
     if until_text is None:
-        return f"{table_row.strip()} until {until}"
+        return f"{table_row.strip()} until {end_position}"
     return (
         table_row[: until_text.offset]
-        + until
+        + end_position
         + table_row[until_text.offset + len(until_text.text) :]
     ).strip()
 

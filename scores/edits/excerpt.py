@@ -17,8 +17,8 @@ from ergon.notation.text import edit
 from ergon.notation.text.document import Mapping, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import entries, space
-from ergon.scores.edits.automation import ValueOn, value_text
-from ergon.scores.edits.lists import place, section_entries, without_entry
+from ergon.scores.edits.automation import ValueAtBeat, value_text
+from ergon.scores.edits.lists import entry_path, section_entries, without_entry
 from ergon.scores.edits.scenes import END_MARK
 from ergon.scores.edits.strikes import melody_between
 from ergon.scores.edits.texts import Texts
@@ -33,7 +33,7 @@ def excerpt_between(
     excerpt_name: str,
     start_beat: float,
     stop_beat: float,
-    value_on: ValueOn | None = None,
+    value_on: ValueAtBeat | None = None,
 ) -> Texts:
     """A score of the entries that begin between two beats; it begins at the first beat.
 
@@ -42,7 +42,7 @@ def excerpt_between(
     Raises EditError if nothing begins there.
     """
     window = _Window(piece, start_beat, stop_beat, value_on)
-    excerpt = score_texts.put(("title",), edit.quoted(excerpt_name))
+    excerpt_texts = score_texts.put(("title",), edit.quoted(excerpt_name))
     is_included = False
     excerpt_changes = []
     for player in piece.players:
@@ -52,11 +52,11 @@ def excerpt_between(
         ]
         is_included = is_included or bool(entries_in_excerpt)
         excerpt_changes.append(
-            entries.PartEdit(player, dropped=placed_entries, new=entries_in_excerpt)
+            entries.PartEdit(player, removed=placed_entries, added=entries_in_excerpt)
         )
-    excerpt = entries.with_part_edits(excerpt, *excerpt_changes)
+    excerpt_texts = entries.with_part_edits(excerpt_texts, *excerpt_changes)
     for strikes in piece.strikes:
-        excerpt, is_in = window.strikes(excerpt, strikes)
+        excerpt_texts, is_in = window.strikes(excerpt_texts, strikes)
         is_included = is_included or is_in
     if not is_included:
         start_text, stop_text = (
@@ -64,14 +64,14 @@ def excerpt_between(
             piece.tempo_map.written(stop_beat),
         )
         raise EditError(f"no gesture begins from {start_text} to {stop_text}")
-    excerpt = space.fades_from(excerpt, piece, start_beat)
+    excerpt_texts = space.fades_from(excerpt_texts, piece, start_beat)
     end = window.position(stop_beat)
     end = end if "|" in end else f"{end}beats"
-    excerpt = window.automation(window.duet(excerpt)).put(("marks", END_MARK), end)
+    excerpt_texts = window.automation(window.couplings(excerpt_texts)).put(("marks", END_MARK), end)
     if piece.render.file is not None:
-        excerpt = excerpt.put(("render", "file"), edit.quoted(f"{excerpt_name}.wav"))
+        excerpt_texts = excerpt_texts.put(("render", "file"), edit.quoted(f"{excerpt_name}.wav"))
     # Write the tempo last: the other edits read positions by the old tempo map.
-    return window.tempo(excerpt)
+    return window.tempo(excerpt_texts)
 
 
 _GLIDE_CHORDS = 32  # pieces of a glide that is cut
@@ -81,7 +81,7 @@ class _Window:
     """The beats from `start` to `stop` of a piece, counted from `start`."""
 
     def __init__(
-        self, piece: Piece, start_beat: float, stop_beat: float, value_on: ValueOn | None
+        self, piece: Piece, start_beat: float, stop_beat: float, value_on: ValueAtBeat | None
     ) -> None:
         self.piece = piece
         self.value_on = value_on
@@ -89,7 +89,7 @@ class _Window:
         self.start = start_beat
         self.stop = stop_beat
 
-    def within(self, beats: list[float]) -> list[float]:
+    def offsets_within(self, beats: list[float]) -> list[float]:
         return [beat for beat in beats if self.start - SAME <= beat < self.stop - SAME]
 
     def position(self, beats: float) -> str:
@@ -106,7 +106,7 @@ class _Window:
     def excerpt_of(self, placed_entry: entries.PlacedEntry) -> entries.Entry | None:
         """The entry with only its beginnings in the window; None if there are none."""
         if placed_entry.starts is None:
-            if not self.within([placed_entry.begin]):
+            if not self.offsets_within([placed_entry.begin]):
                 return None
             part_entry = placed_entry.entry.with_fields(at=self.position(placed_entry.begin))
             if placed_entry.play.until is None:
@@ -119,7 +119,7 @@ class _Window:
             placed_entry.count_before(self.stop),
         )
         return (
-            placed_entry.part(first_start, stop_start, self.position)
+            placed_entry.between_starts(first_start, stop_start, self.position)
             if first_start < stop_start
             else None
         )
@@ -129,11 +129,13 @@ class _Window:
         path = ("strikes", strikes.name)
         begin_beat = self.map.resolve(strikes.at)
         if strikes.is_melody and strikes.length is None:
-            falls = [beat for beat, *_ in strikes.falls(self.piece, self.start, self.stop)]
-            excerpt = melody_between(
+            hit_beats = [
+                beat for beat, *_ in strikes.played_hits(self.piece, self.start, self.stop)
+            ]
+            excerpt_texts = melody_between(
                 texts, self.piece, strikes, self.start, self.stop, self.position
             )
-            return excerpt, bool(self.within(falls))
+            return excerpt_texts, bool(self.offsets_within(hit_beats))
         stop_beat = begin_beat if strikes.until is None else self.map.resolve(strikes.until)
         if strikes.span is not None:
             stop_beat = self.map.after(begin_beat, strikes.span)
@@ -143,11 +145,11 @@ class _Window:
         if strikes.pattern is not None:
             pattern_steps = strikes.steps(self.piece)
             first_place, stop_place = (
-                n_before(pattern_steps, at - SAME) for at in (self.start, self.stop)
+                n_before(pattern_steps, bound - SAME) for bound in (self.start, self.stop)
             )
             if first_place == stop_place:
                 return texts.remove(path), False
-            changed_fields |= pattern_steps.part(first_place, stop_place, self.position)
+            changed_fields |= pattern_steps.from_place(first_place, stop_place, self.position)
         elif strikes.rate is not None:
             first_beat, last_beat = max(begin_beat, self.start), min(stop_beat, self.stop)
             if last_beat <= first_beat + SAME:
@@ -168,15 +170,15 @@ class _Window:
                     until=end_beat,
                 )
             )
-            inside = self.within(window_starts)
-            if not inside:
+            starts_inside = self.offsets_within(window_starts)
+            if not starts_inside:
                 return texts.remove(path), False
-            changed_fields |= {"at": self.position(inside[0])}
+            changed_fields |= {"at": self.position(starts_inside[0])}
             if step_length is not None or strikes.has_rounds:
-                changed_fields |= {"times": str(len(inside))}
+                changed_fields |= {"times": str(len(starts_inside))}
         return self._with_fields(texts, path, changed_fields), True
 
-    def duet(self, texts: Texts) -> Texts:
+    def couplings(self, texts: Texts) -> Texts:
         """Couplings cut to the window."""
         for entry_index in reversed(range(len(self.piece.duet))):
             coupling = self.piece.duet[entry_index]
@@ -185,13 +187,13 @@ class _Window:
             if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
                 texts = without_entry(texts, "duet", entry_index)
                 continue
-            until = (
+            end_position = (
                 self.position(end_beat)
                 if coupling.until is not None and end_beat < self.stop
                 else None
             )
-            fields = {"at": self.position(begin_beat), "until": until}
-            texts = self._with_fields(texts, place(texts, "duet", entry_index), fields)
+            fields = {"at": self.position(begin_beat), "until": end_position}
+            texts = self._with_fields(texts, entry_path(texts, "duet", entry_index), fields)
         return texts
 
     def automation(self, score_texts: Texts) -> Texts:
@@ -227,7 +229,9 @@ class _Window:
                 if first_place == len(pattern_steps):
                     score_texts = without_entry(score_texts, "automation", entry_index)
                     continue
-                entry_fields |= pattern_steps.part(first_place, len(pattern_steps), self.position)
+                entry_fields |= pattern_steps.from_place(
+                    first_place, len(pattern_steps), self.position
+                )
                 entry_fields["until"] = self.position(min(end_beat, self.stop))
             elif begin_beat < self.start - SAME and automation_entry.swing is not None:
                 period = self.map.after(begin_beat, automation_entry.swing.period) - begin_beat
@@ -235,12 +239,16 @@ class _Window:
                 entry_fields["phase"] = f"{phase:.12g}"
             elif begin_beat < self.start - SAME and automation_entry.moves:
                 node = section_entries(score_texts, "automation")[entry_index]
-                written = node.get("start") if isinstance(node, Mapping) else None
-                before = q.quantity(written.text, q.RATIO) if isinstance(written, Scalar) else 0.0
-                past = self.map.bars.quarters(self.start) - self.map.bars.quarters(begin_beat)
-                entry_fields["start"] = f"{before + past:.12g}"
+                start_node = node.get("start") if isinstance(node, Mapping) else None
+                start_quarters = (
+                    q.quantity(start_node.text, q.RATIO) if isinstance(start_node, Scalar) else 0.0
+                )
+                quarters_past = self.map.bars.quarters(self.start) - self.map.bars.quarters(
+                    begin_beat
+                )
+                entry_fields["start"] = f"{start_quarters + quarters_past:.12g}"
             score_texts = self._with_fields(
-                score_texts, place(score_texts, "automation", entry_index), entry_fields
+                score_texts, entry_path(score_texts, "automation", entry_index), entry_fields
             )
         return score_texts
 
@@ -266,10 +274,14 @@ class _Window:
                 self.map,
             )
             if automation_entry.over is not None:
-                ended = tempo.after(begin_beat, automation_entry.over)
+                end_beat_of_glide = tempo.after(begin_beat, automation_entry.over)
             else:
-                ended = tempo.beats(tempo.instant(begin_beat, automation_entry.points[-1].at))
-            seconds_left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
+                end_beat_of_glide = tempo.beats(
+                    tempo.instant(begin_beat, automation_entry.points[-1].at)
+                )
+            seconds_left = tempo.seconds(max(end_beat_of_glide, self.start)) - tempo.seconds(
+                self.start
+            )
             glide_points = []
             for step in range(_GLIDE_CHORDS + 1 if seconds_left > 0.0 else 1):
                 glide_offset = seconds_left * step / _GLIDE_CHORDS
@@ -279,12 +291,16 @@ class _Window:
                 glide_points.append(f"{word}@{glide_offset:.12g}s")
             entry_fields["to"] = " line ".join(glide_points)
         return self._with_fields(
-            score_texts, place(score_texts, "automation", entry_index), entry_fields
+            score_texts, entry_path(score_texts, "automation", entry_index), entry_fields
         )
 
     def tempo(self, texts: Texts) -> Texts:
         """Write the tempo and meter at the start of the window, and the changes that follow."""
-        _, _, meter = [c for c in self.map.bars.changes() if c[0] <= self.start + SAME][-1]
+        _, _, meter = [
+            meter_change
+            for meter_change in self.map.bars.changes()
+            if meter_change[0] <= self.start + SAME
+        ][-1]
         first_entry: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
         first_entry["meter"] = str(meter)
         entries_written = [first_entry]
@@ -316,8 +332,8 @@ class _Window:
         for section in ("tempo", "meter"):  # tempos and meters from files are written out
             if section_entries(texts, section):
                 texts = texts.remove((section,))
-        for change in entries_written:
-            texts = texts.append(("tempo",), edit.flow(change))
+        for entry_change in entries_written:
+            texts = texts.append(("tempo",), edit.flow(entry_change))
         return texts
 
     def _with_fields(

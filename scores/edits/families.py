@@ -23,20 +23,20 @@ def with_family(score_texts: Texts, family: str, family_file: str) -> tuple[Text
     if isinstance(use_section, document.Sequence) or (
         isinstance(use_section, document.Scalar) and not use_section.is_empty
     ):
-        added = score_texts.append(("use",), edit.flow({family: family_file}))
+        with_use = score_texts.append(("use",), edit.flow({family: family_file}))
     else:
-        added = score_texts.put(("use", family), edit.quoted(family_file))
-    return with_files_read(added)
+        with_use = score_texts.put(("use", family), edit.quoted(family_file))
+    return with_files_read(with_use)
 
 
 def with_files_read(score_texts: Texts) -> tuple[Texts, dict[str, str]]:
     """Texts with those of the files that they name and do not hold yet, and these files, which are
     not of the library.
     """
-    documents = replace(score_texts, sealed=False).load().files
+    documents_by_name = replace(score_texts, sealed=False).load().files
     read_texts = {
         name: document_of_file.text
-        for name, document_of_file in documents.items()
+        for name, document_of_file in documents_by_name.items()
         if name != score_texts.path
         and name not in score_texts.overlay
         and shipped(Path(name)) is None
@@ -52,10 +52,10 @@ def unplayed_instruments(piece: Piece) -> dict[str, str]:
     """
     names = dict.fromkeys(piece.available)
     unplayed_names = {name: name for name in names if "." not in name}
-    for full in names:
-        family, _, name = full.rpartition(".")
+    for full_name in names:
+        family, _, name = full_name.rpartition(".")
         if family in piece.used and not is_defined(piece, name):
-            unplayed_names.setdefault(name, full)
+            unplayed_names.setdefault(name, full_name)
     return unplayed_names
 
 
@@ -68,8 +68,8 @@ def base_of_instrument(piece: Piece, instrument_name: str) -> str:
     """What an instrument is built from: `skins/kick` where `kick` is one of a family that nothing
     plays yet, else the name itself.
     """
-    family, _, plain = unplayed_instruments(piece).get(instrument_name, "").rpartition(".")
-    return f"{family}/{plain}" if family else instrument_name
+    family, _, plain_name = unplayed_instruments(piece).get(instrument_name, "").rpartition(".")
+    return f"{family}/{plain_name}" if family else instrument_name
 
 
 def with_routes_of(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
@@ -79,9 +79,9 @@ def with_routes_of(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Te
     which some may be theirs. Raises EditError.
     """
     score_texts, piece = with_definitions(score_texts, piece, paths)
-    plain = [name for name in piece.available if "." not in name]
-    piece_now = score_texts.load().piece if plain else None
-    for name in plain:
+    plain_names = [name for name in piece.available if "." not in name]
+    piece_now = score_texts.load().piece if plain_names else None
+    for name in plain_names:
         if piece_now is not None and (name in piece_now.instruments or name in piece_now.families):
             score_texts = structure.routed_to_all(score_texts, piece, name)
             piece = score_texts.load().piece or piece  # all routes are written now
@@ -94,25 +94,25 @@ def with_definitions(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> 
     """
     unplayed_names = unplayed_instruments(piece)
     for name in sorted({path.partition(".")[0] for path in paths} & unplayed_names.keys()):
-        if (origin := base_of_instrument(piece, name)) != name:
-            score_texts = structure.add_instrument(score_texts, piece, name, origin, {})
+        if (base_name := base_of_instrument(piece, name)) != name:
+            score_texts = structure.add_instrument(score_texts, piece, name, base_name, {})
             piece = score_texts.load().piece or piece
     return score_texts, piece
 
 
-def with_ready_acts(score_texts: Texts, path: str) -> Texts:
+def with_act_modules(score_texts: Texts, path: str) -> Texts:
     """Let the modules of an act be there that strikes from outside will play: `vib`, `vib.strike`.
 
     Nothing changes where the act brings none, or where they are there. Raises EditError.
     """
     act_owner, _, act_name = path.partition(".")
     piece = score_texts.load().piece
-    instrument = None if piece is None else piece.playable(act_owner)
+    instrument = None if piece is None else piece.playable_instrument(act_owner)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}
-    drawn_act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
-    if instrument is None or drawn_act is None:
+    bowed_act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
+    if instrument is None or bowed_act is None:
         return score_texts
     modules = {module.name for module in instrument.modules}
-    if all(module.name in modules for module in drawn_act.modules):
+    if all(module.name in modules for module in bowed_act.modules):
         return score_texts
-    return score_texts.put(("instruments", act_owner, "ready"), drawn_act.name)
+    return score_texts.put(("instruments", act_owner, "ready"), bowed_act.name)

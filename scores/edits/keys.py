@@ -5,7 +5,7 @@ from __future__ import annotations
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits.lists import place, without_entry
+from ergon.scores.edits.lists import entry_path, without_entry
 from ergon.scores.edits.positions import position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
@@ -40,31 +40,35 @@ def couple(
     return score_texts
 
 
-def uncouple(score_texts: Texts, piece: Piece, from_beat: float, a: str, b: str) -> Texts:
+def uncouple(
+    score_texts: Texts, piece: Piece, from_beat: float, first_key: str, second_key: str
+) -> Texts:
     """End the coupling of two keys at a beat. Raises EditError if there is none."""
-    score_texts, count = _with_coupling_ended(score_texts, piece, from_beat, a, b)
+    score_texts, count = _with_coupling_ended(score_texts, piece, from_beat, first_key, second_key)
     if not count:
-        raise EditError(f"{a} and {b} are not coupled at {piece.tempo_map.written(from_beat)}")
+        raise EditError(
+            f"{first_key} and {second_key} are not coupled at {piece.tempo_map.written(from_beat)}"
+        )
     return score_texts
 
 
 def _with_coupling_ended(
-    score_texts: Texts, piece: Piece, from_beat: float, a: str, b: str
+    score_texts: Texts, piece: Piece, from_beat: float, first_key: str, second_key: str
 ) -> tuple[Texts, int]:
-    tempo, n_parted = piece.tempo_map, 0
+    tempo, ended_count = piece.tempo_map, 0
     for entry_index in reversed(range(len(piece.duet))):
         coupling = piece.duet[entry_index]
-        if {coupling.a.part, coupling.b.part} != {a, b}:
+        if {coupling.a.part, coupling.b.part} != {first_key, second_key}:
             continue
         if tempo.resolve(coupling.at) >= from_beat - SAME:
-            score_texts, n_parted = (
+            score_texts, ended_count = (
                 without_entry(score_texts, "duet", entry_index),
-                n_parted + 1,
+                ended_count + 1,
             )
         elif coupling.until is None or tempo.resolve(coupling.until) > from_beat + SAME:
-            path = (*place(score_texts, "duet", entry_index), "until")
-            score_texts, n_parted = (
+            path = (*entry_path(score_texts, "duet", entry_index), "until")
+            score_texts, ended_count = (
                 score_texts.put(path, position_text(piece, from_beat)),
-                n_parted + 1,
+                ended_count + 1,
             )
-    return score_texts, n_parted
+    return score_texts, ended_count

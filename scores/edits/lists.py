@@ -19,9 +19,9 @@ def section_entries(texts: Texts, *path: str) -> list[Node]:
     )
 
 
-def place(texts: Texts, section: str, number: int, *further: str) -> edit.Path:
+def entry_path(texts: Texts, section: str, number: int, *inner_names: str) -> edit.Path:
     """The path of an entry of such a section."""
-    path = (section, *further)
+    path = (section, *inner_names)
     return (*path, number) if isinstance(_node(texts, path), document.Sequence) else path
 
 

@@ -28,7 +28,7 @@ from ergon.notation.text import document, edit
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.edits.lists import place, section_entries
+from ergon.scores.edits.lists import entry_path, section_entries
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import automatable, overlay
 from ergon.scores.reading.key_tables import KEY_RECORD
@@ -59,34 +59,34 @@ class _ValueOwner:
 
     part: str  # the key or instrument, as the score calls it
     section: str
-    written: Values  # the key or instrument as its own file has it, or a note of it
-    base: tuple[str, ...]  # the path of `written`
+    written_values: Values  # the key or instrument as its own file has it, or a note of it
+    base_path: tuple[str, ...]  # the path of `written_values`
     module: str  # "" if it has the name of its part
     kind: str  # "" for a key of M, K, Z
-    followed: Values  # the fields with `like` and `from` followed
+    followed_values: Values  # the fields with `like` and `from` followed
     is_ca: bool
 
     @property
     def file(self) -> str:
         """The file in which the key or instrument is written."""
-        return self.written.node.document.file
+        return self.written_values.node.document.file
 
-    def home(self, field_name: str) -> tuple[str, ...] | None:
+    def path_written_in(self, field_name: str) -> tuple[str, ...] | None:
         """The path of the mapping in which a field is written; None if `like` or `from` brought it
         in.
         """
         if self.module:
-            modules = self.written["modules"]
+            modules = self.written_values["modules"]
             if isinstance(modules, dict) and self.module in modules:
-                return (*self.base, "modules", self.module, self.kind)
+                return (*self.base_path, "modules", self.module, self.kind)
             return None
         if not self.kind:
-            return self.base
+            return self.base_path
         if field_name in _RETUNED_FIELDS and (
-            self.written.written(field_name) or not self.written.kind
+            self.written_values.written(field_name) or not self.written_values.kind
         ):
-            return self.base
-        return (*self.base, self.kind) if self.written.kind else None
+            return self.base_path
+        return (*self.base_path, self.kind) if self.written_values.kind else None
 
 
 def set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -> Texts:
@@ -118,22 +118,22 @@ def _set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: s
         )
     value_owner, field_name = _value_owner(score_texts, target_path)
     field_changes = _field_changes(value_owner, piece, target_path, field_name, value_text)
-    field_path = value_owner.home(field_name)
+    field_path = value_owner.path_written_in(field_name)
     field_changes = _untransposed_changes(value_owner, field_path, field_changes)
     if field_path is not None:
-        written_tree = edit.tree(_written_node(score_texts, field_path, value_owner.file))
+        written_value = edit.tree(_written_node(score_texts, field_path, value_owner.file))
         for field, text in field_changes.items():
             if text is not None:
                 score_texts = score_texts.put((*field_path, field), text, value_owner.file)
-            elif isinstance(written_tree, dict) and field in written_tree:
+            elif isinstance(written_value, dict) and field in written_value:
                 score_texts = score_texts.remove((*field_path, field), file=value_owner.file)
         return score_texts
     texts_by_field = {field: text for field, text in field_changes.items() if text is not None}
     if not value_owner.module:
         return score_texts.put(
-            (*value_owner.base, value_owner.kind), edit.flow(texts_by_field), value_owner.file
+            (*value_owner.base_path, value_owner.kind), edit.flow(texts_by_field), value_owner.file
         )
-    path = (*value_owner.base, "modules", value_owner.module)
+    path = (*value_owner.base_path, "modules", value_owner.module)
     return score_texts.put(path, edit.flow({value_owner.kind: texts_by_field}), value_owner.file)
 
 
@@ -144,17 +144,18 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
     moves them all.
     """
     list_owner, list_name = _value_owner(score_texts, target_path)
-    if list_owner.followed.written("modes"):
+    if list_owner.followed_values.written("modes"):
         raise EditError(
             f"{quote(target_path)}: the modes are read from a file and cannot be set here; change "
             "the file"
         )
-    if moving := list_owner.written.written("f", "transpose"):
+    if moved_fields := list_owner.written_values.written("f", "transpose"):
         raise EditError(
-            f"{quote(target_path)}: '{moving[0]}' of the instrument transposes all its pitches; "
-            f"remove '{moving[0]}' before you set a single one"
+            f"{quote(target_path)}: '{moved_fields[0]}' of the instrument transposes all its "
+            "pitches; "
+            f"remove '{moved_fields[0]}' before you set a single one"
         )
-    node = list_owner.followed.nodes.get(list_name)
+    node = list_owner.followed_values.nodes.get(list_name)
     list_items = node.items if isinstance(node, document.Sequence) else [node]
     if max(value_changes) >= len(list_items):
         raise EditError(
@@ -162,22 +163,28 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
             "them are drawn in its band; change the band instead"
         )
     words_written = [
-        value_changes[i] if i in value_changes else item.text if isinstance(item, Scalar) else ""
-        for i, item in enumerate(list_items)
+        value_changes[item_index]
+        if item_index in value_changes
+        else item.text
+        if isinstance(item, Scalar)
+        else ""
+        for item_index, item in enumerate(list_items)
     ]
     list_text = f"[{', '.join(words_written)}]"
     if not list_owner.module:
-        if list_owner.written.kind:
+        if list_owner.written_values.kind:
             return score_texts.put(
-                (*list_owner.base, list_owner.kind, list_name), list_text, list_owner.file
+                (*list_owner.base_path, list_owner.kind, list_name), list_text, list_owner.file
             )
         return score_texts.put(
-            (*list_owner.base, list_owner.kind), f"{{{list_name}: {list_text}}}", list_owner.file
+            (*list_owner.base_path, list_owner.kind),
+            f"{{{list_name}: {list_text}}}",
+            list_owner.file,
         )
-    list_path = list_owner.home(list_name)
+    list_path = list_owner.path_written_in(list_name)
     if list_path is not None:
         return score_texts.put((*list_path, list_name), list_text, list_owner.file)
-    path = (*list_owner.base, "modules", list_owner.module)
+    path = (*list_owner.base_path, "modules", list_owner.module)
     return score_texts.put(
         path, f"{{{list_owner.kind}: {{{list_name}: {list_text}}}}}", list_owner.file
     )
@@ -239,10 +246,10 @@ def _set_transposition(score_texts: Texts, part_name: str, value_text: str) -> T
         raise EditError(f"{quote(part_name)} is not an instrument that can be transposed")
     path: tuple[str, ...] = ("instruments", entry_values.context.name)
     if table_name != part_name:  # one of its notes
-        resolved, _ = uses.resolved("instruments", instrument_table[table_name])
+        resolved_values, _ = uses.resolved("instruments", instrument_table[table_name])
         member = (
-            _note_and_fields(resolved, entry_values, note_name)
-            if resolved and resolved["notes"]
+            _note_and_fields(resolved_values, entry_values, note_name)
+            if resolved_values and resolved_values["notes"]
             else None
         )
         if member is None:
@@ -283,7 +290,7 @@ def set_gain(score_texts: Texts, instrument_name: str | None, level_text: str) -
             source.text == instrument_name or source.text.startswith(f"{instrument_name}.")
         ):
             score_texts = score_texts.put(
-                (*place(score_texts, "mix", route_index, "route"), "gain"), level_text
+                (*entry_path(score_texts, "mix", route_index, "route"), "gain"), level_text
             )
             is_routed = True
     if not is_routed:
@@ -319,7 +326,7 @@ def _value_owner(texts: Texts, target_path: str) -> tuple[_ValueOwner, str]:
             module_name, field_name = ".".join(path_words[n_words:-1]), path_words[-1]
             fields_written, module_kind = _module_fields(values, module_name, target_path)
             is_ca = section_name == "instruments" and values["units"] == "ca"
-            owner = _ValueOwner(
+            value_owner = _ValueOwner(
                 part_name,
                 section_name,
                 part_values,
@@ -341,7 +348,7 @@ def _value_owner(texts: Texts, target_path: str) -> tuple[_ValueOwner, str]:
                     f"{quote(target_path)}: the field {quote(field_name)} does not "
                     f"exist; the fields are {field_list}"
                 )
-            return owner, field_name
+            return value_owner, field_name
     raise EditError(f"{quote(target_path)} is not a field of a key or an instrument")
 
 
@@ -358,7 +365,11 @@ def _note_and_fields(
             if member_values is None:
                 member_values = Values(member_table("si"), part_values.node, part_values.context)
             else:
-                note_name = next(w for w in part_values["members"] if notes.pitch(w) == pitch)
+                note_name = next(
+                    member_word
+                    for member_word in part_values["members"]
+                    if notes.pitch(member_word) == pitch
+                )
             member_interval = part_values.by_name.get(TRANSPOSE)
             interval = overlay.interval_sum(member_interval, member_values.by_name.get(TRANSPOSE))
             if interval is not None:
@@ -388,9 +399,9 @@ def _module_fields(part_values: Values, module_name: str, target_path: str) -> t
     elif part_values.written("modules"):
         module_names = ", ".join(part_values["modules"] or {})
         raise EditError(f"{quote(target_path)}: name one of its modules: {module_names}")
-    inner = module_fields.by_name.get(module_kind) if module_kind else module_fields
-    assert isinstance(inner, Values)
-    return inner, module_kind
+    kind_fields = module_fields.by_name.get(module_kind) if module_kind else module_fields
+    assert isinstance(kind_fields, Values)
+    return kind_fields, module_kind
 
 
 def _field_changes(
@@ -402,7 +413,7 @@ def _field_changes(
     contrary_names = (
         _CONTRADICTING_FIELDS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
     )
-    if value_owner.followed.written(*contrary_names):
+    if value_owner.followed_values.written(*contrary_names):
         contradicting_field = (
             _stiffness_and_viscosity(current_values)
             if contrary_names == _TUNED_FIELDS
@@ -410,9 +421,9 @@ def _field_changes(
         )
         field_changes = dict.fromkeys(contrary_names)
         field_changes |= {
-            field: _amount_text(x, field, value_owner)
-            for field, x in contradicting_field.items()
-            if x
+            field: _amount_text(field_number, field, value_owner)
+            for field, field_number in contradicting_field.items()
+            if field_number
         }
         current_values = {**current_values, **contradicting_field}
     if not value_text.startswith("x"):
@@ -421,15 +432,17 @@ def _field_changes(
         value_factor = q.factor(value_text)
     except TextError as error:
         raise EditError(error.message) from None
-    field_node = value_owner.followed.nodes.get(field_name)
-    if "calib" in value_owner.followed.nodes and not value_owner.written.written(field_name):
+    field_node = value_owner.followed_values.nodes.get(field_name)
+    if "calib" in value_owner.followed_values.nodes and not value_owner.written_values.written(
+        field_name
+    ):
         field_node = None  # the measured value is used, not the written one
     if isinstance(field_node, Scalar) and _is_as_written(value_owner, field_name, field_node.text):
-        scaled = _scaled_text(field_node.text, value_factor)
-        if scaled is not None:
-            return {**field_changes, field_name: scaled}
+        scaled_value = _scaled_text(field_node.text, value_factor)
+        if scaled_value is not None:
+            return {**field_changes, field_name: scaled_value}
     amount = current_values.get(field_name)
-    if value_owner.followed.written("modes"):
+    if value_owner.followed_values.written("modes"):
         raise EditError(
             f"{quote(target_path)}: the modes are read from a file and cannot be set at once; use "
             "`transpose`, or `set` with `over` and a length"
@@ -453,21 +466,25 @@ def _field_changes(
     }
 
 
-def _current_values(owner: _ValueOwner, piece: Piece) -> Mapping[str, object]:
+def _current_values(value_owner: _ValueOwner, piece: Piece) -> Mapping[str, object]:
     """The current values in SI units, including those of a measured key."""
-    part = piece.keys.get(owner.part) or piece.instruments.get(owner.part)
+    part = piece.keys.get(value_owner.part) or piece.instruments.get(value_owner.part)
     for module in part.modules if part is not None else ():
-        if module.name == owner.module:
+        if module.name == value_owner.module:
             return module.fields
-    return owner.followed.by_name
+    return value_owner.followed_values.by_name
 
 
-def _is_as_written(owner: _ValueOwner, field_name: str, field_text: str) -> bool:
+def _is_as_written(value_owner: _ValueOwner, field_name: str, field_text: str) -> bool:
     """Whether a field has the value of its text; a transposition makes it differ."""
-    field = (KINDS[owner.kind].table if owner.kind else KEY_RECORD).by_name.get(field_name)
+    field = (KINDS[value_owner.kind].table if value_owner.kind else KEY_RECORD).by_name.get(
+        field_name
+    )
     if field is None or not isinstance(field.shape, Text):
         return True
-    return bool(field.shape.parse(field_text) == owner.followed.by_name.get(field_name))
+    return bool(
+        field.shape.parse(field_text) == value_owner.followed_values.by_name.get(field_name)
+    )
 
 
 def _untransposed_changes(
@@ -476,16 +493,16 @@ def _untransposed_changes(
     """Changes in the values that must be written so that `transpose` turns them into those asked
     for.
     """
-    interval = value_owner.written.by_name.get("transpose")
+    interval = value_owner.written_values.by_name.get("transpose")
     if interval is None or (
-        value_owner.kind and is_mechanics(value_owner.kind, value_owner.followed)
+        value_owner.kind and is_mechanics(value_owner.kind, value_owner.followed_values)
     ):
         return field_changes
-    is_root = not value_owner.written.written("like", "from")
+    is_root = not value_owner.written_values.written("like", "from")
     field_table = KINDS[value_owner.kind].table
     changes_written = dict(field_changes)
     for field_name, value_text in field_changes.items():
-        is_moved = is_root or (field_path == value_owner.base and field_name == "f")
+        is_moved = is_root or (field_path == value_owner.base_path and field_name == "f")
         shape = field_table.by_name[field_name].shape if field_name in field_table.by_name else None
         if not is_moved or value_text is None or not isinstance(shape, Text):
             continue
@@ -493,30 +510,40 @@ def _untransposed_changes(
             parsed_value = shape.parse(value_text)
         except TextError:
             continue  # reported where the score is read
-        untransposed = transposed_value(field_name, parsed_value, interval.inverse())
-        if untransposed != parsed_value and isinstance(untransposed, float):
-            changes_written[field_name] = f"{untransposed!r}{_UNIT_BY_FIELD.get(field_name, '')}"
+        untransposed_value = transposed_value(field_name, parsed_value, interval.inverse())
+        if untransposed_value != parsed_value and isinstance(untransposed_value, float):
+            changes_written[field_name] = (
+                f"{untransposed_value!r}{_UNIT_BY_FIELD.get(field_name, '')}"
+            )
     return changes_written
 
 
 def _stiffness_and_viscosity(current_values: Mapping[str, object]) -> dict[str, float]:
     """K and Z from a damped frequency and its decay."""
-    mode_mass, f, t60 = (_current_number(current_values, name) for name in ("M", "f", "t60"))
-    sigma = LN_1000 / t60 if t60 else 0.0
-    omega = 2.0 * math.pi * f
-    return {"K": mode_mass * (omega * omega + sigma * sigma), "Z": 2.0 * mode_mass * sigma}
+    mode_mass, frequency, decay_time = (
+        _current_number(current_values, name) for name in ("M", "f", "t60")
+    )
+    decay_rate = LN_1000 / decay_time if decay_time else 0.0
+    angular_frequency = 2.0 * math.pi * frequency
+    return {
+        "K": mode_mass * (angular_frequency * angular_frequency + decay_rate * decay_rate),
+        "Z": 2.0 * mode_mass * decay_rate,
+    }
 
 
 def _frequency_and_decay(
     current_values: Mapping[str, object], target_path: str
 ) -> dict[str, float]:
     """The damped frequency and decay from K and Z."""
-    mass, k, z = (_current_number(current_values, name) for name in ("M", "K", "Z"))
-    sigma = z / (2.0 * mass)
-    square = k / mass - sigma * sigma
-    if square <= 0.0:
+    mass, stiffness, viscosity = (_current_number(current_values, name) for name in ("M", "K", "Z"))
+    decay_rate = viscosity / (2.0 * mass)
+    square_of_omega = stiffness / mass - decay_rate * decay_rate
+    if square_of_omega <= 0.0:
         raise EditError(f"{quote(target_path)}: it is overdamped and has no frequency; set K and Z")
-    return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": LN_1000 / sigma if sigma else 0.0}
+    return {
+        "f": math.sqrt(square_of_omega) / (2.0 * math.pi),
+        "t60": LN_1000 / decay_rate if decay_rate else 0.0,
+    }
 
 
 def _current_number(current_values: Mapping[str, object], name: str) -> float:
@@ -535,14 +562,14 @@ def _scaled_text(text: str, factor: float) -> str | None:
     return "..".join(scaled_texts)
 
 
-def _amount_text(value: float, name: str, owner: _ValueOwner) -> str:
-    is_plain = owner.is_ca and name in ("M", "K", "Z")
+def _amount_text(value: float, name: str, value_owner: _ValueOwner) -> str:
+    is_plain = value_owner.is_ca and name in ("M", "K", "Z")
     return f"{value:.9g}{'' if is_plain else _UNIT_BY_FIELD.get(name, '')}"
 
 
 def _written_node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:
-    is_own = file == texts.path
-    value_node = texts.section(path[0]) if is_own else texts.document(file).root
-    for name in path[1:] if is_own else path:
+    is_score_file = file == texts.path
+    value_node = texts.section(path[0]) if is_score_file else texts.document(file).root
+    for name in path[1:] if is_score_file else path:
         value_node = value_node.get(name) if isinstance(value_node, document.Mapping) else None
     return value_node

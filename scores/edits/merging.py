@@ -38,30 +38,38 @@ _Value = Tree | MissingValue
 
 
 def merged_texts(
-    old_texts: Texts, current_texts: Texts, typed: Texts
+    old_texts: Texts, current_texts: Texts, typed_texts: Texts
 ) -> tuple[Texts, list[ValuePlace]]:
     """The texts `current_texts` with what was typed since `old_texts`, and the places whose typed
     values are dropped.
 
     Raises EditError if a text cannot be read.
     """
-    merge, dropped = _with_values_at(
-        old_texts, current_texts, typed, [*changed_places(old_texts, typed)]
+    merged, dropped_places = _with_typed_values(
+        old_texts, current_texts, typed_texts, [*changed_places(old_texts, typed_texts)]
     )
-    if merge.load().piece is not None:
-        return merge, dropped
+    if merged.load().piece is not None:
+        return merged, dropped_places
     # Some typed value needs something that the files no longer have: find the values that can be
     # kept.
-    merge, dropped, spots_left = current_texts, [], [*changed_places(old_texts, typed)]
+    merged, dropped_places, places_left = (
+        current_texts,
+        [],
+        [*changed_places(old_texts, typed_texts)],
+    )
     count = -1
-    while count != len(spots_left):
-        count = len(spots_left)
-        for place in spots_left[:]:
-            merged_text, lost = _with_values_at(old_texts, merge, typed, [place])
-            if lost or merged_text.load().piece is not None:
-                spots_left.remove(place)
-                merge, dropped = (merge, [*dropped, place]) if lost else (merged_text, dropped)
-    return merge, [*dropped, *spots_left]
+    while count != len(places_left):
+        count = len(places_left)
+        for place in places_left[:]:
+            merged_text, lost_places = _with_typed_values(old_texts, merged, typed_texts, [place])
+            if lost_places or merged_text.load().piece is not None:
+                places_left.remove(place)
+                merged, dropped_places = (
+                    (merged, [*dropped_places, place])
+                    if lost_places
+                    else (merged_text, dropped_places)
+                )
+    return merged, [*dropped_places, *places_left]
 
 
 def changed_places(old_texts: Texts, new_texts: Texts) -> Iterator[ValuePlace]:
@@ -78,55 +86,55 @@ def changed_places(old_texts: Texts, new_texts: Texts) -> Iterator[ValuePlace]:
             yield from (ValuePlace(file_name, path) for path in paths)
 
 
-def differ(a: Texts, b: Texts, spot: ValuePlace) -> bool:
+def is_different_at(first_texts: Texts, second_texts: Texts, place: ValuePlace) -> bool:
     """Whether two texts have different values at a place."""
-    return _value_of(a, spot) != _value_of(b, spot)
+    return _value_of(first_texts, place) != _value_of(second_texts, place)
 
 
-def _with_values_at(
-    old_texts: Texts, current_texts: Texts, typed: Texts, spots: list[ValuePlace]
+def _with_typed_values(
+    old_texts: Texts, current_texts: Texts, typed_texts: Texts, places: list[ValuePlace]
 ) -> tuple[Texts, list[ValuePlace]]:
     lost_places = []
-    for spot in spots:
+    for place in places:
         old_value, typed_value, current_value = (
-            _value_of(old_texts, spot),
-            _value_of(typed, spot),
-            _value_of(current_texts, spot),
+            _value_of(old_texts, place),
+            _value_of(typed_texts, place),
+            _value_of(current_texts, place),
         )
         if current_value == typed_value:
             continue
-        if current_value != old_value or _text_of_file(current_texts, spot.file) is None:
-            lost_places.append(spot)
+        if current_value != old_value or _text_of_file(current_texts, place.file) is None:
+            lost_places.append(place)
             continue
         try:
-            current_texts = _with_value(current_texts, spot, old_value, typed_value)
+            current_texts = _with_value(current_texts, place, old_value, typed_value)
         except EditError:
-            lost_places.append(spot)
+            lost_places.append(place)
     return current_texts, lost_places
 
 
 def _with_value(
-    current_texts: Texts, spot: ValuePlace, old_value: _Value, typed_value: _Value
+    current_texts: Texts, place: ValuePlace, old_value: _Value, typed_value: _Value
 ) -> Texts:
     """The texts with a value set at a place; comments are kept if possible. Raises EditError."""
     if isinstance(typed_value, MissingValue):
-        return current_texts.remove(spot.path, file=spot.file)
+        return current_texts.remove(place.path, file=place.file)
     if typed_value is None:
         return current_texts.put(
-            spot.path, "[]" if isinstance(old_value, list) else "{}", spot.file
+            place.path, "[]" if isinstance(old_value, list) else "{}", place.file
         )
     try:
         if isinstance(typed_value, list):
-            return _with_items(current_texts, spot, old_value, typed_value)
+            return _with_items(current_texts, place, old_value, typed_value)
         if isinstance(typed_value, str) and "\n" in typed_value and isinstance(old_value, str):
-            return _with_rows(current_texts, spot, edit.rows(old_value), edit.rows(typed_value))
+            return _with_rows(current_texts, place, edit.rows(old_value), edit.rows(typed_value))
     except EditError:  # write the whole value instead
         pass
-    return current_texts.put(spot.path, edit.flow(typed_value), spot.file)
+    return current_texts.put(place.path, edit.flow(typed_value), place.file)
 
 
 def _with_items(
-    current_texts: Texts, spot: ValuePlace, old_value: _Value, typed_items: list[Tree]
+    current_texts: Texts, place: ValuePlace, old_value: _Value, typed_items: list[Tree]
 ) -> Texts:
     old_items = old_value if isinstance(old_value, list) else []
     if len(typed_items) < len(old_items) or (
@@ -136,33 +144,33 @@ def _with_items(
     for item_index, (old_item, typed_item) in enumerate(zip(old_items, typed_items, strict=False)):
         if old_item != typed_item:
             current_texts = current_texts.put(
-                (*spot.path, item_index), edit.flow(typed_item), spot.file
+                (*place.path, item_index), edit.flow(typed_item), place.file
             )
     for typed_item in typed_items[len(old_items) :]:
         item_text = edit.flow(typed_item)
         current_texts = current_texts.edited(
-            spot.path[0],
-            partial(edit.append, path=spot.path, text=item_text, order=SECTIONS),
-            spot.file,
+            place.path[0],
+            partial(edit.append, path=place.path, text=item_text, order=SECTIONS),
+            place.file,
         )
     return current_texts
 
 
 def _with_rows(
-    current_texts: Texts, spot: ValuePlace, old_rows: list[str], typed_rows: list[str]
+    current_texts: Texts, place: ValuePlace, old_rows: list[str], typed_rows: list[str]
 ) -> Texts:
     if len(typed_rows) < len(old_rows):
         raise EditError("lines were removed")
     for row_index, (old_row, typed_row) in enumerate(zip(old_rows, typed_rows, strict=False)):
         if old_row != typed_row:
             current_texts = current_texts.edited(
-                spot.path[0],
-                partial(edit.put_row, path=spot.path, row=row_index, text=typed_row),
-                spot.file,
+                place.path[0],
+                partial(edit.put_row, path=place.path, row=row_index, text=typed_row),
+                place.file,
             )
     for typed_row in typed_rows[len(old_rows) :]:
         current_texts = current_texts.edited(
-            spot.path[0], partial(edit.add_row, path=spot.path, text=typed_row), spot.file
+            place.path[0], partial(edit.add_row, path=place.path, text=typed_row), place.file
         )
     return current_texts
 
@@ -181,8 +189,8 @@ def _differing_places(old_value: _Value, new_value: _Value, path: edit.Path) -> 
     if isinstance(new_value, MissingValue) and path:  # something removed is removed as a whole
         yield path
         return
-    mappings = [tree_value for tree_value in (old_value, new_value) if isinstance(tree_value, dict)]
-    if not mappings or any(
+    trees = [tree_value for tree_value in (old_value, new_value) if isinstance(tree_value, dict)]
+    if not trees or any(
         isinstance(tree_value, (str, list)) for tree_value in (old_value, new_value)
     ):
         yield path
@@ -199,11 +207,11 @@ def _differing_places(old_value: _Value, new_value: _Value, path: edit.Path) -> 
         )
 
 
-def _value_of(texts: Texts, spot: ValuePlace) -> _Value:
-    spot_value: _Value = _tree_of_text(_text_of_file(texts, spot.file), spot.file)
-    for name in spot.path:
-        spot_value = _child_value(spot_value, name)
-    return spot_value
+def _value_of(texts: Texts, place: ValuePlace) -> _Value:
+    place_value: _Value = _tree_of_text(_text_of_file(texts, place.file), place.file)
+    for name in place.path:
+        place_value = _child_value(place_value, name)
+    return place_value
 
 
 def _child_value(tree_value: _Value, name: str | int) -> _Value:

@@ -20,7 +20,9 @@ def free_name(wanted_name: str, taken_names: Container[str], *, is_numbered: boo
         return wanted_name
     numbers = count(1 if is_numbered else 2)
     return next(
-        free for number in numbers if (free := f"{wanted_name}-{number}") not in taken_names
+        free_candidate
+        for number in numbers
+        if (free_candidate := f"{wanted_name}-{number}") not in taken_names
     )
 
 

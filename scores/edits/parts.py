@@ -51,35 +51,39 @@ def transform(
     not ended begins again. Raises EditError.
     """
     lines = entries.placed_entries(score_texts, piece, _check_player(piece, player), from_beat)
-    playing = [line for line in lines if line.is_open(from_beat, piece)]
+    playing_entries = [line for line in lines if line.is_open(from_beat, piece)]
     begins = [line for line in lines if abs(line.begin - from_beat) < SAME]
-    if not (playing or begins):
-        newest = entries.newest_first(score_texts, piece, player)
-        playing = [
+    if not (playing_entries or begins):
+        newest_entries = entries.newest_first(score_texts, piece, player)
+        playing_entries = [
             *islice(
-                filter(None, (_occurrence_under_way(line, piece, from_beat) for line in newest)), 1
+                filter(
+                    None, (_occurrence_under_way(line, piece, from_beat) for line in newest_entries)
+                ),
+                1,
             )
         ]
-    if not (playing or begins):
+    if not (playing_entries or begins):
         raise EditError(f"{player} plays nothing at {piece.tempo_map.written(from_beat)}")
-    closed, new_entries = [], []
-    for playing_entry in playing:
-        later_entry = Entry(playing_entry.entry.fields, (*playing_entry.entry.do, *chain))
+    ended_entries, new_entries = [], []
+    for playing_entry in playing_entries:
+        later_entry = Entry(playing_entry.entry.fields, (*playing_entry.entry.transforms, *chain))
         if playing_entry.is_open(from_beat, piece):
-            closed.append(playing_entry)
+            ended_entries.append(playing_entry)
             later_entry = _remaining_entry(playing_entry, piece, later_entry, from_beat)
         else:
-            always = takewhile(
-                lambda entry_transform: not is_turn(entry_transform), playing_entry.entry.do
+            constant_transforms = takewhile(
+                lambda entry_transform: not is_turn(entry_transform), playing_entry.entry.transforms
             )
-            later_entry = Entry(playing_entry.entry.fields, (*always, *chain))
+            later_entry = Entry(playing_entry.entry.fields, (*constant_transforms, *chain))
             later_entry = later_entry.with_fields(
                 at=position_text(piece, from_beat), every=None, times=None, until=None
             )
         new_entries.append(later_entry)
-    new_entries += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
+    new_entries += [Entry(line.entry.fields, (*line.entry.transforms, *chain)) for line in begins]
     return entries.with_part_edits(
-        score_texts, PartEdit(player, position_text(piece, from_beat), closed, begins, new_entries)
+        score_texts,
+        PartEdit(player, position_text(piece, from_beat), ended_entries, begins, new_entries),
     )
 
 
@@ -87,21 +91,23 @@ def _remaining_entry(
     placed_entry: entries.PlacedEntry, piece: Piece, new_entry: entries.Entry, from_beat: float
 ) -> entries.Entry:
     """The part of a line that is left from a beat on, with the fields of `new_entry`."""
-    starts = placed_entry.starts or ()
-    n_done = placed_entry.count_before(from_beat)
-    if isinstance(starts, Steps) and n_done < len(starts):
-        first_part = replace(placed_entry, entry=new_entry).part(
-            n_done, len(starts), partial(position_text, piece)
+    start_beats = placed_entry.starts or ()
+    n_played = placed_entry.count_before(from_beat)
+    if isinstance(start_beats, Steps) and n_played < len(start_beats):
+        first_part = replace(placed_entry, entry=new_entry).between_starts(
+            n_played, len(start_beats), partial(position_text, piece)
         )
-        until = None if "times" in new_entry.fields else new_entry.fields.get("until")
-        return first_part if until is None else first_part.with_fields(until=until)
+        end_position = None if "times" in new_entry.fields else new_entry.fields.get("until")
+        return first_part if end_position is None else first_part.with_fields(until=end_position)
     later_entry = new_entry.with_fields(
-        at=position_text(piece, starts[n_done] if n_done < len(starts) else from_beat)
+        at=position_text(piece, start_beats[n_played] if n_played < len(start_beats) else from_beat)
     )
-    if n_done and any(map(is_turn, new_entry.do)):  # a pattern now, whose rounds go on counting
-        return later_entry.with_fields(skip=str(n_done))
-    if n_done < len(starts) and "times" in later_entry.fields:
-        later_entry = later_entry.with_fields(times=str(len(starts) - n_done))
+    if n_played and any(
+        map(is_turn, new_entry.transforms)
+    ):  # a pattern now, whose rounds go on counting
+        return later_entry.with_fields(skip=str(n_played))
+    if n_played < len(start_beats) and "times" in later_entry.fields:
+        later_entry = later_entry.with_fields(times=str(len(start_beats) - n_played))
     return later_entry
 
 
@@ -126,9 +132,9 @@ def part_edit_ending_at(
 ) -> PartEdit:
     """The edit that ends the part of a player at a beat, and adds new entries."""
     lines = entries.placed_entries(score_texts, piece, player, end_beat)
-    closed = [line for line in lines if line.is_open(end_beat, piece)]
+    ended_entries = [line for line in lines if line.is_open(end_beat, piece)]
     later_lines = [line for line in lines if line.begin >= end_beat - SAME]
-    return PartEdit(player, position_text(piece, end_beat), closed, later_lines, new_entries)
+    return PartEdit(player, position_text(piece, end_beat), ended_entries, later_lines, new_entries)
 
 
 def end_all_parts(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
@@ -177,15 +183,20 @@ def _occurrence_under_way(
     tempo, pattern_or_name = piece.tempo_map, placed_entry.play.what
     begin_beat = placed_entry.starts[-1] if placed_entry.starts else placed_entry.begin
     if isinstance(placed_entry.starts, Steps):
-        course = placed_entry.starts.course
+        places = placed_entry.starts.places
         last_played = next(
-            (n for n in reversed(range(len(placed_entry.starts))) if course.played(n)), None
+            (
+                place_index
+                for place_index in reversed(range(len(placed_entry.starts)))
+                if places.played_name(place_index)
+            ),
+            None,
         )
         if last_played is None:
             return None
         begin_beat, pattern_or_name = (
             placed_entry.starts[last_played],
-            course.played(last_played) or "",
+            places.played_name(last_played) or "",
         )
         pattern_fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH_OPTION), None)
         placed_entry = replace(

@@ -25,9 +25,9 @@ def define(
     if "impulse" not in phrase_entries[0]:
         fields_written["impulse"] = _DEFAULT_IMPULSE
     fields_written["entries"] = [_phrase_row(entry) for entry in phrase_entries]
-    edited = score_texts.put(("phrases", phrase_name), edit.flow(fields_written))
-    _check_playable(edited, phrase_name)
-    return edited
+    edited_texts = score_texts.put(("phrases", phrase_name), edit.flow(fields_written))
+    _check_playable(edited_texts, phrase_name)
+    return edited_texts
 
 
 def _phrase_row(phrase_entry: Mapping[str, str]) -> edit.Tree:
@@ -45,10 +45,10 @@ def _phrase_row(phrase_entry: Mapping[str, str]) -> edit.Tree:
 
 def _check_playable(texts: Texts, name: str) -> None:
     """Raise EditError if a phrase cannot be played."""
-    played = texts.put(
+    trial_texts = texts.put(
         ("strikes", f"{_TRIAL_STRIKES_NAME}-{name}"), edit.flow({"play": name, "at": "1|1"})
     )
-    loaded = played.load()
+    loaded = trial_texts.load()
     if loaded.piece is None:
         first_mistake = next(
             mistake for mistake in loaded.diagnostics if mistake.severity == "error"

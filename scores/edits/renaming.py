@@ -40,24 +40,26 @@ def rename(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> Te
     Raises EditError.
     """
     renamed_text, copied_until = "", 0
-    for start, stop in places_named(score_texts, piece, old_name, new_name):
+    for start, stop in spans_of_references(score_texts, piece, old_name, new_name):
         renamed_text, copied_until = (
             f"{renamed_text}{score_texts.text[copied_until:start]}{new_name}",
             stop,
         )
-    changed = score_texts.changed(renamed_text + score_texts.text[copied_until:])
+    changed_texts = score_texts.changed(renamed_text + score_texts.text[copied_until:])
     section_name, _ = definition_path(score_texts, old_name)
     if section_name in (*_PART_SECTIONS, "phrases"):
         _check_same_piece(
             piece,
-            changed,
+            changed_texts,
             SoundingNames({new_name: old_name} if section_name in _PART_SECTIONS else {}),
             old_name,
         )
-    return changed
+    return changed_texts
 
 
-def places_named(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> list[Span]:
+def spans_of_references(
+    score_texts: Texts, piece: Piece, old_name: str, new_name: str
+) -> list[Span]:
     """Where a score names what `rename` gives the name `new_name`, in order. Raises EditError."""
     section_name, _ = definition_path(score_texts, old_name)
     if section_name not in _OTHER_SECTIONS or "." in old_name:
@@ -75,21 +77,21 @@ def places_named(score_texts: Texts, piece: Piece, old_name: str, new_name: str)
         raise EditError(f"the name {quote(new_name)} is in use")
     root = score_texts.document().root
     assert isinstance(root, document.Mapping)
-    places = (
+    spans = (
         _spans_of_part(root, piece, section_name, old_name)
         if section_name in _PART_SECTIONS
         else _spans_of_name(root, section_name, old_name)
     )
-    return sorted({*places})
+    return sorted({*spans})
 
 
 def _check_same_piece(
-    piece: Piece, changed: Texts, sounding_names: SoundingNames, old_name: str
+    piece: Piece, changed_texts: Texts, sounding_names: SoundingNames, old_name: str
 ) -> None:
     """Raise EditError if the renamed text is not the same piece: then some use of the name was not
     found.
     """
-    piece_after = changed.load().piece
+    piece_after = changed_texts.load().piece
     names_after = None if piece_after is None else sounding_names.piece(piece_after)
     if names_after is None or digest_of(replace(names_after, takes={})) != digest_of(
         replace(piece, takes={})
@@ -137,31 +139,41 @@ def _references(
     value_shape = None if value_shape is None else value_shape.chosen(value_node)
     if isinstance(value_node, document.Mapping):
         for word, (_, child_node) in value_node.entries.items():
-            inner = None if value_shape is None else value_shape.inner(word)
-            yield from _references(child_node, inner, old_name, modules_by_owner, (*path, word))
+            inner_shape = None if value_shape is None else value_shape.inner(word)
+            yield from _references(
+                child_node, inner_shape, old_name, modules_by_owner, (*path, word)
+            )
     elif isinstance(value_node, document.Sequence):
         for number, child_node in enumerate(value_node.items):
-            inner = None if value_shape is None else value_shape.inner(number)
-            yield from _references(child_node, inner, old_name, modules_by_owner, path)
+            inner_shape = None if value_shape is None else value_shape.inner(number)
+            yield from _references(child_node, inner_shape, old_name, modules_by_owner, path)
     elif isinstance(value_node, Scalar) and isinstance(value_shape, Entries):
         for row, offset in words.rows(value_node.text):
-            _, *cells = [
+            _, *placed_cells = [
                 (cell.group(), offset + cell.start()) for cell in _WORD_PATTERN.finditer(row)
             ]
-            yield from _spans_of_words(value_node, cells, old_name)
+            yield from _spans_of_words(value_node, placed_cells, old_name)
     elif isinstance(value_node, Scalar) and value_shape is RHYTHM:
         yield from _spans_of_words(
-            value_node, [(w.group(), w.start()) for w in WORD.finditer(value_node.text)], old_name
+            value_node,
+            [
+                (word_match.group(), word_match.start())
+                for word_match in WORD.finditer(value_node.text)
+            ],
+            old_name,
         )
     elif isinstance(value_node, Scalar) and isinstance(value_shape, WhatShape):
         yield from _spans_of_words(
             value_node,
-            [(w.group(), w.start()) for w in _WORD_PATTERN.finditer(value_node.text)],
+            [
+                (word_match.group(), word_match.start())
+                for word_match in _WORD_PATTERN.finditer(value_node.text)
+            ],
             old_name,
         )
     elif isinstance(value_node, Scalar) and isinstance(value_shape, Reference):
-        is_inside = len(path) > 1 and path[0] in _PART_SECTIONS
-        is_module = is_inside and _MEMBER_SUFFIX.sub("", value_node.text) in modules_by_owner.get(
+        is_in_part = len(path) > 1 and path[0] in _PART_SECTIONS
+        is_module = is_in_part and _MEMBER_SUFFIX.sub("", value_node.text) in modules_by_owner.get(
             path[1], ()
         )
         if {"modules", *_PART_SECTIONS} & {*value_shape.sections} and not (
@@ -183,8 +195,8 @@ def _spans_of_words(
 
 def _span(node: Scalar, offset: int, span_length: int) -> Span:
     """The start and end of a word, given its offset in the text of a node."""
-    source, offset_place = node.document, node.place_at(offset, span_length)
-    start, _ = source.line_span(offset_place.line - source.first_row - 1)
+    node_document, offset_place = node.document, node.place_at(offset, span_length)
+    start, _ = node_document.line_span(offset_place.line - node_document.first_row - 1)
     return start + offset_place.column - 1, start + offset_place.column - 1 + span_length
 
 
@@ -225,12 +237,12 @@ def _spans_of_name(root_node: document.Mapping, section_name: str, old_name: str
     for _, part_node in players.values():
         if isinstance(part_node, document.Sequence):
             for item in part_node.items:
-                play = item.get("play") if isinstance(item, document.Mapping) else None
-                yield from _spans_in_play(play, old_name)
+                play_node = item.get("play") if isinstance(item, document.Mapping) else None
+                yield from _spans_in_play(play_node, old_name)
         elif isinstance(part_node, Scalar):
             yield from _spans_in_table(part_node, old_name)
-    gestures, hands = root_node.get("gestures"), root_node.get("players")
-    for table, field in ((gestures, "like"), (hands, "standin")):
+    gestures, players_node = root_node.get("gestures"), root_node.get("players")
+    for table, field in ((gestures, "like"), (players_node, "standin")):
         for _, named_node in table.entries.values() if isinstance(table, document.Mapping) else ():
             yield from _span_if_same(
                 named_node.get(field) if isinstance(named_node, document.Mapping) else None,
@@ -258,9 +270,9 @@ def _spans_in_phrase(entries_node: Node | None, phrase_name: str) -> Iterator[Sp
             yield from _span_if_same(what_node, phrase_name)
     elif isinstance(entries_node, Scalar):
         for row, row_offset in words.rows(entries_node.text):
-            cells = [*_WORD_PATTERN.finditer(row)]
-            if len(cells) > 1 and cells[1].group() == phrase_name:
-                yield _span(entries_node, row_offset + cells[1].start(), len(phrase_name))
+            cell_matches = [*_WORD_PATTERN.finditer(row)]
+            if len(cell_matches) > 1 and cell_matches[1].group() == phrase_name:
+                yield _span(entries_node, row_offset + cell_matches[1].start(), len(phrase_name))
 
 
 def _span_if_same(node: Node | None, name: str) -> Iterator[Span]:
@@ -278,8 +290,8 @@ def _spans_in_table(part_node: Scalar, old_name: str) -> Iterator[Span]:
     """Where rows of a table name what is played."""
     for row, offset in words.rows(part_node.text):
         offsets: list[int] = []
-        play = words.parse_row(row, offset, _recording_offsets(old_name, offsets)).play
-        yield from _spans_in_pattern(part_node, old_name, play, offsets)
+        play_words = words.parse_row(row, offset, _recording_offsets(old_name, offsets)).play
+        yield from _spans_in_pattern(part_node, old_name, play_words, offsets)
 
 
 def _spans_in_play(play_node: Node | None, old_name: str) -> Iterator[Span]:
@@ -297,17 +309,21 @@ def _spans_in_play(play_node: Node | None, old_name: str) -> Iterator[Span]:
 def _recording_offsets(old_name: str, offsets: list[int]) -> Callable[[str, int], str]:
     """A function for reading patterns that records the offsets of a name in `offsets`."""
 
-    def note(word: str, offset: int) -> str:
+    def record(word: str, offset: int) -> str:
         if _is_named(word, old_name):
             offsets.append(offset)
         return word
 
-    return note
+    return record
 
 
 def _spans_in_pattern(
-    node: Scalar, name: str, play: words.PlayWords, offsets: list[int]
+    node: Scalar, name: str, play_words: words.PlayWords, offsets: list[int]
 ) -> Iterator[Span]:
     """The spans of a name in a play; in a pattern it stands at the offsets `offsets`."""
-    for offset in [play.what.offset] if _is_named(play.what.text, name) else sorted({*offsets}):
+    for offset in (
+        [play_words.played.offset]
+        if _is_named(play_words.played.text, name)
+        else sorted({*offsets})
+    ):
         yield _span(node, offset, len(name))

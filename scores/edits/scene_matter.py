@@ -30,7 +30,7 @@ class _UsedFile(NamedTuple):
     file: str
 
 
-def with_matter(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
+def with_scene_parts(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     """The texts with what a scene plays and they lack, written and routed as in the scene; the
     same object if they lack nothing. Parts that both pieces have do not change. Raises
     EditError.
@@ -49,9 +49,9 @@ def with_matter(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     }
     missing_entries = {
         section: {
-            n: entry
-            for n, entry in scene_entries[section].items()
-            if n not in (*entry_names_here[section], *names_here)
+            entry_name: entry
+            for entry_name, entry in scene_entries[section].items()
+            if entry_name not in (*entry_names_here[section], *names_here)
         }
         for section in _COPIED_SECTIONS
     }
@@ -72,13 +72,15 @@ def _played_names(piece: Piece) -> set[str]:
     players = {play.player for play in piece.parts}
     key_names = {piece.players[name].key for name in players}
     struck_parts = {part for strikes in piece.strikes for part in strikes.parts}
-    led = {name.partition(".")[0] for name in (entry.name for entry in piece.automation)}
-    touched = {
+    automated_parts = {
+        name.partition(".")[0] for name in (entry.name for entry in piece.automation)
+    }
+    linked_parts = {
         part.name
         for part in piece.instruments.values()
         if any(key_names & {*_end_parts(module)} for module in part.modules)
     }
-    parts = {family.get(part, part) for part in struck_parts | led | touched}
+    parts = {family.get(part, part) for part in struck_parts | automated_parts | linked_parts}
     return players | key_names | parts
 
 
@@ -133,19 +135,25 @@ def _names_in(value_tree: edit.Tree) -> Iterator[str]:
 def _with_files(score_texts: Texts, scene: Scene) -> Texts:
     """The texts with the files that a scene uses and they do not. Raises EditError."""
     used_here, used_there = _used_files(score_texts), _used_files(scene.texts)
-    new_files = [used for used in used_there if used not in used_here]
-    prefixes = {used.prefix for used in used_here if used.prefix}
-    if clashing := next((used for used in new_files if used.prefix in prefixes), None):
-        message = f"the scene uses {clashing.file} as {clashing.prefix}, which is another file here"
+    new_files = [used_file for used_file in used_there if used_file not in used_here]
+    prefixes_here = {used_file.prefix for used_file in used_here if used_file.prefix}
+    if clashing_file := next(
+        (used_file for used_file in new_files if used_file.prefix in prefixes_here), None
+    ):
+        message = (
+            f"the scene uses {clashing_file.file} as {clashing_file.prefix}, which is another "
+            "file here"
+        )
         raise EditError(message)
     if not new_files:
         return score_texts
-    if all(used.prefix for used in (*used_here, *new_files)):
-        for used in new_files:
-            score_texts = score_texts.put(("use", used.prefix), edit.quoted(used.file))
+    if all(used_file.prefix for used_file in (*used_here, *new_files)):
+        for used_file in new_files:
+            score_texts = score_texts.put(("use", used_file.prefix), edit.quoted(used_file.file))
         return score_texts
     use_rows: list[edit.Tree] = [
-        {used.prefix: used.file} if used.prefix else used.file for used in (*used_here, *new_files)
+        {used_file.prefix: used_file.file} if used_file.prefix else used_file.file
+        for used_file in (*used_here, *new_files)
     ]
     return score_texts.put(("use",), edit.flow(use_rows))
 
@@ -164,7 +172,7 @@ def _used_files(score_texts: Texts) -> list[_UsedFile]:
     return used_files
 
 
-def _with_links(score_texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> Texts:
+def _with_links(score_texts: Texts, piece: Piece, scene: Scene, needed_names: set[str]) -> Texts:
     """The texts with the links that an instrument of both has in the scene alone, between what the
     scene plays.
     """
@@ -177,7 +185,11 @@ def _with_links(score_texts: Texts, piece: Piece, scene: Scene, needed: set[str]
         entry_modules = entry.get("modules") if isinstance(entry, dict) else None
         for link_module in instrument.modules:
             end_parts = {*_end_parts(link_module)}
-            is_new = link_module.name not in module_names_here and end_parts and end_parts <= needed
+            is_new = (
+                link_module.name not in module_names_here
+                and end_parts
+                and end_parts <= needed_names
+            )
             if is_new and isinstance(entry_modules, dict) and link_module.name in entry_modules:
                 path = "instruments", instrument_name, "modules", link_module.name
                 score_texts = score_texts.put(path, edit.flow(entry_modules[link_module.name]))
@@ -196,8 +208,8 @@ def _with_routes(score_texts: Texts, piece: Piece, scene: Scene, new_names: set[
     if not new_rows:
         return score_texts
     score_texts = structure.with_default_routes(score_texts, piece)
-    mix = _entries_by_name(scene.texts, "mix")
-    rooms = mix.get("rooms")
+    scene_mix = _entries_by_name(scene.texts, "mix")
+    rooms = scene_mix.get("rooms")
     room_names_here = {room.name for room in piece.mix.rooms}
     for route_row in new_rows:
         sends = route_row.get("send")

@@ -33,33 +33,37 @@ def entries(
     _check_place_count(n_places)
     if not n_places:
         return
-    course = pattern_steps.course
-    if course.pattern.chance is None and _is_periodic(pattern_steps, n_places, round_beats):
+    places = pattern_steps.places
+    if places.pattern.chance is None and _is_periodic(pattern_steps, n_places, round_beats):
         yield pattern_steps[0], pattern_entry
         return
-    turns = _numbered_turns(pattern_entry) if course.pattern.turns else []
-    played: dict[tuple[str, ...], list[tuple[float, str]]] = {}
+    turns = _numbered_turns(pattern_entry) if places.pattern.turns else []
+    beats_by_chain: dict[tuple[str, ...], list[tuple[float, str]]] = {}
     for place_index in range(n_places):
-        if (played_name := course.played(place_index)) is not None:
+        if (played_name := places.played_name(place_index)) is not None:
             chain = tuple(
                 text[transform.offset : transform.offset + transform.length]
                 for turn, text in turns
-                for transform in course.due(place_index, (turn,))
+                for transform in places.transforms_due(place_index, (turn,))
                 if transform is not None
             )
-            played.setdefault(chain, []).append((pattern_steps[place_index], played_name))
-    for chain, starts in played.items():
-        always = takewhile(lambda transform: not is_turn(transform), pattern_entry.do)
-        occurrence = Entry(pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*always, *chain))
-        for begin, play, every in _absolute_patterns(starts, round_beats):
-            yield begin, occurrence.with_fields(play=play).with_step(f"{every:.12g}")
+            beats_by_chain.setdefault(chain, []).append((pattern_steps[place_index], played_name))
+    for chain, named_beats in beats_by_chain.items():
+        constant_transforms = takewhile(
+            lambda transform: not is_turn(transform), pattern_entry.transforms
+        )
+        occurrence_entry = Entry(
+            pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*constant_transforms, *chain)
+        )
+        for begin, play, period in _absolute_patterns(named_beats, round_beats):
+            yield begin, occurrence_entry.with_fields(play=play).with_step(f"{period:.12g}")
 
 
 def _numbered_turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
     """The turns of an entry as its reading numbers them, each with its text. Raises EditError."""
     text = pattern_entry.fields.get(words.NTH_OPTION, "")
     turn_pairs = [(turn, text) for turn in parse_turns(text)] if text else []
-    later_turns = [*dropwhile(lambda transform: not is_turn(transform), pattern_entry.do)]
+    later_turns = [*dropwhile(lambda transform: not is_turn(transform), pattern_entry.transforms)]
     for later_turn in later_turns:
         try:
             turn_pairs.append((as_turn(parse_change(later_turn)), later_turn))
@@ -88,22 +92,23 @@ def strikes(
     if _is_periodic(pattern_steps, n_places, round_beats):
         yield pattern_steps[0], strike_fields
         return
-    plain = {
+    plain_fields = {
         name: value
         for name, value in strike_fields.items()
         if name not in ("euclid", "swing", "skip")
     }
     places_with_names = (
-        (pattern_steps[place], pattern_steps.course.named(place)) for place in range(n_places)
+        (pattern_steps[place], pattern_steps.places.name_in_place(place))
+        for place in range(n_places)
     )
     named_beats = [(beat, name) for beat, name in places_with_names if name is not None]
     if notes_by_place:
-        played = [(beat, notes_by_place[name]) for beat, name in named_beats]
-        for begin, notes_text, every in _absolute_patterns(played, round_beats):
-            yield begin, {**plain, "notes": notes_text, "every": f"{every:.12g}"}
+        noted_beats = [(beat, notes_by_place[name]) for beat, name in named_beats]
+        for begin, notes_text, period in _absolute_patterns(noted_beats, round_beats):
+            yield begin, {**plain_fields, "notes": notes_text, "every": f"{period:.12g}"}
         return
     for begin, _ in named_beats:
-        yield begin, {**plain, "every": f"{round_beats:.12g}"}
+        yield begin, {**plain_fields, "every": f"{round_beats:.12g}"}
 
 
 def _check_place_count(n_places: int) -> None:
@@ -116,40 +121,42 @@ def _check_place_count(n_places: int) -> None:
 
 def _is_periodic(pattern_steps: Steps, n_places: int, beats: float) -> bool:
     """Whether the `n_places` places after the first `n_places` repeat them `beats` later."""
-    course = pattern_steps.course
+    places = pattern_steps.places
     return (
-        _plays_in_turn(course.pattern.order)
-        and not course.pattern.turns
+        _plays_in_turn(places.pattern.order)
+        and not places.pattern.turns
         and all(
             abs(pattern_steps.beat(n_places + place) - pattern_steps[place] - beats) < SAME
-            and course.named(n_places + place) == course.named(place)
+            and places.name_in_place(n_places + place) == places.name_in_place(place)
             for place in range(n_places)
         )
     )
 
 
-def _plays_in_turn(item: Leaf | Group) -> bool:
-    return isinstance(item, Leaf) or (
-        item.way == "in turn" and all(map(_plays_in_turn, item.items))
+def _plays_in_turn(pattern_item: Leaf | Group) -> bool:
+    return isinstance(pattern_item, Leaf) or (
+        pattern_item.way == "in turn" and all(map(_plays_in_turn, pattern_item.items))
     )
 
 
 def _absolute_patterns(
-    played: Sequence[tuple[float, str]], round_beats: float
+    named_beats: Sequence[tuple[float, str]], round_beats: float
 ) -> Iterator[tuple[float, str, float]]:
     """Patterns that play names on given beats, and again every `round_beats`: the first beat, a
     pattern, its step.
 
     If the names lie on no common grid, each gets a pattern of its own.
     """
-    begin_beat = played[0][0] if played else 0.0
-    for n_steps in range(len(played), _STEPS_MAX + 1):
-        slots = [(beat - begin_beat) * n_steps / round_beats for beat, _ in played]
+    begin_beat = named_beats[0][0] if named_beats else 0.0
+    for n_steps in range(len(named_beats), _STEPS_MAX + 1):
+        slots = [(beat - begin_beat) * n_steps / round_beats for beat, _ in named_beats]
         if all(abs(slot - round(slot)) < SAME * n_steps for slot in slots):
-            by_step = {round(slot): name for slot, (_, name) in zip(slots, played, strict=True)}
-            if len(by_step) == len(played) and max(by_step, default=n_steps) < n_steps:
+            by_step = {
+                round(slot): name for slot, (_, name) in zip(slots, named_beats, strict=True)
+            }
+            if len(by_step) == len(named_beats) and max(by_step, default=n_steps) < n_steps:
                 row = [by_step.get(step, REST) for step in range(n_steps)]
                 yield begin_beat, " ".join(row), round_beats / n_steps
                 return
-    for beat, name in played:
+    for beat, name in named_beats:
         yield beat, name, round_beats

@@ -16,7 +16,7 @@ from ergon.notation.text.edit import EditError
 from ergon.scores.edits import automation, entries, matter, parts, scene_patterns, times
 from ergon.scores.edits import strikes as strikes_edits
 from ergon.scores.edits.entries import Entry, PlacedEntry
-from ergon.scores.edits.lists import place, section_entries
+from ergon.scores.edits.lists import entry_path, section_entries
 from ergon.scores.edits.names import free_name
 from ergon.scores.edits.positions import endless_end, position_text
 from ergon.scores.edits.strikes import melody_entry
@@ -44,8 +44,8 @@ class Scene:
     def from_texts(cls, texts: Texts, piece: Piece) -> Scene:
         """The scene of a score: up to its mark `end`, or to the bar line after its last start."""
         tempo = piece.tempo_map
-        marked = next((mark for mark in piece.marks if mark.name == END_MARK), None)
-        if marked is not None and (beats := tempo.resolve(marked.at)) > SAME:
+        end_mark = next((mark for mark in piece.marks if mark.name == END_MARK), None)
+        if end_mark is not None and (beats := tempo.resolve(end_mark.at)) > SAME:
             return cls(texts, piece, beats)
         last_start = max(
             (beat for part_starts in piece.starts for beat in (part_starts or ())[-1:]), default=0.0
@@ -67,16 +67,18 @@ def play_scene(
     of `score_texts`. Raises EditError.
     """
     names_here = score_texts.load().names
-    missing = next((name for name in scene.piece.players if name not in piece.players), None)
-    if missing is not None and any(play.player == missing for play in scene.piece.parts):
-        raise EditError(f"this score has no player {missing}, who plays in the scene")
+    missing_player = next((name for name in scene.piece.players if name not in piece.players), None)
+    if missing_player is not None and any(
+        play.player == missing_player for play in scene.piece.parts
+    ):
+        raise EditError(f"this score has no player {missing_player}, who plays in the scene")
     for strikes in piece.strikes:
         score_texts = strikes_edits.end_strikes(score_texts, piece, strikes, from_beat)
     stop_text = (
         endless_end(piece, from_beat) if until_beat is None else position_text(piece, until_beat)
     )
     last_beat = math.inf if until_beat is None else until_beat - SAME
-    edits = []
+    part_edits = []
     for player in piece.players:
         scene_players = scene.piece.players
         scene_lines = (
@@ -90,8 +92,10 @@ def play_scene(
             for begin, entry in _repeated_entries(line, scene.beats)
             if from_beat + begin < last_beat
         ]
-        edits.append(parts.part_edit_ending_at(score_texts, piece, player, from_beat, new_entries))
-    score_texts = entries.with_part_edits(score_texts, *edits)
+        part_edits.append(
+            parts.part_edit_ending_at(score_texts, piece, player, from_beat, new_entries)
+        )
+    score_texts = entries.with_part_edits(score_texts, *part_edits)
     score_texts = _with_definitions(score_texts, names_here, scene)
     score_texts = _with_couplings(
         score_texts, piece, scene, from_beat, None if until_beat is None else stop_text
@@ -119,15 +123,17 @@ def released_parameters(piece: Piece, scene: Scene, release_beat: float) -> list
 
 
 def with_scene_tempo(
-    score_texts: Texts, piece: Piece, scene: Scene, from_beat: float, over: str | None = None
+    score_texts: Texts, piece: Piece, scene: Scene, from_beat: float, ramp_length: str | None = None
 ) -> Texts:
     """Set the tempo to that of a scene, by a ramp `over` a length if given. Raises EditError."""
     old_bpm, bpm = piece.tempo_map.bpm(from_beat), scene.piece.tempo_map.bpm(0.0)
     if abs(old_bpm - bpm) < SAME:
         return score_texts
-    if over is None:
+    if ramp_length is None:
         return times.change_tempo(score_texts, piece, from_beat, f"{bpm:.12g}")
-    return times.change_tempo(score_texts, piece, from_beat, f"{old_bpm:.12g} -> {bpm:.12g}", over)
+    return times.change_tempo(
+        score_texts, piece, from_beat, f"{old_bpm:.12g} -> {bpm:.12g}", ramp_length
+    )
 
 
 def with_scene_values(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
@@ -150,9 +156,9 @@ def has_events_from(piece: Piece, from_beat: float) -> bool:
     for strikes in piece.strikes:
         begin_beat = tempo.resolve(strikes.at)
         if strikes.rhythm is None:
-            event_beats += [beat for beat, *_ in strikes.falls(piece)]
+            event_beats += [beat for beat, *_ in strikes.played_hits(piece)]
         elif strikes.until is None and strikes.span is None:
-            event_beats.append(strikes.rhythm.begin(tempo, begin_beat, strikes.cycles(tempo)))
+            event_beats.append(strikes.rhythm.cycle_begin(tempo, begin_beat, strikes.cycles(tempo)))
         event_beats.append(begin_beat if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
             event_beats.append(tempo.after(begin_beat, strikes.span))
@@ -246,10 +252,10 @@ def _with_couplings(
     tempo = piece.tempo_map
     for coupling_index in reversed(range(len(piece.duet))):
         coupling = piece.duet[coupling_index]
-        is_over = coupling.until is not None and tempo.resolve(coupling.until) <= from_beat + SAME
-        if not is_over and tempo.resolve(coupling.at) < from_beat - SAME:
+        has_ended = coupling.until is not None and tempo.resolve(coupling.until) <= from_beat + SAME
+        if not has_ended and tempo.resolve(coupling.at) < from_beat - SAME:
             score_texts = score_texts.put(
-                (*place(score_texts, "duet", coupling_index), "until"),
+                (*entry_path(score_texts, "duet", coupling_index), "until"),
                 position_text(piece, from_beat),
             )
     nodes = section_entries(scene.texts, "duet")
@@ -292,8 +298,8 @@ def _with_automation(
         entry_tree = edit.tree(automation_node)
         assert isinstance(entry_tree, dict)
         entry_tree = {**entry_tree, "at": position_text(piece, from_beat + begin_beat)}
-        goes_on = ending >= scene.beats - SAME or from_beat + ending >= last_beat
-        if goes_on and ("until" in entry_tree or until_text is not None):
+        is_endless = ending >= scene.beats - SAME or from_beat + ending >= last_beat
+        if is_endless and ("until" in entry_tree or until_text is not None):
             entry_tree["until"] = until_text or endless_end(piece, from_beat)
         elif "until" in entry_tree:
             entry_tree["until"] = position_text(piece, from_beat + ending)
@@ -310,7 +316,7 @@ def _with_strikes(
     strikes: Strikes,
     start_beat: float,
     last_beat: float,
-    until: str,
+    end_position: str,
 ) -> Texts:
     """Write strikes of a scene from a beat on, under names that are free.
 
@@ -322,7 +328,7 @@ def _with_strikes(
     if strikes.span is not None:
         stop_beat = tempo.after(begin_beat, strikes.span)
     if strikes.is_melody:
-        return _with_melody(score_texts, piece, scene, strikes, start_beat, last_beat, until)
+        return _with_melody(score_texts, piece, scene, strikes, start_beat, last_beat, end_position)
     node = scene.texts.section("strikes")
     entry_tree = edit.tree(node)
     assert isinstance(entry_tree, dict)
@@ -331,36 +337,46 @@ def _with_strikes(
     # `for` is the time of one sweep, so it stays.
     lengths = ("until", "times") if strikes.passing is not None else ("for", "until", "times")
     strike_fields = {name: value for name, value in strike_fields.items() if name not in lengths}
-    occurrences: list[tuple[float, Mapping[str, object]]]
+    placed_fields: list[tuple[float, Mapping[str, object]]]
     if strikes.rate is not None:
-        fills = begin_beat < SAME and stop_beat >= scene.beats - SAME
-        end_ = start_beat + min(stop_beat, scene.beats)
-        until_text = until if fills or end_ > last_beat else position_text(piece, end_)
-        occurrences = (
+        fills_scene = begin_beat < SAME and stop_beat >= scene.beats - SAME
+        end_fields = start_beat + min(stop_beat, scene.beats)
+        until_text = (
+            end_position
+            if fills_scene or end_fields > last_beat
+            else position_text(piece, end_fields)
+        )
+        placed_fields = (
             [(begin_beat, {**strike_fields, "until": until_text})]
             if begin_beat < scene.beats - SAME
             else []
         )
     elif strikes.pattern is not None:
-        places = strikes.steps(scene.piece)
-        count = n_before(places, scene.beats - SAME)
+        pattern_steps = strikes.steps(scene.piece)
+        count = n_before(pattern_steps, scene.beats - SAME)
         notes = {name: _note_text(name, amount) for name, amount in strikes.notes.items()}
-        occurrences = [*scene_patterns.strikes(strike_fields, places, count, scene.beats, notes)]
+        placed_fields = [
+            *scene_patterns.strikes(strike_fields, pattern_steps, count, scene.beats, notes)
+        ]
     else:
-        limit = None if strikes.until is None and strikes.span is None else stop_beat
+        end_beat = None if strikes.until is None and strikes.span is None else stop_beat
         strike_step, times_max = strikes.every, strikes.times
         begins = (
             strikes.rounds(tempo)
             if strikes.passing is not None
             else starts(
-                tempo, begin_beat, Length(), every=strike_step, times=times_max, until=limit
+                tempo, begin_beat, Length(), every=strike_step, times=times_max, until=end_beat
             )
         )
         repeated_fields = {**strike_fields, "every": f"{scene.beats:.12g}"}
-        occurrences = [(beat, repeated_fields) for beat in begins if beat < scene.beats - SAME]
-    for beat, fields in occurrences:
+        placed_fields = [(beat, repeated_fields) for beat in begins if beat < scene.beats - SAME]
+    for beat, fields in placed_fields:
         if start_beat + beat < last_beat:
-            entry_tree = {"until": until, **fields, "at": position_text(piece, start_beat + beat)}
+            entry_tree = {
+                "until": end_position,
+                **fields,
+                "at": position_text(piece, start_beat + beat),
+            }
             entry_tree["until"] = entry_tree.pop("until")  # last, as written by hand
             score_texts = score_texts.put(
                 ("strikes", _free_section_name(score_texts, strikes.name)), edit.flow(entry_tree)
@@ -382,13 +398,13 @@ def _with_melody(
     strikes: Strikes,
     start_beat: float,
     last_beat: float,
-    until: str,
+    end_position: str,
 ) -> Texts:
     """Write a melody of a scene as a phrase as long as the scene, under a free name."""
-    falling = strikes.falls(scene.piece, before=scene.beats)
-    falls = [(beat, hit) for beat, _, hit in falling]
+    scene_hits = strikes.played_hits(scene.piece, before_beat=scene.beats)
+    timed_hits = [(beat, hit) for beat, _, hit in scene_hits]
     melody_rows = [
-        melody_entry(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME
+        melody_entry(hit, f"{beat:.12g}") for beat, hit in timed_hits if beat < scene.beats - SAME
     ]
     if not melody_rows or start_beat >= last_beat:
         return score_texts
@@ -398,7 +414,7 @@ def _with_melody(
     play_fields: edit.Tree = {
         "play": phrase_name,
         "at": position_text(piece, start_beat),
-        "until": until,
+        "until": end_position,
     }
     return score_texts.put(
         ("strikes", _free_section_name(score_texts, strikes.name)), edit.flow(play_fields)

@@ -9,7 +9,7 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import quantities as q
 from ergon.notation.text import document, edit
 from ergon.scores.edits import structure
-from ergon.scores.edits.lists import place, section_entries
+from ergon.scores.edits.lists import entry_path, section_entries
 from ergon.scores.edits.positions import position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.mixing import Fade
@@ -39,14 +39,16 @@ def without_route_field(
     route_indices = [
         number
         for number, node in enumerate(nodes)
-        if structure.is_of(node, instrument_name)
+        if structure.is_route_of(node, instrument_name)
         and isinstance(node, document.Mapping)
         and node.get(field_name)
     ]
     if not route_indices:
         raise edit.EditError(f"no route of {instrument_name} has a {field_name}")
     for number in route_indices:
-        score_texts = score_texts.remove((*place(score_texts, "mix", number, "route"), field_name))
+        score_texts = score_texts.remove(
+            (*entry_path(score_texts, "mix", number, "route"), field_name)
+        )
     return score_texts
 
 
@@ -77,21 +79,21 @@ def pan_of(route: Route, tempo: TempoMap, from_beat: float) -> float:
     if route.pan is not None:
         return 2.0 * route.pan[1] ** 2 - 1.0
     beat_instant = tempo.seconds(from_beat)
-    previous: tuple[float, float] | None = None
-    for t, pan_point in sorted(
+    previous_point: tuple[float, float] | None = None
+    for point_instant, pan_point in sorted(
         ((tempo.seconds(tempo.resolve(point.at)), point) for point in route.pan_path),
         key=lambda pair: pair[0],
     ):
-        if t > beat_instant:
-            if previous is None:
+        if point_instant > beat_instant:
+            if previous_point is None:
                 return pan_point.pan
-            begin, previous_pan = previous
-            u = (beat_instant - begin) / (t - begin)
-            u = u * u * (3.0 - 2.0 * u) if pan_point.is_smooth else u
+            begin, previous_pan = previous_point
+            share = (beat_instant - begin) / (point_instant - begin)
+            share = share * share * (3.0 - 2.0 * share) if pan_point.is_smooth else share
             angles = [acos(-place) for place in (previous_pan, pan_point.pan)]
-            return -cos(angles[0] + (angles[1] - angles[0]) * u)
-        previous = t, pan_point.pan
-    return 0.0 if previous is None else previous[1]
+            return -cos(angles[0] + (angles[1] - angles[0]) * share)
+        previous_point = point_instant, pan_point.pan
+    return 0.0 if previous_point is None else previous_point[1]
 
 
 def send_to_room(
@@ -142,32 +144,32 @@ def with_fade(
 def fade_level(fade: Fade, tempo: TempoMap, beat: float) -> float:
     """The level of a fade on a beat, as a ratio."""
     beat_instant = tempo.seconds(beat)
-    previous: tuple[float, float] | None = None
-    for t, point_gain, is_smooth in sorted(
+    previous_point: tuple[float, float] | None = None
+    for point_instant, point_gain, is_smooth in sorted(
         (
             (tempo.seconds(tempo.resolve(fade_point.at)), fade_point.gain, fade_point.is_smooth)
             for fade_point in fade
         ),
         key=lambda fade_point: fade_point[0],
     ):
-        if t > beat_instant:
-            if previous is None:
+        if point_instant > beat_instant:
+            if previous_point is None:
                 return point_gain
-            begin, previous_gain = previous
-            u = (beat_instant - begin) / (t - begin)
-            u = u * u * (3.0 - 2.0 * u) if is_smooth else u
+            begin, previous_gain = previous_point
+            share = (beat_instant - begin) / (point_instant - begin)
+            share = share * share * (3.0 - 2.0 * share) if is_smooth else share
             if previous_gain > 0.0 and point_gain > 0.0:
-                return q.level_between(previous_gain, point_gain, u)
-            return previous_gain + (point_gain - previous_gain) * u
-        previous = t, point_gain
-    return 1.0 if previous is None else previous[1]
+                return q.level_between(previous_gain, point_gain, share)
+            return previous_gain + (point_gain - previous_gain) * share
+        previous_point = point_instant, point_gain
+    return 1.0 if previous_point is None else previous_point[1]
 
 
 def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
     """The fades from the beat `start_beat` on, with positions counted from there."""
     tempo = piece.tempo_map
 
-    def within(fade: Fade) -> list[edit.Tree]:
+    def points_after(fade: Fade) -> list[edit.Tree]:
         points_written: list[edit.Tree] = [
             {"at": "0", "gain": _ratio_text(fade_level(fade, tempo, start_beat))}
         ]
@@ -183,14 +185,14 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
 
     if piece.mix.master is not None and piece.mix.master.fade:
         score_texts = score_texts.put(
-            ("mix", "master", "fade"), edit.flow(within(piece.mix.master.fade))
+            ("mix", "master", "fade"), edit.flow(points_after(piece.mix.master.fade))
         )
-    panned = {
+    panned_routes = {
         _written_instrument_name(piece, route): route
         for route in piece.mix.routes
         if route.pan_path
     }
-    for instrument_name, route in panned.items():
+    for instrument_name, route in panned_routes.items():
         score_texts = _pan_from(score_texts, piece, instrument_name, route, start_beat)
     for instrument_name in dict.fromkeys(route.part for route in piece.mix.routes if route.fade):
         route = next(
@@ -199,7 +201,7 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
             if part_route.part == instrument_name and part_route.fade
         )
         for path in _route_paths(score_texts, _written_instrument_name(piece, route)):
-            score_texts = score_texts.put((*path, "fade"), edit.flow(within(route.fade)))
+            score_texts = score_texts.put((*path, "fade"), edit.flow(points_after(route.fade)))
     return score_texts
 
 
@@ -257,5 +259,5 @@ def _ratio_text(ratio: float) -> str:
 def _route_paths(score_texts: Texts, instrument_name: str) -> Iterator[edit.Path]:
     """The paths of the routes of an instrument."""
     for number, node in enumerate(section_entries(score_texts, "mix", "route")):
-        if structure.is_of(node, instrument_name):
-            yield place(score_texts, "mix", number, "route")
+        if structure.is_route_of(node, instrument_name):
+            yield entry_path(score_texts, "mix", number, "route")

@@ -53,14 +53,14 @@ def strike(
         fields_written["do"] = [
             strikes_entry.strip() for strikes_entry in strike_fields["do"].split(",")
         ]
-    bounds = (
+    bound_fields = (
         {"times", "until"}
         if fields_written.keys() & {"sweep", "path"}
         else {"times", "for", "until"}
     )
     if (
         fields_written.keys() & {"rate", "every", "euclid", "rhythm"}
-        and not fields_written.keys() & bounds
+        and not fields_written.keys() & bound_fields
     ):
         fields_written["until"] = distant(piece, from_beat)
     return score_texts.put(("strikes", new_name), edit.flow(fields_written))
@@ -68,11 +68,13 @@ def strike(
 
 def strikes_named(piece: Piece, strikes_name: str) -> list[Strikes]:
     """The strikes of a name, and those that a session has numbered after it: `rain`, `rain-2`."""
-    numbered = re.compile(rf"{re.escape(strikes_name)}(-[0-9]+)?")
+    numbered_pattern = re.compile(rf"{re.escape(strikes_name)}(-[0-9]+)?")
     if not any(strikes_entry.name == strikes_name for strikes_entry in piece.strikes):
         return []
     return [
-        strikes_entry for strikes_entry in piece.strikes if numbered.fullmatch(strikes_entry.name)
+        strikes_entry
+        for strikes_entry in piece.strikes
+        if numbered_pattern.fullmatch(strikes_entry.name)
     ]
 
 
@@ -90,10 +92,10 @@ def end_strikes(score_texts: Texts, piece: Piece, strikes: Strikes, from_beat: f
         stop_beat = tempo.after(begin_beat, strikes.span)
         score_texts = score_texts.remove((*path, "for")) if stop_beat > from_beat else score_texts
     elif strikes.rhythm is not None and strikes.until is None:
-        stop_beat = strikes.rhythm.begin(tempo, begin_beat, strikes.cycles(tempo))
+        stop_beat = strikes.rhythm.cycle_begin(tempo, begin_beat, strikes.cycles(tempo))
     elif strikes.pattern is not None and strikes.until is None:
-        places = strikes.steps(piece)
-        stop_beat = places.beat(len(places))
+        pattern_steps = strikes.steps(piece)
+        stop_beat = pattern_steps.beat(len(pattern_steps))
     elif strikes.has_rounds and strikes.until is None:
         stop_beat = strikes.rounds(tempo)[-1] + 2 * SAME
     elif strikes.times is not None and strikes.every is not None and strikes.until is None:
@@ -118,26 +120,28 @@ def end_strikes_at_once(
     begun_rounds = [beat for beat in strikes.rounds(tempo) if beat < cut_instant - SAME]
     if not begun_rounds:
         return score_texts.remove(("strikes", strikes.name))
-    falling = [
-        (beat, hit) for beat, _, hit in strikes.falls(piece) if beat >= begun_rounds[-1] - SAME
+    timed_hits = [
+        (beat, hit)
+        for beat, _, hit in strikes.played_hits(piece)
+        if beat >= begun_rounds[-1] - SAME
     ]
-    last_round = falling[: len(strikes.hits)]
-    played = [(beat, hit) for beat, hit in last_round if beat < cut_instant - SAME]
-    if len(played) == len(last_round):
+    last_round = timed_hits[: len(strikes.hits)]
+    played_hits = [(beat, hit) for beat, hit in last_round if beat < cut_instant - SAME]
+    if len(played_hits) == len(last_round):
         return end_strikes(score_texts, piece, strikes, cut_instant)
     if len(begun_rounds) == 1:
         score_texts = score_texts.remove(("strikes", strikes.name))
     else:
-        for bound, value in (("times", strikes.times), ("for", strikes.span)):
+        for bound_field, value in (("times", strikes.times), ("for", strikes.span)):
             if value is not None:
-                score_texts = score_texts.remove(("strikes", strikes.name, bound))
+                score_texts = score_texts.remove(("strikes", strikes.name, bound_field))
         score_texts = score_texts.put(
             ("strikes", strikes.name, "until"), position_text(piece, begun_rounds[-1])
         )
-    if not played:
+    if not played_hits:
         return score_texts
     name = free_name(strikes.name, {other_strikes.name for other_strikes in piece.strikes})
-    rows = [melody_entry(hit, position_text(piece, beat)) for beat, hit in played]
+    rows = [melody_entry(hit, position_text(piece, beat)) for beat, hit in played_hits]
     return score_texts.put(("strikes", name), edit.flow({"entries": rows}))
 
 
@@ -145,29 +149,40 @@ def melody_between(
     score_texts: Texts,
     piece: Piece,
     strikes: Strikes,
-    since: float,
+    since_beat: float,
     until_beat: float,
-    moved: Callable[[float], str] | None,
+    write_position: Callable[[float], str] | None,
 ) -> Texts:
     """A melody of `entries`, or a rhythm written as such, with only the strikes between two beats;
     it is removed if none are left.
 
-    `moved` writes their beats if they change. Raises EditError.
+    `write_position` writes their beats if they change. Raises EditError.
     """
     path = ("strikes", strikes.name)
-    falling = [(beat, hit) for beat, _, hit in strikes.falls(piece, since, until_beat)]
-    inside = [(beat, hit) for beat, hit in falling if since - SAME <= beat < until_beat - SAME]
-    if len(inside) == len(falling) and moved is None and strikes.rhythm is None:
+    timed_hits = [
+        (beat, hit) for beat, _, hit in strikes.played_hits(piece, since_beat, until_beat)
+    ]
+    hits_between = [
+        (beat, hit) for beat, hit in timed_hits if since_beat - SAME <= beat < until_beat - SAME
+    ]
+    if len(hits_between) == len(timed_hits) and write_position is None and strikes.rhythm is None:
         return score_texts
     score_texts = score_texts.remove(path)
-    if not inside:
+    if not hits_between:
         return score_texts
-    write = moved or (lambda beat: position_text(piece, beat))
+    position_of = write_position or (lambda beat: position_text(piece, beat))
     return score_texts.put(
-        path, edit.flow({"entries": [melody_entry(hit, write(beat)) for beat, hit in inside]})
+        path,
+        edit.flow(
+            {"entries": [melody_entry(hit, position_of(beat)) for beat, hit in hits_between]}
+        ),
     )
 
 
-def melody_entry(hit: Hit, at: str) -> edit.Tree:
+def melody_entry(hit: Hit, position: str) -> edit.Tree:
     """A strike of a melody as an entry of a score."""
-    return {"at": at, "what": [target.text for target in hit.to], "impulse": hit.level.written}
+    return {
+        "at": position,
+        "what": [target.text for target in hit.to],
+        "impulse": hit.level.written,
+    }

@@ -12,7 +12,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
-from ergon.scores.edits.lists import place, section_entries, without_entry
+from ergon.scores.edits.lists import entry_path, section_entries, without_entry
 from ergon.scores.edits.names import free_name
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
@@ -55,13 +55,13 @@ def routed_to_all(score_texts: Texts, piece: Piece, instrument_name: str) -> Tex
     if (
         instrument is None
         or not instrument.outputs
-        or any(out.nearest for out in instrument.outputs)
+        or any(output.nearest for output in instrument.outputs)
     ):
         return score_texts
     score_texts = with_default_routes(score_texts, piece)
     route_tree: dict[str, edit.Tree] = {
         "from": instrument_name,
-        "to": [str(c + 1) for c in range(_channel_count(piece))],
+        "to": [str(channel_index + 1) for channel_index in range(_channel_count(piece))],
     }
     if instrument.loudness is not None and piece.mix.reference() is not None:
         route_tree["level"] = USUAL_LOUDNESS
@@ -71,7 +71,7 @@ def routed_to_all(score_texts: Texts, piece: Piece, instrument_name: str) -> Tex
 def _new_instrument(texts: Texts, name: str) -> Instrument | None:
     """The instrument of a name, or its first note; None if the texts are refused for it."""
     piece = texts.load().piece
-    return None if piece is None else piece.playable(name)
+    return None if piece is None else piece.playable_instrument(name)
 
 
 def _channel_count(piece: Piece) -> int:
@@ -79,9 +79,9 @@ def _channel_count(piece: Piece) -> int:
     return max(1, piece.mix.channels, *channel_numbers)
 
 
-def add_key(texts: Texts, name: str, like: str) -> Texts:
+def add_key(texts: Texts, name: str, model_key: str) -> Texts:
     """Add a key like another. Raises EditError."""
-    return texts.put(("keys", name), edit.flow({"like": like}))
+    return texts.put(("keys", name), edit.flow({"like": model_key}))
 
 
 def add_player(score_texts: Texts, piece: Piece, player_name: str, key_name: str) -> Texts:
@@ -114,19 +114,28 @@ def route_instrument(
 ) -> Texts:
     """Route an instrument to channels, in place of its earlier routes. Raises EditError."""
     score_texts = with_default_routes(score_texts, piece)
-    to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
-    family = next((f for f, members in piece.families.items() if instrument_name in members), None)
+    channel_tree: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
+    family = next(
+        (
+            family_name
+            for family_name, members in piece.families.items()
+            if instrument_name in members
+        ),
+        None,
+    )
     routes = section_entries(score_texts, "mix", "route")
-    if family is not None and any(_is_from(node, family) for node in routes):
+    if family is not None and any(_is_route_from(node, family) for node in routes):
         raise EditError(f"{instrument_name} is routed with all notes of {family}: route {family}")
-    route_numbers = [number for number, node in enumerate(routes) if is_of(node, instrument_name)]
+    route_numbers = [
+        number for number, node in enumerate(routes) if is_route_of(node, instrument_name)
+    ]
     for number in reversed(route_numbers[1:]):
         score_texts = score_texts.remove(("mix", "route", number))
     if route_numbers:
-        path = place(score_texts, "mix", route_numbers[0], "route")
-        score_texts = score_texts.put((*path, "to"), edit.flow(to))
+        path = entry_path(score_texts, "mix", route_numbers[0], "route")
+        score_texts = score_texts.put((*path, "to"), edit.flow(channel_tree))
         return score_texts if gain is None else score_texts.put((*path, "gain"), gain)
-    route_fields: dict[str, edit.Tree] = {"from": instrument_name, "to": to}
+    route_fields: dict[str, edit.Tree] = {"from": instrument_name, "to": channel_tree}
     return score_texts.append(
         ("mix", "route"),
         edit.flow(route_fields if gain is None else {**route_fields, "gain": gain}),
@@ -151,14 +160,18 @@ def remove_named(score_texts: Texts, piece: Piece, removed_name: str) -> Texts:
     if section_name == "instruments" and len(path) == 2:
         routes = section_entries(score_texts, "mix", "route")
         for entry_index in reversed(range(len(routes))):
-            if is_of(routes[entry_index], removed_name):
+            if is_route_of(routes[entry_index], removed_name):
                 if len(section_entries(score_texts, "mix", "route")) == 1:
                     raise EditError(
                         f"{removed_name} is the last instrument that is heard: route another"
                     )
                 score_texts = score_texts.remove(("mix", "route", entry_index))
-    holder = _node(score_texts, path[:-1])
-    if len(path) > 2 and isinstance(holder, document.Mapping) and len(holder.entries) == 1:
+    parent_node = _node(score_texts, path[:-1])
+    if (
+        len(path) > 2
+        and isinstance(parent_node, document.Mapping)
+        and len(parent_node.entries) == 1
+    ):
         return remove_named(score_texts, piece, path[1])  # an instrument needs a module
     return score_texts.remove(path)
 
@@ -185,15 +198,17 @@ class Entry:
 
 def entries_with_mistakes(score_texts: Texts) -> list[Entry]:
     """The entries of a score in which there are mistakes, in the order of the text, each once."""
-    mistakes = [
-        reported for reported in score_texts.load().diagnostics if reported.severity == "error"
+    errors = [
+        diagnostic
+        for diagnostic in score_texts.load().diagnostics
+        if diagnostic.severity == "error"
     ]
-    score = score_texts.document() if mistakes else None
+    score = score_texts.document() if errors else None
     entries = (
-        Entry(mistake.place.file)
-        if score is None or mistake.place.file != score.file
-        else _entry_at(score, mistake.place)
-        for mistake in mistakes
+        Entry(error.place.file)
+        if score is None or error.place.file != score.file
+        else _entry_at(score, error.place)
+        for error in errors
     )
     return [*dict.fromkeys(entries)]
 
@@ -218,8 +233,8 @@ def _entry_at(score: document.Document, place: Place) -> Entry:
 
 def _last_before(node: document.Mapping, index: int) -> str:
     """The entry that begins last before a character; an entry reaches up to the next one."""
-    starts = ((word.start, name) for name, (word, _) in node.entries.items())
-    return max((start, name) for start, name in starts if start <= index)[1]
+    name_starts = ((word.start, name) for name, (word, _) in node.entries.items())
+    return max((start, name) for start, name in name_starts if start <= index)[1]
 
 
 def with_default_routes(score_texts: Texts, piece: Piece) -> Texts:
@@ -233,9 +248,9 @@ def with_default_routes(score_texts: Texts, piece: Piece) -> Texts:
     for route in piece.routes():
         output_name = ".".join(filter(None, (family.get(route.part, route.part), route.out)))
         channels[output_name] = [str(channel) for channel in route.to]
-    for output_name, to in channels.items():
+    for output_name, output_channels in channels.items():
         score_texts = score_texts.append(
-            ("mix", "route"), edit.flow({"from": output_name, "to": [*to]})
+            ("mix", "route"), edit.flow({"from": output_name, "to": [*output_channels]})
         )
     return score_texts
 
@@ -279,12 +294,12 @@ def _node(texts: Texts, path: Sequence[str]) -> Node | None:
     return section_node
 
 
-def _is_from(route: Node, name: str) -> bool:
+def _is_route_from(route: Node, name: str) -> bool:
     source = route.get("from") if isinstance(route, document.Mapping) else None
     return isinstance(source, Scalar) and source.text == name
 
 
-def is_of(route: Node, owner_name: str) -> bool:
+def is_route_of(route: Node, owner_name: str) -> bool:
     """Whether a route is from an instrument, or from one of its outputs or notes."""
     source = route.get("from") if isinstance(route, document.Mapping) else None
     return isinstance(source, Scalar) and (

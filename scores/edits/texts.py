@@ -33,7 +33,7 @@ def _new_memory() -> Memory:
 
 
 Change = Callable[[Document, int], str]  # gets the number of list items left out before
-_Find = Callable[[str, Section], Window | None]
+_FindWindow = Callable[[str, Section], Window | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,10 +117,10 @@ class Texts:
         if (text := self.overlay.get(str(Path(file)))) is not None:
             return edit.read(text, file)
         collector = Collector()
-        opened = Files(collector, Path(file).parent).open(Path(file), None)
-        if opened is None or collector.has_errors():
+        opened_document = Files(collector, Path(file).parent).open(Path(file), None)
+        if opened_document is None or collector.has_errors():
             raise EditError(collector.finish()[0].message)
-        return opened
+        return opened_document
 
     def changed(self, text: str, file: str | None = None) -> Texts:
         """These texts with a new text of the score, or of a file."""
@@ -169,9 +169,11 @@ class Texts:
     def _added_below(self, section_name: str, change: Callable[[Document], str]) -> str | None:
         """The text with a missing section added; None if its place is not between two sections."""
         section_lines = names(self.text)
-        rank = SECTIONS.index(section_name)
+        section_rank = SECTIONS.index(section_name)
         lines_above = [
-            i for i, (name, *_) in enumerate(section_lines[:-1]) if name in SECTIONS[:rank]
+            line_index
+            for line_index, (name, *_) in enumerate(section_lines[:-1])
+            if name in SECTIONS[:section_rank]
         ]
         if not lines_above:
             return None
@@ -188,14 +190,14 @@ class Texts:
             + self.text[end_offset:]
         )
 
-    def edited_lists(self, edits: Sequence[ListEdit], file_name: str | None = None) -> Texts:
+    def edited_lists(self, list_edits: Sequence[ListEdit], file_name: str | None = None) -> Texts:
         """Edit lists of one section; only the items that change are parsed.
 
         If items cannot be read alone, the section is edited.
         """
-        section = str(edits[0].path[0])
+        section = str(list_edits[0].path[0])
         return self._edited_alone(
-            section, [(list_edit.window, list_edit.change) for list_edit in edits], file_name
+            section, [(list_edit.window, list_edit.change) for list_edit in list_edits], file_name
         )
 
     def _edited_line(
@@ -214,7 +216,7 @@ class Texts:
     def _edited_alone(
         self,
         section_name: str,
-        edits: Sequence[tuple[_Find, Change]],
+        window_edits: Sequence[tuple[_FindWindow, Change]],
         file_name: str | None,
         path: edit.Path = (),
     ) -> Texts:
@@ -224,13 +226,13 @@ class Texts:
         that path has to be parsed.
         """
         section_lines = lines(self.text, section_name) if file_name in (None, self.path) else None
-        known_section = self._alone(section_name) if section_lines is not None else None
-        changes_left, edited_texts = [change for _, change in edits], self
+        known_section = self._section_alone(section_name) if section_lines is not None else None
+        changes_left, edited_texts = [change for _, change in window_edits], self
         if section_lines is not None and known_section is not None:
             section_text = self.text[slice(*section_lines)]
             splices = [
                 self._splice(section_text, known_section, *window_and_change)
-                for window_and_change in edits
+                for window_and_change in window_edits
             ]
             changes_left = [
                 change
@@ -262,50 +264,52 @@ class Texts:
         section_lines = lines(self.text, str(path[0]))
         if (
             section_lines is None
-            or (short := elided(self.text[slice(*section_lines)], {*map(str, path)})) is None
+            or (elided_text := elided(self.text[slice(*section_lines)], {*map(str, path)})) is None
         ):
             return None
         with contextlib.suppress(EditError):
-            put_back_text = short.put_back(change(edit.read(short.text, self.path)))
-            if put_back_text is not None:
+            restored_text = elided_text.put_back(change(edit.read(elided_text.text, self.path)))
+            if restored_text is not None:
                 return self.changed(
-                    self.text[: section_lines[0]] + put_back_text + self.text[section_lines[1] :]
+                    self.text[: section_lines[0]] + restored_text + self.text[section_lines[1] :]
                 )
         return None
 
     def _splice(
-        self, section_text: str, known_section: Section, window: _Find, change: Change
+        self, section_text: str, known_section: Section, find_window: _FindWindow, change: Change
     ) -> Splice | None:
         """The result of a change in a section's text; None if the change has no window of its
         own.
         """
         with contextlib.suppress(EditError):
-            if (part := window(section_text, known_section)) is not None:
-                return part.put_back(change(edit.read(part.text, self.path), part.first))
+            if (changed_window := find_window(section_text, known_section)) is not None:
+                return changed_window.put_back(
+                    change(edit.read(changed_window.text, self.path), changed_window.first)
+                )
         return None
 
-    def _alone(self, name: str) -> Section | None:
+    def _section_alone(self, name: str) -> Section | None:
         with self.memory.lock:
             return alone(self.text, self.path, Path(self.path).parent, name, self.memory)
 
     def section(self, name: str) -> Node | None:
         """The node of a section; its line numbers may be relative to the section."""
-        if (section := self._alone(name)) is not None:
+        if (section := self._section_alone(name)) is not None:
             return section.value
-        read = self.load().files.get(self.path) if self.sealed else None
-        root = (self.document() if read is None else read).root
+        read_document = self.load().files.get(self.path) if self.sealed else None
+        root = (self.document() if read_document is None else read_document).root
         return root.get(name) if isinstance(root, document.Mapping) else None
 
     def put(self, path: edit.Path, text: str, file: str | None = None) -> Texts:
         """Set a value. Raises EditError."""
-        list_path, first_index = _list_in(path)
+        first_list_path, first_index = _list_in(path)
 
         def change(document_now: Document, n_missing_items: int) -> str:
             return edit.put(document_now, _shifted(path, n_missing_items), text, SECTIONS)
 
         if first_index is None:
             return self._edited_line(path, lambda document_now: change(document_now, 0), file)
-        return self.edited_lists([ListEdit(list_path, first_index, change)], file)
+        return self.edited_lists([ListEdit(first_list_path, first_index, change)], file)
 
     def append(self, path: edit.Path, text: str) -> Texts:
         """Add an item to a list. Raises EditError."""
@@ -321,8 +325,8 @@ class Texts:
         if min(len(path) for path in paths) == 1:
             return self.changed(edit.remove(self.document(file), *paths), file)
         list_paths = [_list_in(path) for path in paths]
-        firsts = [first_index for _, first_index in list_paths if first_index is not None]
-        if len(firsts) < len(list_paths):
+        first_indices = [first_index for _, first_index in list_paths if first_index is not None]
+        if len(first_indices) < len(list_paths):
             return self._edited_line(
                 paths[0], lambda document_now: edit.remove(document_now, *paths), file
             )
@@ -332,7 +336,7 @@ class Texts:
 
         # Include the item before the first one that is removed, so that the list never becomes
         # empty.
-        return self.edited_lists([ListEdit(list_paths[0][0], min(firsts) - 1, change)], file)
+        return self.edited_lists([ListEdit(list_paths[0][0], min(first_indices) - 1, change)], file)
 
 
 def _changed_text(change: Change, document_now: Document) -> str:

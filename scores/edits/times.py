@@ -9,14 +9,14 @@ from ergon.notation.clock.positions import Length, parse_length
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
-from ergon.scores.edits.lists import place, section_entries, without_entry
+from ergon.scores.edits.lists import entry_path, section_entries, without_entry
 from ergon.scores.edits.positions import position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
 
 def change_tempo(
-    score_texts: Texts, piece: Piece, from_beat: float, bpm: str, over: str | None = None
+    score_texts: Texts, piece: Piece, from_beat: float, bpm: str, ramp_length: str | None = None
 ) -> Texts:
     """Set the tempo from a beat on: `72`, or `60 -> 84` over a length.
 
@@ -24,7 +24,7 @@ def change_tempo(
     hold no longer (`FileTimes`), and one that would never hold is not named any more. Raises
     EditError.
     """
-    over = None if over is None else _ramp_length(piece, from_beat, over)
+    ramp_length = None if ramp_length is None else _ramp_length(piece, from_beat, ramp_length)
     score_texts, number_below = _without_later_fields(score_texts, piece, from_beat, "bpm", "over")
     number_here: int | None = None  # the entry that sets the tempo at this beat
     for tempo_index, begin_beat in _entries_up_to(piece, from_beat):
@@ -34,14 +34,16 @@ def change_tempo(
         elif tempo_entry.bpm_end is not None:
             score_texts = _with_ramp_cut(score_texts, piece, tempo_index, begin_beat, from_beat)
     if number_here is not None:
-        score_texts = score_texts.put((*place(score_texts, "tempo", number_here), "bpm"), bpm)
-        if over is None:
+        score_texts = score_texts.put((*entry_path(score_texts, "tempo", number_here), "bpm"), bpm)
+        if ramp_length is None:
             return _without_field(score_texts, number_here, "over")
-        return score_texts.put((*place(score_texts, "tempo", number_here), "over"), over)
-    ramp = {} if over is None else {"over": over}
+        return score_texts.put(
+            (*entry_path(score_texts, "tempo", number_here), "over"), ramp_length
+        )
+    ramp = {} if ramp_length is None else {"over": ramp_length}
     tempo_line: dict[str, edit.Tree] = {"at": position_text(piece, from_beat), "bpm": bpm, **ramp}
     if from_beat <= SAME and piece.tempo and piece.tempo[0].tempos:
-        return score_texts.put(place(score_texts, "tempo", 0), edit.flow(tempo_line))
+        return score_texts.put(entry_path(score_texts, "tempo", 0), edit.flow(tempo_line))
     return _with_inserted_entry(score_texts, number_below, tempo_line)
 
 
@@ -61,7 +63,7 @@ def change_meter(score_texts: Texts, piece: Piece, from_beat: float, meter: str)
         score_texts = score_texts.remove(("meter",))
     for number, begin in _entries_up_to(piece, from_beat):
         if begin >= from_beat - SAME and not piece.tempo[number].tempos:
-            return score_texts.put((*place(score_texts, "tempo", number), "meter"), meter)
+            return score_texts.put((*entry_path(score_texts, "tempo", number), "meter"), meter)
     return _with_inserted_entry(
         score_texts, number_below, {"at": position_text(piece, from_beat), "meter": meter}
     )
@@ -106,7 +108,7 @@ def _with_inserted_entry(
     entry_text = edit.flow(dict(entry_tree))
     if number_below is None:
         return score_texts.append(("tempo",), entry_text)
-    path = place(score_texts, "tempo", number_below)
+    path = entry_path(score_texts, "tempo", number_below)
     if path == ("tempo",):  # a lone entry becomes a list, then the new one goes above it
         score_texts = score_texts.put(
             path, f"[{edit.flow(edit.tree(section_entries(score_texts, 'tempo')[0]))}]"
@@ -116,29 +118,29 @@ def _with_inserted_entry(
     )
 
 
-def set_mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
+def set_mark(texts: Texts, piece: Piece, name: str, beat: float) -> Texts:
     """Set a mark at a beat; it replaces a mark of the same name. Raises EditError."""
-    return texts.put(("marks", name), position_text(piece, at))
+    return texts.put(("marks", name), position_text(piece, beat))
 
 
-def _ramp_length(piece: Piece, from_beat: float, over: str) -> str:
+def _ramp_length(piece: Piece, from_beat: float, length_text: str) -> str:
     """The length of a ramp; in beats if it is in bars and the meter changes during the ramp."""
     try:
-        ramp_length = parse_length(over)
+        ramp_length = parse_length(length_text)
     except TextError as error:
         raise EditError(error.message) from None
     end_beat = piece.tempo_map.after(from_beat, ramp_length)
-    changes = any(
+    has_meter_change = any(
         from_beat + SAME < begin < end_beat - SAME for begin, *_ in piece.tempo_map.bars.changes()
     )
-    return f"{end_beat - from_beat:.12g}" if ramp_length.bars and changes else over
+    return f"{end_beat - from_beat:.12g}" if ramp_length.bars and has_meter_change else length_text
 
 
 def _without_field(score_texts: Texts, entry_index: int, field_name: str) -> Texts:
     entry = edit.tree(section_entries(score_texts, "tempo")[entry_index])
     if not isinstance(entry, dict) or field_name not in entry:
         return score_texts
-    return score_texts.remove((*place(score_texts, "tempo", entry_index), field_name))
+    return score_texts.remove((*entry_path(score_texts, "tempo", entry_index), field_name))
 
 
 def _with_ramp_cut(
@@ -147,7 +149,7 @@ def _with_ramp_cut(
     """End a ramp that is under way at a beat, at the tempo reached there."""
     tempo_entry, path, tempo = (
         piece.tempo[number],
-        place(score_texts, "tempo", number),
+        entry_path(score_texts, "tempo", number),
         piece.tempo_map,
     )
     if tempo.after(begin_beat, tempo_entry.over or Length()) <= cut_beat + SAME:

@@ -25,13 +25,13 @@ StrikeFields = dict[str, edit.Tree]
 
 
 def transform(
-    score_texts: Texts, piece: Piece, strikes_name: str, from_beat: float, do: str
+    score_texts: Texts, piece: Piece, strikes_name: str, from_beat: float, transforms_text: str
 ) -> Texts:
     """Transform what strikes of a name play from the first cycle on that begins at a beat or later.
 
     Raises EditError if they play nothing then, or have no cycles.
     """
-    tempo, changed = piece.tempo_map, False
+    tempo, is_changed = piece.tempo_map, False
     strikes_tree = edit.tree(score_texts.section("strikes"))
     taken_names = {strikes.name for strikes in piece.strikes}
     for strikes in edits.strikes_named(piece, strikes_name):
@@ -47,16 +47,16 @@ def transform(
         )
         begin_beat = tempo.resolve(strikes.at)
         n_passed_cycles = (
-            rhythm.count(tempo, begin_beat, from_beat) if from_beat > begin_beat else 0
+            rhythm.cycle_count(tempo, begin_beat, from_beat) if from_beat > begin_beat else 0
         )
         if strike_times is not None and n_passed_cycles >= strike_times:
             continue
-        turn_beat = rhythm.begin(tempo, begin_beat, n_passed_cycles)
+        turn_beat = rhythm.cycle_begin(tempo, begin_beat, n_passed_cycles)
         score_texts = edits.end_strikes(score_texts, piece, strikes, turn_beat)
         strike_fields = {
             **strike_fields,
             "at": position_text(piece, turn_beat),
-            **_with_transforms_added(strike_fields, do),
+            **_with_transforms_added(strike_fields, transforms_text),
         }
         if first_cycle := rhythm.first + n_passed_cycles:
             strike_fields["skip"] = str(first_cycle)
@@ -73,26 +73,26 @@ def transform(
         score_texts = score_texts.put(
             ("strikes", new_strikes), edit.flow(_in_written_order(strike_fields))
         )
-        changed = True
-    if not changed:
+        is_changed = True
+    if not is_changed:
         raise EditError(f"{quote(strikes_name)} plays nothing now that could be transformed")
     return score_texts
 
 
-def _with_transforms_added(body: StrikeFields, do: str) -> StrikeFields:
+def _with_transforms_added(strike_fields: StrikeFields, transforms_text: str) -> StrikeFields:
     """The transformations after more are added; an empty text if there are none."""
-    chain_text = body.get("do", "")
+    chain_text = strike_fields.get("do", "")
     if isinstance(chain_text, list):
         chain_text = ", ".join(str(change) for change in chain_text)
-    if do == NO_TRANSFORMS:
+    if transforms_text == NO_TRANSFORMS:
         return {"do": ""}
-    return {"do": f"{chain_text}, {do}" if chain_text else do}
+    return {"do": f"{chain_text}, {transforms_text}" if chain_text else transforms_text}
 
 
-def _in_written_order(body: StrikeFields) -> StrikeFields:
+def _in_written_order(strike_fields: StrikeFields) -> StrikeFields:
     """The fields in the order in which they are written by hand."""
-    order = ("rhythm", "to", "at", "until", "for", "times", "skip", "cycle", "impulse", "do")
-    return {name: body[name] for name in order if name in body}
+    field_order = ("rhythm", "to", "at", "until", "for", "times", "skip", "cycle", "impulse", "do")
+    return {name: strike_fields[name] for name in field_order if name in strike_fields}
 
 
 # --- strikes by the clock as a rhythm ------------------------------------------------------------
@@ -123,10 +123,10 @@ def _rhythm_and_fields(
     return rhythm, rhythm_fields
 
 
-def _notes_of(texts: Texts, body: StrikeFields) -> StrikeFields:
+def _notes_of(texts: Texts, strike_fields: StrikeFields) -> StrikeFields:
     """The instruments whose notes a phrase names, as a field of what plays it."""
     phrases = edit.tree(texts.section("phrases"))
-    phrase = phrases.get(str(body["play"])) if isinstance(phrases, dict) else None
+    phrase = phrases.get(str(strike_fields["play"])) if isinstance(phrases, dict) else None
     return {"to": phrase["to"]} if isinstance(phrase, dict) and "to" in phrase else {}
 
 

@@ -29,19 +29,19 @@ FieldKey = tuple[str, str, int | None]  # module, field, place in a list from 1
 class Value:
     """A number [SI] of a module that may be changed, and where it is.
 
-    `place` is its index in a list, from 1, such as `f` of MODES; None if the field is one
+    `list_index` is its index in a list, from 1, such as `f` of MODES; None if the field is one
     number.
     """
 
     module: str
     field: str
     number: float
-    place: int | None = None
+    list_index: int | None = None
 
     @property
     def field_key(self) -> FieldKey:
         """Where the number is: module, field and place."""
-        return self.module, self.field, self.place
+        return self.module, self.field, self.list_index
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,33 +71,33 @@ class TunablePart:
 
         A number of a list has its place at the end: `bell.f.2`.
         """
-        name = self.listed(value)
-        return name if value.place is None else f"{name}.{value.place}"
+        name = self.field_name(value)
+        return name if value.list_index is None else f"{name}.{value.list_index}"
 
-    def listed(self, value: Value) -> str:
+    def field_name(self, value: Value) -> str:
         """The field of the value, or of the list that has it: `bell.f`."""
         return ".".join(filter(None, (self.name, value.module, value.field)))
 
-    def text(self, value: Value) -> str:
+    def value_text(self, value: Value) -> str:
         """The value as a score writes it, without loss of precision."""
         part = self._definition
         is_ca = isinstance(part, Instrument) and part.ca_rate is not None
         return quantity_text(value.number, value.field, is_ca=is_ca)
 
-    def edit(self, texts: Texts, values: Sequence[Value]) -> Texts:
+    def with_values(self, texts: Texts, values: Sequence[Value]) -> Texts:
         """A score's texts with the values set in them. Raises EditError."""
-        lists: dict[str, dict[int, str]] = {}
+        lists_by_target: dict[str, dict[int, str]] = {}
         for tuned_value in values:
-            if tuned_value.place is None:
+            if tuned_value.list_index is None:
                 texts = set_value(
-                    texts, self.piece, self.target(tuned_value), self.text(tuned_value)
+                    texts, self.piece, self.target(tuned_value), self.value_text(tuned_value)
                 )
             else:
-                lists.setdefault(self.listed(tuned_value), {})[tuned_value.place - 1] = self.text(
-                    tuned_value
-                )
-        for target, changes in lists.items():
-            texts = set_list(texts, target, changes)
+                lists_by_target.setdefault(self.field_name(tuned_value), {})[
+                    tuned_value.list_index - 1
+                ] = self.value_text(tuned_value)
+        for target, list_changes in lists_by_target.items():
+            texts = set_list(texts, target, list_changes)
         return texts
 
     def network(self, values: Mapping[FieldKey, float]) -> _core.Network:
@@ -141,11 +141,19 @@ def _module_with_values(part_module: Module, numbers_by_field: Mapping[FieldKey,
             module_fields[field_name] = Each(
                 (*numbers[: list_index - 1], value, *numbers[list_index:])
             )
-    module_fields |= {name: x for name, x in field_numbers.items() if name in part_module.fields}
+    module_fields |= {
+        name: field_number
+        for name, field_number in field_numbers.items()
+        if name in part_module.fields
+    }
     constants = part_module.fields.get("constants", {})
     if constants:
         module_fields["constants"] = {
             **constants,
-            **{n: x for n, x in field_numbers.items() if n in constants},
+            **{
+                constant_name: field_number
+                for constant_name, field_number in field_numbers.items()
+                if constant_name in constants
+            },
         }
     return replace(part_module, fields=module_fields)

@@ -44,9 +44,9 @@ class Variant:
 
 def parse(varied_text: str) -> VariedTarget:
     """Read `TARGET=VALUES`: a list, or a range with its number of points. Raises EditError."""
-    target_path, equals, values_text = varied_text.partition("=")
+    target_path, equals_sign, values_text = varied_text.partition("=")
     target_path, values_text = target_path.strip(), values_text.strip()
-    if not equals or not target_path or not values_text:
+    if not equals_sign or not target_path or not values_text:
         raise EditError(f"{quote(varied_text)} is not TARGET=VALUES, {_EXAMPLE}")
     if ".." in values_text:
         return VariedTarget(target_path, tuple(_values_of_range(target_path, values_text)))
@@ -60,23 +60,26 @@ def parse(varied_text: str) -> VariedTarget:
     return VariedTarget(target_path, value_texts)
 
 
-def value_combinations(varied: Sequence[VariedTarget], *, is_zipped: bool) -> list[tuple[str, ...]]:
+def value_combinations(
+    varied_targets: Sequence[VariedTarget], *, is_zipped: bool
+) -> list[tuple[str, ...]]:
     """The values of every variant: all combinations, or (zipped) one value of each. Raises
     EditError.
     """
-    targets = [variation.target for variation in varied]
+    targets = [varied_target.target for varied_target in varied_targets]
     if repeated_name := next((name for name in targets if targets.count(name) > 1), None):
         raise EditError(f"{repeated_name} varies twice; give all its values at once")
-    value_counts = [len(variation.values) for variation in varied]
+    value_counts = [len(varied_target.values) for varied_target in varied_targets]
     if is_zipped and len(set(value_counts)) > 1:
         counts_text = ", ".join(
-            f"{variation.target} has {len(variation.values)}" for variation in varied
+            f"{varied_target.target} has {len(varied_target.values)}"
+            for varied_target in varied_targets
         )
         raise EditError(f"pairs need as many values of each: {counts_text}")
     count = value_counts[0] if is_zipped else math.prod(value_counts)
     if count > VARIANTS_MAX:
         raise EditError(f"these are {count:,} variants; a sweep has at most {VARIANTS_MAX:,}")
-    columns = [variation.values for variation in varied]
+    columns = [varied_target.values for varied_target in varied_targets]
     return list(zip(*columns, strict=True) if is_zipped else itertools.product(*columns))
 
 
@@ -89,13 +92,13 @@ def variants(
     """
     loaded_base = score_texts.load()
     for variant_values in combined_values:
-        edited, loaded = score_texts, loaded_base
+        edited_texts, loaded = score_texts, loaded_base
         for target_path, value in zip(targets, variant_values, strict=True):
             if loaded.piece is None:
                 break
-            edited = _with_value(edited, loaded.piece, target_path, value)
-            loaded = edited.load()
-        yield Variant(variant_values, edited, loaded)
+            edited_texts = _with_value(edited_texts, loaded.piece, target_path, value)
+            loaded = edited_texts.load()
+        yield Variant(variant_values, edited_texts, loaded)
 
 
 def _with_value(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -> Texts:
@@ -131,8 +134,8 @@ def _values_of_range(target_path: str, range_text: str) -> Iterator[str]:
     )
     if range_match["count"] is None:
         yield from (
-            f"{x}{unit_text}"
-            for x in _range_steps(target_path, range_text, low_end, high_end, is_log)
+            f"{number}{unit_text}"
+            for number in _range_steps(target_path, range_text, low_end, high_end, is_log)
         )
         return
     n_values = int(range_match["count"])
@@ -146,15 +149,21 @@ def _values_of_range(target_path: str, range_text: str) -> Iterator[str]:
         )
     if is_log and not low_end * high_end > 0.0:
         raise EditError(f"{target_path}: a `log` range has both ends above 0, or both below")
-    for i in range(n_values):
-        t = i / (n_values - 1)
-        between = (
-            low_end * (high_end / low_end) ** t if is_log else low_end + (high_end - low_end) * t
+    for value_index in range(n_values):
+        fraction = value_index / (n_values - 1)
+        interpolated = (
+            low_end * (high_end / low_end) ** fraction
+            if is_log
+            else low_end + (high_end - low_end) * fraction
         )
-        x = (low_end, high_end)[i > 0] if i in (0, n_values - 1) else between
-        if target_path == SEED and x != int(x):
+        number = (
+            (low_end, high_end)[value_index > 0]
+            if value_index in (0, n_values - 1)
+            else interpolated
+        )
+        if target_path == SEED and number != int(number):
             raise EditError(f"seed={range_text}: a seed is a whole number; write seed=1..16")
-        yield f"{x:.9g}{unit_text}"
+        yield f"{number:.9g}{unit_text}"
 
 
 def _range_steps(

@@ -59,21 +59,21 @@ class _Words:
     def word(self) -> str:
         """The next word; empty at the end of the file."""
         while not self._ahead:
-            numbered = next(self._lines, None)
-            if numbered is None:
+            numbered_line = next(self._lines, None)
+            if numbered_line is None:
                 return ""
-            self.number, line = numbered
+            self.number, line = numbered_line
             self._ahead = _BRACE_PATTERN.sub(r" \g<0> ", line).split()[::-1]
         return self._ahead.pop()
 
-    def back(self, word: str) -> None:
+    def push_back(self, word: str) -> None:
         """Put a word back before the others."""
         self._ahead.append(word)
 
-    def wrong(self, message: str, line: int | None = None) -> TakeError:
+    def error_at(self, message: str, line: int | None = None) -> TakeError:
         return TakeError(message, self._path, line or self.number or None)
 
-    def numbers(self, count: int, what: str) -> list[float]:
+    def numbers(self, count: int, numbers_name: str) -> list[float]:
         read_numbers: list[float] = []
         line_number = None
         for _ in range(count):
@@ -84,7 +84,7 @@ class _Words:
             except ValueError:
                 read_value = math.nan
             if not abs(read_value) <= _VALUE_MAX:
-                raise self.wrong(f"{what} must be {count:,} numbers", line_number)
+                raise self.error_at(f"{numbers_name} must be {count:,} numbers", line_number)
             read_numbers.append(read_value)
         return read_numbers
 
@@ -96,9 +96,9 @@ def read(path: Path) -> Motion:
     with open_text(path) as file:
         words = _Words(file, path)
         joints, n_channels = _read_hierarchy(words)
-        n, rate = _read_motion_header(words)
+        frame_count, rate = _read_motion_header(words)
         n_numbers = sum(1 for _ in iter(words.word, ""))
-    n_there, left_over = divmod(n_numbers, n_channels) if n_channels else (n, 0)
+    n_there, left_over = divmod(n_numbers, n_channels) if n_channels else (frame_count, 0)
 
     def blocks() -> Iterator[Floats]:
         rows_max = max(1, BLOCK_NUMBERS_MAX // max(n_channels, 3 * len(joints)))
@@ -106,7 +106,7 @@ def read(path: Path) -> Motion:
             file_words = _Words(file, path)
             _read_hierarchy(file_words)
             _read_motion_header(file_words)
-            rows_left = n
+            rows_left = frame_count
             while rows_left:
                 frame_rows = [
                     file_words.numbers(n_channels, "a frame")
@@ -122,22 +122,25 @@ def read(path: Path) -> Motion:
             f"it holds {n_numbers:,} numbers, but a frame must be {n_channels:,} numbers: a row "
         )
         raise TakeError(message + "is incomplete", path)
-    if n_there < n:
+    if n_there < frame_count:
         raise TakeError("the file has fewer frames than it says", path)
     file_note = None
-    if n_there > n:
+    if n_there > frame_count:
         file_note = (
-            f"the file says {n:,} frames, and {n_there - n:,} more follow, which are not read"
+            f"the file says {frame_count:,} frames, and {n_there - frame_count:,} more follow, "
+            "which are not read"
         )
     names = unique_names([joint.name for joint in joints])
     passed_over = ("rotations, but for where they put the joints",)
-    return size_checked(Motion(names, n, rate, None, blocks, file_note, passed_over), path)
+    return size_checked(
+        Motion(names, frame_count, rate, None, blocks, file_note, passed_over), path
+    )
 
 
 def _read_hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
     """The joints, parents first, and how many numbers a frame has."""
     if file_words.word().upper() != "HIERARCHY":
-        raise file_words.wrong("this is not a BVH file")
+        raise file_words.error_at("this is not a BVH file")
     joints: list[_Joint] = []
     open_joints: list[int] = []  # joints whose braces are open
     n_channels = 0
@@ -162,11 +165,11 @@ def _read_hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
                 channels += [(kind, n_channels + i) for i, kind in enumerate(channel_columns)]
                 n_channels += len(channel_columns)
             case _:
-                raise file_words.wrong("this line is out of place in a BVH file")
+                raise file_words.error_at("this line is out of place in a BVH file")
         if len(joints) > MAX_CHANNELS or n_channels > 6 * MAX_CHANNELS:
-            raise file_words.wrong(f"the file has more than {MAX_CHANNELS:,} points")
+            raise file_words.error_at(f"the file has more than {MAX_CHANNELS:,} points")
     if open_joints:
-        raise file_words.wrong("a brace is not closed before MOTION")
+        raise file_words.error_at("a brace is not closed before MOTION")
     return joints, n_channels
 
 
@@ -175,7 +178,7 @@ def _read_name(file_words: _Words) -> str:
     name_words: list[str] = []
     while (read_word := file_words.word()) != "{":
         if not read_word or read_word == "}" or read_word.upper() in _KEYWORDS:
-            raise file_words.wrong(
+            raise file_words.error_at(
                 "this line is out of place in a BVH file: a brace opens no joint"
             )
         name_words.append(read_word)
@@ -188,10 +191,10 @@ def _read_channels(file_words: _Words) -> list[int]:
     channel_kinds: list[int] = []
     while (word := file_words.word().lower()) in _CHANNELS:
         channel_kinds.append(_CHANNELS.index(word))
-    file_words.back(word)
+    file_words.push_back(word)
     if count_text != str(len(channel_kinds)):
         channel_names = ", ".join(f"{name[0].upper()}{name[1:]}" for name in _CHANNELS)
-        raise file_words.wrong(f"channels are a count and names of {channel_names}", line_number)
+        raise file_words.error_at(f"channels are a count and names of {channel_names}", line_number)
     return channel_kinds
 
 
@@ -199,16 +202,16 @@ def _read_motion_header(file_words: _Words) -> tuple[int, float]:
     """The number of frames, and the frame rate [Hz]."""
     frame_count_text = _word_after_label(file_words, "frames")
     if frame_count_text is None or not frame_count_text.isdecimal():
-        raise file_words.wrong("after MOTION comes `Frames:` and their number")
+        raise file_words.error_at("after MOTION comes `Frames:` and their number")
     if len(frame_count_text) > 9 or int(frame_count_text) > MAX_SAMPLES:
-        raise file_words.wrong(f"the file has more than {MAX_SAMPLES:,} samples")
+        raise file_words.error_at(f"the file has more than {MAX_SAMPLES:,} samples")
     period = _word_after_label(file_words, "frame", "time")
     if period is None:
-        raise file_words.wrong("after `Frames:` comes `Frame Time:` and seconds")
-    file_words.back(period)
+        raise file_words.error_at("after `Frames:` comes `Frame Time:` and seconds")
+    file_words.push_back(period)
     (frame_duration,) = file_words.numbers(1, "the time of a frame")
     if not frame_duration > 1e-6:
-        raise file_words.wrong("the time of a frame must be above a microsecond")
+        raise file_words.error_at("the time of a frame must be above a microsecond")
     return int(frame_count_text), 1 / frame_duration
 
 
@@ -221,7 +224,7 @@ def _word_after_label(file_words: _Words, *label: str) -> str | None:
     if name.lower() != last_word:
         return None
     if not colon:
-        colon, value_text = (following := file_words.word())[:1], following[1:]
+        colon, value_text = (next_word := file_words.word())[:1], next_word[1:]
     return (value_text or file_words.word()) if colon == ":" else None
 
 

@@ -71,7 +71,7 @@ class _FrameLayout:
 
     n_points: int
     n_analog: int
-    n: int
+    n_frames: int
     scale: float
 
     @property
@@ -79,17 +79,17 @@ class _FrameLayout:
         return self.scale < 0
 
     @property
-    def width(self) -> int:
+    def bytes_per_number(self) -> int:
         """Bytes of a number."""
         return 4 if self.is_real else 2
 
     @property
-    def frame(self) -> int:
+    def bytes_per_frame(self) -> int:
         """Bytes of a frame."""
-        return self.width * (4 * self.n_points + self.n_analog)
+        return self.bytes_per_number * (4 * self.n_points + self.n_analog)
 
     @property
-    def meaning(self) -> tuple[int, int, bool]:
+    def position_layout(self) -> tuple[int, int, bool]:
         """What decides where each position lies."""
         return self.n_points, self.n_analog, self.is_real
 
@@ -109,7 +109,7 @@ def _layouts(
         value = _first_number(parameter_values, group, name, number_format)
         return value if value is not None and math.isfinite(value) and value >= 0 else None
 
-    n = _frame_count(
+    frame_count = _frame_count(
         number_format.word(header_bytes, 6),
         number_format.word(header_bytes, 8),
         parameter_values,
@@ -118,24 +118,26 @@ def _layouts(
     header = _FrameLayout(
         number_format.word(header_bytes, 2),
         number_format.word(header_bytes, 4),
-        n,
+        frame_count,
         number_format.real(header_bytes, 12),
     )
-    point_counts, analog, frame_counts = [header.n_points], [header.n_analog], [n]
+    point_counts, analog_counts, frame_counts = [header.n_points], [header.n_analog], [frame_count]
     if (n_points := finite_number("POINT", "USED")) is not None:
         point_counts.append(int(n_points) & _HEADER_FRAMES_MAX)
     if (n_points := finite_number("ANALOG", "USED")) is not None:
         rates = finite_number("ANALOG", "RATE"), finite_number("POINT", "RATE")
-        analog.append(int(n_points) * number_format.word(header_bytes, 18))
+        analog_counts.append(int(n_points) * number_format.word(header_bytes, 18))
         if rates[0] and rates[1]:
-            analog.append(int(n_points) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX))
+            analog_counts.append(
+                int(n_points) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX)
+            )
     if total := finite_number("POINT", "FRAMES"):
         frame_counts.append(int(total))
     scales = [header.scale]
     scale = _first_number(parameter_values, "POINT", "SCALE", number_format)
     if scale is not None and math.isfinite(scale) and scale * header.scale < 0:
         scales.append(scale)
-    candidates = itertools.product(point_counts, analog, frame_counts, scales)
+    candidates = itertools.product(point_counts, analog_counts, frame_counts, scales)
     return list(dict.fromkeys([header, *itertools.starmap(_FrameLayout, candidates)]))
 
 
@@ -143,21 +145,21 @@ def _fitting_layout(
     layouts: list[_FrameLayout], open_file: BufferedReader, start_offset: int, path: Path
 ) -> _FrameLayout:
     """The layout that fills the file up to its last sector. Raises TakeError."""
-    if len({layout.meaning for layout in layouts}) == 1:
+    if len({layout.position_layout for layout in layouts}) == 1:
         return layouts[0]
     file_size = os.fstat(open_file.fileno()).st_size
 
-    def left_over(layout: _FrameLayout) -> int:
-        return file_size - start_offset - layout.n * layout.frame
+    def bytes_left(layout: _FrameLayout) -> int:
+        return file_size - start_offset - layout.n_frames * layout.bytes_per_frame
 
     def is_followed_by_zeros(layout: _FrameLayout) -> bool:
-        open_file.seek(file_size - left_over(layout))
+        open_file.seek(file_size - bytes_left(layout))
         return not any(open_file.read(_SECTOR_BYTES))
 
-    fitting_layouts = [layout for layout in layouts if 0 <= left_over(layout) < _SECTOR_BYTES]
-    if len({layout.meaning for layout in fitting_layouts}) > 1:
+    fitting_layouts = [layout for layout in layouts if 0 <= bytes_left(layout) < _SECTOR_BYTES]
+    if len({layout.position_layout for layout in fitting_layouts}) > 1:
         fitting_layouts = [layout for layout in fitting_layouts if is_followed_by_zeros(layout)]
-    if len({layout.meaning for layout in fitting_layouts}) == 1:
+    if len({layout.position_layout for layout in fitting_layouts}) == 1:
         return fitting_layouts[0]
     stated_layout = " or ".join(
         dict.fromkeys(
@@ -186,19 +188,24 @@ def read(path: Path) -> Motion:
             parameter_values, "POINT", "RATE", number_format
         ) or number_format.real(header_bytes, 20)
         start_offset = _SECTOR_BYTES * (number_format.word(header_bytes, 16) - 1)
-        header, *others = _layouts(header_bytes, parameter_values, number_format)
+        header, *other_layouts = _layouts(header_bytes, parameter_values, number_format)
         if (
             not math.isfinite(header.scale)
             or not header.scale
             or start_offset < _SECTOR_BYTES
-            or header.n < 0
+            or header.n_frames < 0
         ):
             raise TakeError("this is not a C3D file that can be read: its header is damaged", path)
-        layout = _fitting_layout([header, *others], open_file, start_offset, path)
-    n_points, n, is_real, frame_bytes = layout.n_points, layout.n, layout.is_real, layout.frame
+        layout = _fitting_layout([header, *other_layouts], open_file, start_offset, path)
+    n_points, n, is_real, frame_bytes = (
+        layout.n_points,
+        layout.n_frames,
+        layout.is_real,
+        layout.bytes_per_frame,
+    )
     # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
     factor = 1.0 if is_real else layout.scale
-    frame_width = layout.width
+    frame_width = layout.bytes_per_number
     if start_offset + n * frame_bytes > file_size:
         n_complete = max(0, (file_size - start_offset) // frame_bytes)
         raise TakeError(f"the file is cut: of {n:,} frames {n_complete:,} are there", path)

@@ -54,9 +54,9 @@ class MidiBytes:
         self.data = _within_riff(data)
         self.n_unread = 0  # bytes of tracks that follow the events that end them
 
-    def damaged(self, offset: int, what: str) -> TakeError:
+    def damage_error(self, offset: int, description: str) -> TakeError:
         """The error for damage at a byte."""
-        return TakeError(f"the file is damaged at byte {offset:,}: {what}", self.path)
+        return TakeError(f"the file is damaged at byte {offset:,}: {description}", self.path)
 
     def header(self) -> MidiHeader:
         """The chunks of the file. Raises TakeError."""
@@ -65,7 +65,7 @@ class MidiBytes:
             raise TakeError("it is not a MIDI file: it does not begin with MThd", self.path)
         file_size = int.from_bytes(file_bytes[4:8], "big")
         if len(file_bytes) < 14 or file_size < 6:
-            raise self.damaged(4, "the header has fewer than 6 bytes")
+            raise self.damage_error(4, "the header has fewer than 6 bytes")
         midi_format, n_tracks, division = (
             int.from_bytes(file_bytes[i : i + 2], "big") for i in (8, 10, 12)
         )
@@ -76,7 +76,7 @@ class MidiBytes:
             message = "its times are frames of film (SMPTE); save it with ticks in a beat"
             raise TakeError(message, self.path)
         if not division:
-            raise self.damaged(12, "a beat has no ticks")
+            raise self.damage_error(12, "a beat has no ticks")
         tracks: list[tuple[int, int]] = []
         n_others, chunk_start = 0, _NAME_SIZE + file_size
         while chunk_start < len(file_bytes):
@@ -95,9 +95,9 @@ class MidiBytes:
             if not is_whole and len(tracks) >= n_tracks and chunk_name != b"MTrk":
                 break  # no chunk, and all tracks that the header counts are there
             if content_start > len(file_bytes):
-                raise self.damaged(chunk_start, "a chunk ends in its name or length")
+                raise self.damage_error(chunk_start, "a chunk ends in its name or length")
             if chunk_stop > len(file_bytes):
-                raise self.damaged(
+                raise self.damage_error(
                     chunk_start + 4, f"a chunk of {file_size:,} bytes goes beyond the end"
                 )
             if chunk_name == b"MTrk":
@@ -119,9 +119,9 @@ class MidiBytes:
             step, byte_offset = self._variable(byte_offset, track_stop)
             tick += step
             if tick > MAX_TICK:
-                raise self.damaged(byte_offset, "a track is longer than any piece")
+                raise self.damage_error(byte_offset, "a track is longer than any piece")
             if byte_offset >= track_stop:
-                raise self.damaged(byte_offset, "a track ends where an event is expected")
+                raise self.damage_error(byte_offset, "a track ends where an event is expected")
             byte = self.data[byte_offset]
             if byte >= SYSEX:
                 event, byte_offset = self._message(tick, byte, byte_offset + 1, track_stop)
@@ -133,13 +133,13 @@ class MidiBytes:
             if byte & 0x80:
                 status, byte_offset = byte, byte_offset + 1
             elif not status:
-                raise self.damaged(byte_offset, "data without a status before it")
+                raise self.damage_error(byte_offset, "data without a status before it")
             n_data_bytes = _DATA_BYTES_BY_STATUS[status >> 4]
             event_content = self.data[byte_offset : byte_offset + n_data_bytes]
             if byte_offset + n_data_bytes > track_stop or any(
                 byte & 0x80 for byte in event_content
             ):
-                raise self.damaged(byte_offset, "an event lacks its data")
+                raise self.damage_error(byte_offset, "an event lacks its data")
             byte_offset += n_data_bytes
             channel = (status & 0xF) + 1
             yield MidiEvent(tick, status & 0xF0, channel, event_content[0], event_content)
@@ -149,13 +149,13 @@ class MidiBytes:
         number = 0
         if status == META:
             if offset >= stop:
-                raise self.damaged(offset, "a track ends where an event is expected")
+                raise self.damage_error(offset, "a track ends where an event is expected")
             number, offset = self.data[offset], offset + 1
         elif status not in (SYSEX, SYSEX_PART):
-            raise self.damaged(offset - 1, f"a message 0x{status:02X}, which no file has")
+            raise self.damage_error(offset - 1, f"a message 0x{status:02X}, which no file has")
         length, offset = self._variable(offset, stop)
         if offset + length > stop:
-            raise self.damaged(offset, f"an event of {length:,} bytes goes beyond its track")
+            raise self.damage_error(offset, f"an event of {length:,} bytes goes beyond its track")
         content = self.data[offset : offset + length]
         return MidiEvent(tick, status, 0, number, content), offset + length
 
@@ -166,7 +166,7 @@ class MidiBytes:
             value = value << 7 | self.data[byte_offset] & 0x7F
             if not self.data[byte_offset] & 0x80:
                 return value, byte_offset + 1
-        raise self.damaged(offset, "a number has no end")
+        raise self.damage_error(offset, "a number has no end")
 
 
 def _within_riff(riff_bytes: bytes) -> bytes:

@@ -95,8 +95,10 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
                 if n_notes > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
                 channel_events.append(note_event)
-    played = [note for events in by_channel.values() for note in _notes_of_events(events, end_tick)]
-    if not played:
+    timed_notes = [
+        note for events in by_channel.values() for note in _notes_of_events(events, end_tick)
+    ]
+    if not timed_notes:
         channel_list = ", ".join(
             str(channel_with_notes) for channel_with_notes in sorted(with_notes)
         )
@@ -105,11 +107,11 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
         if not with_notes:
             message, field = "it has no notes", "file"
         raise TakeError(message, path, field=field)
-    played.sort(key=lambda note: note[:2])
+    timed_notes.sort(key=lambda note: note[:2])
     ticks = header.ticks
     note_tuple = tuple(
         MidiNote(tick / ticks, number, hard, None if held is None else held / ticks)
-        for tick, number, hard, held in played
+        for tick, number, hard, held in timed_notes
     )
     last_instant = note_tuple[-1].at
     return MidiNotes(
@@ -149,7 +151,7 @@ def _notes_of_events(
     on_pedal: dict[int, tuple[int, int]] = {}  # those whose key is up already
     is_down = False
 
-    def ended(notes: dict[int, tuple[int, int]], number: int, tick: int) -> Iterator[Any]:
+    def end_note(notes: dict[int, tuple[int, int]], number: int, tick: int) -> Iterator[Any]:
         if number in notes:
             begin, velocity = notes.pop(number)
             yield begin, number, velocity, tick - begin
@@ -158,17 +160,17 @@ def _notes_of_events(
         if note_event.kind == _PEDAL_KIND:
             is_down = note_event.value >= 64
             for note_number in [] if is_down else [*on_pedal]:
-                yield from ended(on_pedal, note_number, note_event.tick)
+                yield from end_note(on_pedal, note_number, note_event.tick)
             continue
         note_number = note_event.number
         if note_event.kind == _OFF_KIND and is_down and note_number in open_notes:
-            yield from ended(on_pedal, note_number, note_event.tick)
+            yield from end_note(on_pedal, note_number, note_event.tick)
             on_pedal[note_number] = open_notes.pop(note_number)
         elif note_event.kind == _OFF_KIND:
-            yield from ended(open_notes, note_number, note_event.tick)
+            yield from end_note(open_notes, note_number, note_event.tick)
         else:
-            yield from ended(open_notes, note_number, note_event.tick)
-            yield from ended(on_pedal, note_number, note_event.tick)
+            yield from end_note(open_notes, note_number, note_event.tick)
+            yield from end_note(on_pedal, note_number, note_event.tick)
             open_notes[note_number] = note_event.tick, note_event.value
     for note_number, (begin_tick, velocity) in on_pedal.items():
         yield begin_tick, note_number, velocity, max(end_tick - begin_tick, 1)

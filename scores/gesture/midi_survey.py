@@ -70,7 +70,7 @@ class MidiTrack:
     """A track: its name, and its notes by channel."""
 
     name: str = ""
-    notes: dict[int, NoteCount] = field(default_factory=dict)
+    counts_by_channel: dict[int, NoteCount] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -80,9 +80,10 @@ class MidiSurvey:
     `tempos` are (quarter, microseconds of a quarter note), `meters` (quarter, number of beats,
     power of two of their note), in the order of time and only the last of those at one instant;
     `n_tempos` and `n_meters` count all. `moves` counts all other events but notes.
-    `odd` says what no score takes over: tempos and meters that are none, notes that never end.
-    `n_bytes_after` counts bytes after the last track, `n_bytes_unread` those in tracks that follow
-    the event that ends a track; `n_missing` counts tracks that the head states and the file lacks.
+    `odd_counts` says what no score takes over: tempos and meters that are none, notes that never
+    end. `n_bytes_after` counts bytes after the last track, `n_bytes_unread` those in tracks that
+    follow the event that ends a track; `n_missing` counts tracks that the head states and the file
+    lacks.
     """
 
     format: int
@@ -98,14 +99,16 @@ class MidiSurvey:
     n_tempos: int = 0
     n_meters: int = 0
     moves: Counter[MidiMove] = field(default_factory=Counter)
-    odd: Counter[str] = field(default_factory=Counter)
+    odd_counts: Counter[str] = field(default_factory=Counter)
 
     @property
     def notes(self) -> Mapping[int, int]:
         """How many notes each channel has."""
         counts: Counter[int] = Counter()
         for track in self.tracks:
-            counts.update({channel: notes.count for channel, notes in track.notes.items()})
+            counts.update(
+                {channel: notes.count for channel, notes in track.counts_by_channel.items()}
+            )
         return counts
 
     def seconds(self, quarters: float) -> float:
@@ -114,7 +117,7 @@ class MidiSurvey:
         n_changes = bisect_right(starts, quarters, key=lambda change: change[0])
         ends = [*(start for start, _ in starts[1:n_changes]), quarters]
         pairs = zip(starts[:n_changes], ends, strict=True)
-        return sum((end - start) * micros for (start, micros), end in pairs) / 1e6
+        return sum((end - start) * microseconds for (start, microseconds), end in pairs) / 1e6
 
 
 def survey(path: Path) -> MidiSurvey:
@@ -136,9 +139,9 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
     for span in header.tracks:
         track = MidiTrack()
         result.tracks.append(track)
-        sounding = Counter[tuple[int, int]]()
+        sounding_counts = Counter[tuple[int, int]]()
         for event in file.track(span):
-            _follow_note(event, sounding)
+            _follow_note(event, sounding_counts)
             last_tick = max(last_tick, event.tick)
             if event.kind != m.META:
                 _count_move(event, track, result)
@@ -148,8 +151,8 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
                 _note_tempo(event, tempos, result)
             elif event.number == m.METER:
                 _note_meter(event, meters, result)
-        if n_hanging := sounding.total():
-            result.odd["note that nothing ends"] += n_hanging
+        if n_hanging := sounding_counts.total():
+            result.odd_counts["note that nothing ends"] += n_hanging
     ticks = result.ticks
     result.length, result.n_bytes_unread = last_tick / ticks, file.n_unread
     result.n_missing = header.n_missing
@@ -159,22 +162,22 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
     return result
 
 
-def _follow_note(event: MidiEvent, sounding: Counter[tuple[int, int]]) -> None:
+def _follow_note(event: MidiEvent, sounding_counts: Counter[tuple[int, int]]) -> None:
     """Count the notes that sound, by channel and number. One key may be down several times."""
     note = event.channel, event.number
     if event.kind == m.NOTE_ON and event.content[1]:
-        sounding[note] += 1
-    elif event.kind in (m.NOTE_ON, m.NOTE_OFF) and sounding[note]:
-        sounding[note] -= 1
+        sounding_counts[note] += 1
+    elif event.kind in (m.NOTE_ON, m.NOTE_OFF) and sounding_counts[note]:
+        sounding_counts[note] -= 1
 
 
 def _note_tempo(event: MidiEvent, tempos: list[tuple[int, int]], result: MidiSurvey) -> None:
     if len(event.content) != 3:
-        result.odd["tempo without its three bytes"] += 1
+        result.odd_counts["tempo without its three bytes"] += 1
         return
     micros = int.from_bytes(event.content, "big")
     if not micros:
-        result.odd["tempo of 0 microseconds a quarter note"] += 1
+        result.odd_counts["tempo of 0 microseconds a quarter note"] += 1
     tempos.append((event.tick, micros))
 
 
@@ -182,19 +185,19 @@ def _note_meter(
     event: MidiEvent, meters: list[tuple[int, tuple[int, int]]], result: MidiSurvey
 ) -> None:
     if len(event.content) < 2:
-        result.odd["meter without its bytes"] += 1
+        result.odd_counts["meter without its bytes"] += 1
         return
     count, power = event.content[:2]
     try:
         _meter((count, power))
     except TextError:
-        result.odd[f"meter of {count}/2^{power}, which no score has"] += 1
+        result.odd_counts[f"meter of {count}/2^{power}, which no score has"] += 1
     meters.append((event.tick, (count, power)))
 
 
 def _count_move(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
     if event.kind == m.NOTE_ON and event.content[1]:
-        track.notes.setdefault(event.channel, NoteCount()).add(event.number)
+        track.counts_by_channel.setdefault(event.channel, NoteCount()).add(event.number)
     elif event.kind in NOUNS:
         number = event.number if event.kind in _NUMBERED_KINDS else 0
         result.moves[MidiMove(event.kind, event.channel, number)] += 1
@@ -279,24 +282,24 @@ def unused_contents(
     has_meter: bool,
     has_wheel: bool,
     has_pressure: bool = False,
-    follows: Callable[[MidiMove], bool] = lambda move: False,
+    is_followed: Callable[[MidiMove], bool] = lambda move: False,
 ) -> Iterator[str]:
-    """What is in a file beside notes and what is used of it, in words; `follows` tells of an event
-    whether automation does.
+    """What is in a file beside notes and what is used of it, in words; `is_followed` tells of an
+    event whether automation does.
     """
     if file.n_tempos and not has_tempo:
         yield plural(file.n_tempos, ("tempo", "tempos"))
     if file.n_meters and not has_meter:
         yield plural(file.n_meters, ("meter", "meters"))
-    played = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
+    played_controllers = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
     counts: Counter[int] = Counter()
     controllers: set[int] = set()
     for move, count in file.moves.items():
         is_controller = move.kind == m.CONTROLLER
         is_wheel = has_wheel and move.kind == m.PITCH_BEND
         is_pressure = has_pressure and move.kind in (m.CHANNEL_PRESSURE, m.KEY_PRESSURE)
-        is_played = is_wheel or is_pressure or (is_controller and move.number in played)
-        if follows(move) or is_played:
+        is_played = is_wheel or is_pressure or (is_controller and move.number in played_controllers)
+        if is_followed(move) or is_played:
             continue
         counts[move.kind] += count
         controllers |= {move.number} if is_controller else set()

@@ -53,7 +53,7 @@ def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCu
     wheels, curve_points = Wheels(cents), dict[int, dict[float, float]]()
     n_curves = 0
     for wheel_event in file_events:
-        for note_number, sounding_channel in wheels.moved(wheel_event):
+        for note_number, sounding_channel in wheels.follow(wheel_event):
             if channel_wanted in (None, sounding_channel):
                 n_curves += 1
                 if n_curves > MAX_POINTS:
@@ -91,7 +91,10 @@ class Wheels:
         """How far the notes of a channel are from their pitch."""
         master = self._masters.get(channel)
         channels = (channel,) if master is None else (channel, master)
-        return sum(self._wheels[c].value * self._wheels[c].range for c in channels)
+        return sum(
+            self._wheels[channel_number].value * self._wheels[channel_number].range
+            for channel_number in channels
+        )
 
     def is_in_zone(self, channel: int) -> bool:
         """Whether a channel belongs to a zone, as its master or not."""
@@ -109,7 +112,7 @@ class Wheels:
         """How far a note is from its pitch."""
         return self.cents(self._channels[number])
 
-    def moved(self, event: MidiEvent) -> Iterator[tuple[int, int]]:
+    def follow(self, event: MidiEvent) -> Iterator[tuple[int, int]]:
         """Follow an event; yields the notes whose pitch it may have moved, with their channels."""
         channel, event_content = event.channel, event.content
         if event.kind == NOTE_ON:
@@ -124,12 +127,14 @@ class Wheels:
             self._wheels[channel].value = (
                 event_content[0] + 128 * event_content[1] - _WHEEL_CENTRE
             ) / _WHEEL_CENTRE
-        elif not self._controlled(channel, *event_content):
+        elif not self._follow_controller(channel, *event_content):
             return
         for number in self.notes(channel):
             yield number, self._channels[number]
 
-    def _controlled(self, channel: int, controller_number: int, controller_value: int) -> bool:
+    def _follow_controller(
+        self, channel: int, controller_number: int, controller_value: int
+    ) -> bool:
         """Follow a controller; whether it has set the range of a wheel."""
         wheel = self._wheels[channel]
         if controller_number in (_RPN_COARSE, _RPN_FINE):
@@ -161,7 +166,11 @@ class Wheels:
 
     def _set_zone(self, master: int, n_channels: int) -> None:
         """Give a master a number of channels, from its own on; 0 ends the zone."""
-        self._masters = {c: m for c, m in self._masters.items() if m != master}
+        self._masters = {
+            channel_number: master_channel
+            for channel_number, master_channel in self._masters.items()
+            if master_channel != master
+        }
         channels = list(_ZONE_CHANNELS_BY_MASTER[master])[: min(n_channels, 15)]
         self._masters |= dict.fromkeys(channels, master)
         if channels:

@@ -74,11 +74,11 @@ def size_checked(motion: Motion, path: Path) -> Motion:
 def unique_names(column_names: Sequence[str]) -> tuple[str, ...]:
     """The names; a name that is empty or taken gets its number, from 1."""
     taken_names: set[str] = set()
-    unique = []
-    for i, name in enumerate(column_names, 1):
-        unique.append(f"{name} {i}".strip() if not name or name in taken_names else name)
-        taken_names.add(unique[-1])
-    return tuple(unique)
+    names = []
+    for number, name in enumerate(column_names, 1):
+        names.append(f"{name} {number}".strip() if not name or name in taken_names else name)
+        taken_names.add(names[-1])
+    return tuple(names)
 
 
 def positions(
@@ -121,34 +121,34 @@ def chosen_point_and_axis(
     point_names: Sequence[str], channel_name: str | None, path: Path
 ) -> tuple[int, str]:
     """The index of a point and the axis of a channel. Raises TakeError."""
-    listed = ", ".join(point_names[:_NAMES_LISTED_MAX])
+    listed_names = ", ".join(point_names[:_NAMES_LISTED_MAX])
     if (n_unlisted := len(point_names) - _NAMES_LISTED_MAX) > 0:
-        listed += f" and {n_unlisted} more"
+        listed_names += f" and {n_unlisted} more"
     if channel_name is None:
         example = f"{point_names[0]}.x"
         raise TakeError(
             f"write `channel` as a point and an axis ({', '.join(AXES)}), such as {example[:60]}; "
-            f"the points are {listed}",
+            f"the points are {listed_names}",
             path,
             field="channel",
         )
     point_name, _, axis_name = channel_name.rpartition(".")
     if channel_name in point_names or axis_name not in AXES:
         name = channel_name if channel_name in point_names else point_name or channel_name
-        close = name if name in point_names else nearest(name, point_names)
+        nearest_name = name if name in point_names else nearest(name, point_names)
         raise TakeError(
             f"'{channel_name[:60]}' is not a point with an axis ({', '.join(AXES)}); the points "
-            f"are {listed}",
+            f"are {listed_names}",
             path,
-            suggestion=f"{close}.x" if close else None,
+            suggestion=f"{nearest_name}.x" if nearest_name else None,
             field="channel",
         )
     if point_name not in point_names:
-        close = nearest(point_name, point_names)
+        nearest_name = nearest(point_name, point_names)
         raise TakeError(
-            f"no point '{point_name[:60]}'; there are {listed}",
+            f"no point '{point_name[:60]}'; there are {listed_names}",
             path,
-            suggestion=f"{close}.{axis_name}" if close else None,
+            suggestion=f"{nearest_name}.{axis_name}" if nearest_name else None,
             field="channel",
         )
     return list(point_names).index(point_name), axis_name
@@ -188,7 +188,7 @@ def track(
             "the file does not state its rate; write it, such as rate: 100Hz", path, field="rate"
         )
     path_in_space = np.concatenate(
-        [np.empty((0, 3)), *(b[:, point_index].copy() for b in motion.blocks())]
+        [np.empty((0, 3)), *(block[:, point_index].copy() for block in motion.blocks())]
     )
     seen_frames = np.flatnonzero(np.isfinite(path_in_space).all(axis=1))
     if seen_frames.size < 2:
@@ -229,13 +229,13 @@ def _path_direction(places: Floats, point_name: str, path: Path) -> Floats:
     """The direction of the straight line that fits a path best, a unit vector (3,), towards its
     farther end.
     """
-    spread = places - places.mean(axis=0)
+    deviations = places - places.mean(axis=0)
     # Relative to the largest value, so that no square overflows or underflows.
-    scale = float(np.abs(spread).max())
+    scale = float(np.abs(deviations).max())
     if not scale:
         raise TakeError(f"'{point_name[:60]}' does not move", path, field="channel")
-    spread = spread / scale
-    values, vectors = np.linalg.eigh(spread.T @ spread)
+    deviations = deviations / scale
+    values, vectors = np.linalg.eigh(deviations.T @ deviations)
     variance_ratio = float(values[-1] / values.sum())
     if variance_ratio < _LINE_VARIANCE_RATIO_MIN:
         raise TakeError(
@@ -246,7 +246,7 @@ def _path_direction(places: Floats, point_name: str, path: Path) -> Floats:
             field="channel",
         )
     line_direction: Floats = vectors[:, -1]
-    positions_along = spread @ line_direction
+    positions_along = deviations @ line_direction
     return (
         line_direction
         if positions_along.max() - positions_along[0] >= positions_along[0] - positions_along.min()

@@ -63,33 +63,40 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF_HZ) -> MovementS
     duration = float(t[-1])
     mean_rate = (len(t) - 1) / duration
     rate = max(mean_rate, RATE * cutoff)
-    n = max(int(duration * rate), 8)
-    rate = n / duration
-    smooth = _smoothed_positions(t, x, cutoff, cutoff < _CUTOFF_RATIO_MAX * mean_rate, n)
-    v = _derivative(smooth) * rate
-    a = _derivative(v) * rate
-    smooth, v = smooth[_EDGE_SAMPLES:-_EDGE_SAMPLES], v[_EDGE_SAMPLES // 2 : -_EDGE_SAMPLES // 2]
-    centre, bandwidth = _spectral_centre_and_width(v, rate)
-    turn_samples = _reversal_samples(smooth)
+    n_samples = max(int(duration * rate), 8)
+    rate = n_samples / duration
+    smoothed_positions = _smoothed_positions(
+        t, x, cutoff, cutoff < _CUTOFF_RATIO_MAX * mean_rate, n_samples
+    )
+    velocities = _derivative(smoothed_positions) * rate
+    accelerations = _derivative(velocities) * rate
+    smoothed_positions, velocities = (
+        smoothed_positions[_EDGE_SAMPLES:-_EDGE_SAMPLES],
+        velocities[_EDGE_SAMPLES // 2 : -_EDGE_SAMPLES // 2],
+    )
+    centre, bandwidth = _spectral_centre_and_width(velocities, rate)
+    turn_samples = _reversal_samples(smoothed_positions)
     near_frames = max(1, round(_REVERSAL_SECONDS * rate))
     peaks = [
-        float(np.abs(a[max(0, i - near_frames) : i + near_frames + 1]).max()) for i in turn_samples
+        float(np.abs(accelerations[max(0, i - near_frames) : i + near_frames + 1]).max())
+        for i in turn_samples
     ]
-    a_rms = _rms(a)
+    a_rms = _rms(accelerations)
     strokes = [
-        spectral_arc_length(np.abs(v[i : j + 1]), rate)
-        for i, j in zip([0, *turn_samples], [*turn_samples, n], strict=True)
-        if _STROKE_SECONDS_MIN <= (j - i) / rate <= _STROKE_SECONDS_MAX and v[i : j + 1].any()
+        spectral_arc_length(np.abs(velocities[i : j + 1]), rate)
+        for i, j in zip([0, *turn_samples], [*turn_samples, n_samples], strict=True)
+        if _STROKE_SECONDS_MIN <= (j - i) / rate <= _STROKE_SECONDS_MAX
+        and velocities[i : j + 1].any()
     ]
     return MovementStats(
         duration,
         float(np.min(x)),
         float(np.max(x)),
         float(np.std(x)),
-        float(np.abs(np.diff(smooth)).sum()),
-        float(np.abs(v).max()),
-        _rms(v),
-        float(np.abs(a).max()),
+        float(np.abs(np.diff(smoothed_positions)).sum()),
+        float(np.abs(velocities).max()),
+        _rms(velocities),
+        float(np.abs(accelerations).max()),
         a_rms,
         cutoff,
         centre,
@@ -113,16 +120,18 @@ def _smoothed_positions(t: Floats, x: Floats, cutoff: float, is_filtered: bool, 
     The samples are extended by point reflection at both ends, for as long as the filter
     remembers.
     """
-    longest = max(_FILTER_MEMORY_PERIODS / cutoff, _EDGE_SAMPLES * 2 * float(t[-1]) / n)
-    n_before = min(len(t) - 1, int(np.searchsorted(t, longest)))
-    n_after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], longest)))
+    edge_seconds = max(_FILTER_MEMORY_PERIODS / cutoff, _EDGE_SAMPLES * 2 * float(t[-1]) / n)
+    n_before = min(len(t) - 1, int(np.searchsorted(t, edge_seconds)))
+    n_after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], edge_seconds)))
     mirrored_start, mirrored_end = slice(n_before, 0, -1), slice(-2, -2 - n_after, -1)
-    longer = np.concatenate([2 * t[0] - t[mirrored_start], t, 2 * t[-1] - t[mirrored_end]])
-    x = np.concatenate([2 * x[0] - x[mirrored_start], x, 2 * x[-1] - x[mirrored_end]])
-    take = Take(longer - longer[0], x, smooth=cutoff if is_filtered else None)
-    instants = float(t[0] - longer[0]) + np.arange(-_EDGE_SAMPLES, n + _EDGE_SAMPLES + 1) * (
-        float(t[-1]) / n
+    mirrored_instants = np.concatenate(
+        [2 * t[0] - t[mirrored_start], t, 2 * t[-1] - t[mirrored_end]]
     )
+    x = np.concatenate([2 * x[0] - x[mirrored_start], x, 2 * x[-1] - x[mirrored_end]])
+    take = Take(mirrored_instants - mirrored_instants[0], x, smooth=cutoff if is_filtered else None)
+    instants = float(t[0] - mirrored_instants[0]) + np.arange(
+        -_EDGE_SAMPLES, n + _EDGE_SAMPLES + 1
+    ) * (float(t[-1]) / n)
     return take.positions(np.clip(instants, 0.0, take.duration))
 
 
@@ -133,9 +142,9 @@ def spectral_arc_length(speed: Floats, rate: float) -> float:
     (Balasubramanian, Melendez-Calderon & Burdet, IEEE Transactions on Biomedical Engineering 59,
     2012). The scale of the speed has no effect, nor has rest before and after.
     """
-    n = 1 << int(np.ceil(np.log2(_ARC_LENGTH_PADDING * len(speed))))
-    n_bins = int(_ARC_LENGTH_CUTOFF_HZ / rate * n) + 1
-    size = np.abs(np.fft.rfft(speed, n))[: n_bins + 1]
+    padded_length = 1 << int(np.ceil(np.log2(_ARC_LENGTH_PADDING * len(speed))))
+    n_bins = int(_ARC_LENGTH_CUTOFF_HZ / rate * padded_length) + 1
+    size = np.abs(np.fft.rfft(speed, padded_length))[: n_bins + 1]
     return -float(np.hypot(np.diff(size) / size[0], 1 / n_bins).sum()) if size[0] else 0.0
 
 

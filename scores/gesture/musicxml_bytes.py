@@ -58,27 +58,27 @@ def _score_bytes(zip_file: zipfile.ZipFile) -> bytes:
     member_names = zip_file.namelist()
     if len(member_names) > MAX_ENTRIES:
         raise XmlError(f"it holds more than {MAX_ENTRIES:,} files")
-    named = (
+    score_name = (
         _named_score(_entry_bytes(zip_file, _CONTAINER_PATH))
         if _CONTAINER_PATH in member_names
         else None
     )
-    if named is not None:
-        spelled = (name for name in (named, unquote(named)) if name in member_names)
-        if (member_name := next(spelled, None)) is None:
-            raise XmlError(f"it holds no {named[:80]}")
+    if score_name is not None:
+        known_names = (name for name in (score_name, unquote(score_name)) if name in member_names)
+        if (member_name := next(known_names, None)) is None:
+            raise XmlError(f"it holds no {score_name[:80]}")
         return _entry_bytes(zip_file, member_name)
     # Archives of macOS hold a hidden file beside each file, `__MACOSX/._score.xml`.
-    scores = [
+    score_names = [
         name
         for name in member_names
         if name.endswith(_SCORE_SUFFIXES)
         and not name.startswith(("META-INF/", "__MACOSX/"))
         and not name.rpartition("/")[2].startswith(".")
     ]
-    if not scores:
+    if not score_names:
         raise XmlError("it holds no score")
-    return _entry_bytes(zip_file, scores[0])
+    return _entry_bytes(zip_file, score_names[0])
 
 
 def _named_score(container: bytes) -> str | None:

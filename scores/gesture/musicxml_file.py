@@ -20,8 +20,14 @@ from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture.file_meters import on_bar_lines
 from ergon.scores.gesture.midi_file import MAX_NOTES, FileState, state_of
 from ergon.scores.gesture.musicxml_bytes import read_root
-from ergon.scores.gesture.musicxml_notes import Event, Loudness, MeasureContent, Pitch, XmlNotes
-from ergon.scores.gesture.musicxml_order import TooLongError, played, turns
+from ergon.scores.gesture.musicxml_notes import (
+    Event,
+    Loudness,
+    MeasureContent,
+    MeasureReader,
+    Pitch,
+)
+from ergon.scores.gesture.musicxml_order import TooLongError, order_marks, playing_order
 from ergon.scores.gesture.take_file import TakeError
 
 _COMMON_DENOMINATOR_MAX = 10**40  # parts of a quarter at which bars may begin
@@ -96,8 +102,8 @@ def _read(path: Path, _: FileState) -> XmlScore:
 
 def _score_of_root(score_root: Element) -> XmlScore:
     ids = [part.get("id", "") for part in score_root.iterfind("part")]
-    if (twice := next((name for name, n in Counter(ids).items() if n > 1), None)) is not None:
-        raise ValueError(f"two of its parts have the id {twice[:80]!r}")
+    if (repeated_id := next((name for name, n in Counter(ids).items() if n > 1), None)) is not None:
+        raise ValueError(f"two of its parts have the id {repeated_id[:80]!r}")
     part_names = {
         score_part.get("id", ""): " ".join((score_part.findtext("part-name") or "").split())[:80]
         for score_part in score_root.iterfind("part-list/score-part")
@@ -106,24 +112,30 @@ def _score_of_root(score_root: Element) -> XmlScore:
     skipped_counts: Counter[str] = Counter()
     meters: list[tuple[int, str]] = []  # index of the measure, text
     measures = _read_measures(
-        measure_columns, {name: XmlNotes(skipped_counts) for name in ids}, meters
+        measure_columns, {name: MeasureReader(skipped_counts) for name in ids}, meters
     )
-    played_order = played(turns([list(column.measures.values()) for column in measure_columns]))
-    starts, end_quarter, placed_meters = _played_bars(measure_columns, played_order, meters)
+    played_order = playing_order(
+        order_marks([list(column.measures.values()) for column in measure_columns])
+    )
+    measure_starts, end_quarter, placed_meters = _played_bars(measure_columns, played_order, meters)
     voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
     tempos: list[tuple[Fraction, float]] = []
     n_notes = 0
-    for start_quarter, index in zip(starts, played_order, strict=True):
+    for start_quarter, index in zip(measure_starts, played_order, strict=True):
         for name, part_events in measures[index].items():
             voices[name] += ((start_quarter, event) for event in part_events)
             n_notes += sum(event.pitch is not None for event in part_events)
-            tempos += ((start_quarter + e.at, e.tempo) for e in part_events if e.tempo is not None)
+            tempos += (
+                (start_quarter + part_event.at, part_event.tempo)
+                for part_event in part_events
+                if part_event.tempo is not None
+            )
         if n_notes > MAX_NOTES:
             raise TooLongError(f"more than {MAX_NOTES:,} notes are played")
     work_title = (
         score_root.findtext("work/work-title") or score_root.findtext("movement-title") or ""
     )
-    changes = dict(sorted(tempos, key=lambda pair: pair[0]))
+    tempo_changes = dict(sorted(tempos, key=lambda pair: pair[0]))
     return XmlScore(
         " ".join(work_title.split())[:200],
         float(end_quarter),
@@ -132,7 +144,7 @@ def _score_of_root(score_root: Element) -> XmlScore:
             XmlPart(name, part_names.get(name, ""), tuple(_played_notes(voices[name])))
             for name in ids
         ),
-        tuple((float(quarter), tempo) for quarter, tempo in changes.items()),
+        tuple((float(quarter), tempo) for quarter, tempo in tempo_changes.items()),
         tuple((float(quarter), meter) for quarter, meter in placed_meters),
         dict(skipped_counts),
     )
@@ -178,7 +190,7 @@ def _played_bars(
 
 def _read_measures(
     measure_columns: Sequence[_Column],
-    readers: Mapping[str, XmlNotes],
+    readers: Mapping[str, MeasureReader],
     meters: list[tuple[int, str]],
 ) -> list[dict[str, list[Event]]]:
     """Read each measure once."""
@@ -193,32 +205,36 @@ def _read_measures(
             ):
                 meter = part_content.meter or meter
                 meters.append((measure_index, meter))
-        nominal = _bar_quarters(meter)
+        bar_length = _bar_quarters(meter)
         is_implicit = any(
-            m.get("implicit") == "yes" or m.get("number") == "0"
-            for m in measure_column.measures.values()
+            measure_element.get("implicit") == "yes" or measure_element.get("number") == "0"
+            for measure_element in measure_column.measures.values()
         )
         measure_column.length = (
-            _measure_length(content_by_part.values(), nominal, is_implicit) or nominal
+            _measure_length(content_by_part.values(), bar_length, is_implicit) or bar_length
         )
         measure_column.is_upbeat = (
-            measure_index == 0 and is_implicit and measure_column.length < nominal
+            measure_index == 0 and is_implicit and measure_column.length < bar_length
         )
         measure_events.append({name: content.events for name, content in content_by_part.items()})
     return measure_events
 
 
 def _measure_length(
-    part_contents: Collection[MeasureContent], nominal: Fraction, is_implicit: bool
+    part_contents: Collection[MeasureContent], bar_length: Fraction, is_implicit: bool
 ) -> Fraction:
     """The length of a measure in all parts: rests of one part that are longer than the bar, or than
     another part of a bar that counts as incomplete, do not lengthen it.
     """
     lengths = [content.length for content in part_contents if content.length]
-    sounding = max((content.sounding for content in part_contents), default=Fraction(0))
+    sounding_length = max((content.sounding for content in part_contents), default=Fraction(0))
     if is_implicit and lengths:
-        return max(sounding, min(lengths))
-    return max(sounding, nominal) if nominal in lengths else max(lengths, default=Fraction(0))
+        return max(sounding_length, min(lengths))
+    return (
+        max(sounding_length, bar_length)
+        if bar_length in lengths
+        else max(lengths, default=Fraction(0))
+    )
 
 
 def _meter_of_measure(meters: Sequence[tuple[int, str]], index: int) -> str:
@@ -248,7 +264,7 @@ def _bar_quarters(meter: str) -> Fraction:
 def _played_notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
     """The notes of a part as they are played: ties join, and levels go by hairpins."""
     loudness = Loudness([(start + event.at, event) for start, event in placed_events])
-    joined: list[tuple[Fraction, Fraction, Pitch, float | None]] = []
+    joined_notes: list[tuple[Fraction, Fraction, Pitch, float | None]] = []
     open_ties: dict[str, dict[str, int]] = {}  # by pitch, then by voice: the index of the note
     for start_quarter, part_event in placed_events:
         if part_event.pitch is None:
@@ -259,30 +275,33 @@ def _played_notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[X
             voice = next(iter(ties_of_pitch), voice)
         # Many files say where ties begin, and not where they end.
         joined_index = ties_of_pitch.pop(voice, None)
-        if joined_index is not None and joined[joined_index][0] + joined[joined_index][1] == begins:
-            begin, lasting, note_pitch, strength = joined[joined_index]
-            joined[joined_index] = begin, lasting + part_event.lasting, note_pitch, strength
+        if (
+            joined_index is not None
+            and joined_notes[joined_index][0] + joined_notes[joined_index][1] == begins
+        ):
+            begin, note_length, note_pitch, strength = joined_notes[joined_index]
+            joined_notes[joined_index] = (
+                begin,
+                note_length + part_event.length,
+                note_pitch,
+                strength,
+            )
         else:
-            joined_index = len(joined)
-            joined.append(
-                (
-                    begins,
-                    part_event.lasting,
-                    part_event.pitch,
-                    loudness.strength(begins, part_event),
-                )
+            joined_index = len(joined_notes)
+            joined_notes.append(
+                (begins, part_event.length, part_event.pitch, loudness.strength(begins, part_event))
             )
         if part_event.is_tied_to:
             ties_of_pitch[part_event.voice] = joined_index
-    for begins, lasting, note_pitch, strength in sorted(
-        joined, key=lambda note: (note[0], note[2].key)
+    for begins, note_length, note_pitch, strength in sorted(
+        joined_notes, key=lambda note: (note[0], note[2].key)
     ):
         yield XmlNote(
             float(max(begins, Fraction(0))),
             note_pitch.word,
             note_pitch.key,
             strength,
-            float(lasting),
+            float(note_length),
         )
 
 

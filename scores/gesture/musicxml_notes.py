@@ -50,21 +50,21 @@ class Pitch(NamedTuple):
 class Event:
     """A note, or a mark without a pitch, so many quarters after the beginning of its measure.
 
-    `level` is a strength from here on, `then` the one after the notes of this instant; `swells` is
-    1 where a crescendo begins, -1 where a diminuendo does, 0 where it ends.
+    `level` is a strength from here on, `level_after` the one after the notes of this instant;
+    `hairpin` is 1 where a crescendo begins, -1 where a diminuendo does, 0 where it ends.
     """
 
     at: Fraction
     pitch: Pitch | None = None
-    lasting: Fraction = Fraction(0)
+    length: Fraction = Fraction(0)
     voice: str = ""
     is_tied_from: bool = False
     is_tied_to: bool = False
     is_accented: bool = False
     strength: float | None = None  # strength of this note alone
     level: float | None = None
-    then: float | None = None
-    swells: int | None = None
+    level_after: float | None = None
+    hairpin: int | None = None
     tempo: float | None = None  # quarters a minute
 
 
@@ -86,7 +86,7 @@ def number(text: str | None) -> Fraction | None:
     return None if match is None else Fraction(match[1])
 
 
-class XmlNotes:
+class MeasureReader:
     """Reads the measures of one part in their order."""
 
     def __init__(self, passed: Counter[str]) -> None:
@@ -101,7 +101,7 @@ class XmlNotes:
         """The content of the next measure."""
         measure_content = MeasureContent()
         cursor = onset = Fraction(0)
-        graces: list[list[Event]] = []  # notes of a chord are together
+        grace_chords: list[list[Event]] = []  # notes of a chord are together
         for element in measure:
             if element.tag == "attributes":
                 self._attributes(element, measure_content)
@@ -117,12 +117,14 @@ class XmlNotes:
             else:
                 is_chord = element.find("chord") is not None
                 begin_beat = onset if is_chord else cursor
-                is_grace, lasting = element.find("grace") is not None, self._duration(element)
+                is_grace, note_length = element.find("grace") is not None, self._duration(element)
                 if not is_chord and not is_grace:
-                    measure_content.events += _grace_notes_before(graces, begin_beat)
-                    graces = []
-                    onset, cursor = begin_beat, cursor + lasting
-                xml_note = self._note(element, begin_beat, _GRACE_QUARTERS if is_grace else lasting)
+                    measure_content.events += _grace_notes_before(grace_chords, begin_beat)
+                    grace_chords = []
+                    onset, cursor = begin_beat, cursor + note_length
+                xml_note = self._note(
+                    element, begin_beat, _GRACE_QUARTERS if is_grace else note_length
+                )
                 if element.find("rest") is None:
                     measure_content.sounding = max(measure_content.sounding, cursor)
                 measure_content.events += self._dynamics(
@@ -131,10 +133,10 @@ class XmlNotes:
                 if xml_note is not None and not is_grace:
                     measure_content.events.append(xml_note)
                 elif xml_note is not None:
-                    graces += [] if is_chord and graces else [[]]
-                    graces[-1].append(xml_note)
+                    grace_chords += [] if is_chord and grace_chords else [[]]
+                    grace_chords[-1].append(xml_note)
             measure_content.length = max(measure_content.length, cursor)
-        measure_content.events += _grace_notes_before(graces, cursor)
+        measure_content.events += _grace_notes_before(grace_chords, cursor)
         return measure_content
 
     def _duration(self, element: Element) -> Fraction:
@@ -167,13 +169,13 @@ class XmlNotes:
             chromatic = number(transpose.findtext("chromatic")) or Fraction(0)
             self._chromatic = chromatic + 12 * octaves
 
-    def _note(self, note: Element, cursor: Fraction, lasting: Fraction) -> Event | None:
+    def _note(self, note: Element, cursor: Fraction, note_length: Fraction) -> Event | None:
         self._passed.note(note)
         if note.find("rest") is not None:
             return None
         pitch_element = note.find("pitch")
         note_pitch = self._pitch(pitch_element)
-        if note.find("cue") is not None or lasting <= 0 or note_pitch is None:
+        if note.find("cue") is not None or note_length <= 0 or note_pitch is None:
             noun = "unpitched note" if pitch_element is None else "unplayable note"
             if note_pitch is not None:
                 noun = "cue note" if note.find("cue") is not None else "durationless note"
@@ -182,17 +184,17 @@ class XmlNotes:
         ties = {tie.get("type") for tie in note.iterfind("tie")}
         played_marks = {mark.tag for mark in note.iterfind("notations/articulations/*")}
         if played_marks & SHORT_ARTICULATIONS and not ties:
-            lasting /= 2
-        loud = number(note.get("dynamics"))
+            note_length /= 2
+        dynamics_percent = number(note.get("dynamics"))
         return Event(
             cursor,
             note_pitch,
-            lasting,
+            note_length,
             note.findtext("voice") or "",
             is_tied_from="stop" in ties,
             is_tied_to="start" in ties,
             is_accented=bool(played_marks & ACCENT_ARTICULATIONS),
-            strength=None if loud is None else _strength_of_percent(loud),
+            strength=None if dynamics_percent is None else _strength_of_percent(dynamics_percent),
         )
 
     def _pitch(self, pitch_element: Element | None) -> Pitch | None:
@@ -207,21 +209,23 @@ class XmlNotes:
             or not -1 <= octave <= 10
         ):
             return None
-        alter = number(pitch_element.findtext("alter")) or Fraction(0)
+        alteration = number(pitch_element.findtext("alter")) or Fraction(0)
         place = _LETTERS.index(step_letter) + 7 * int(octave)
-        moved = place + self._diatonic
-        alter += self._chromatic - (_semitones_above_c0(moved) - _semitones_above_c0(place))
-        midi_key = 12 + _semitones_above_c0(moved) + alter
+        moved_place = place + self._diatonic
+        alteration += self._chromatic - (
+            _semitones_above_c0(moved_place) - _semitones_above_c0(place)
+        )
+        midi_key = 12 + _semitones_above_c0(moved_place) + alteration
         nearest = math.floor(midi_key + Fraction(1, 2))
         if not 0 <= nearest <= 127:
             return None
-        semitones = int(alter)  # towards the natural note
+        semitones = int(alteration)  # towards the natural note
         if self._is_respelled or abs(semitones) > 2:
             note_name = notes.name(nearest)
             cents = 100 * (midi_key - nearest)
         else:
-            note_name = f"{_LETTERS[moved % 7]}{_ACCIDENTALS[semitones]}{moved // 7}"
-            cents = 100 * (alter - semitones)
+            note_name = f"{_LETTERS[moved_place % 7]}{_ACCIDENTALS[semitones]}{moved_place // 7}"
+            cents = 100 * (alteration - semitones)
         return Pitch(f"{note_name}{float(cents):+g}cents" if cents else note_name, nearest)
 
     def _direction(self, direction: Element, cursor: Fraction) -> Iterator[Event]:
@@ -234,22 +238,22 @@ class XmlNotes:
             self._passed.sound(sound_element)
         marks = self._dynamics(direction.iterfind("direction-type/dynamics"), event_start)
         yield from marks
-        loud = None if sound_element is None else number(sound_element.get("dynamics"))
-        if not marks and loud is not None:
-            yield Event(event_start, level=_strength_of_percent(loud))
+        dynamics_percent = None if sound_element is None else number(sound_element.get("dynamics"))
+        if not marks and dynamics_percent is not None:
+            yield Event(event_start, level=_strength_of_percent(dynamics_percent))
         for wedge in direction.iterfind("direction-type/wedge"):
             kinds = {"crescendo": 1, "diminuendo": -1, "stop": 0}
-            if (swells := kinds.get(wedge.get("type", ""))) is not None:
-                yield Event(event_start, swells=swells)
+            if (hairpin := kinds.get(wedge.get("type", ""))) is not None:
+                yield Event(event_start, hairpin=hairpin)
         yield from self._tempo(direction, sound_element, event_start)
 
     def _tempo(self, direction: Element, sound: Element | None, begin: Fraction) -> Iterator[Event]:
-        stated = None if sound is None else sound.get("tempo")
+        stated_tempo = None if sound is None else sound.get("tempo")
         marks = direction.findall("direction-type/metronome")
-        tempo = number(stated) or next(filter(None, map(_quarters_per_minute, marks)), None)
+        tempo = number(stated_tempo) or next(filter(None, map(_quarters_per_minute, marks)), None)
         if tempo is not None and tempo > 0:
             yield Event(begin, tempo=float(tempo))
-        elif marks or stated is not None:
+        elif marks or stated_tempo is not None:
             self._passed.counts["tempo"] += 1
 
     def _dynamics(self, groups: Iterable[Element], begin: Fraction) -> list[Event]:
@@ -261,11 +265,13 @@ class XmlNotes:
         return [] if mark is None else [replace(mark, at=begin)]
 
 
-def _grace_notes_before(graces: Sequence[Sequence[Event]], main_beat: Fraction) -> Iterator[Event]:
+def _grace_notes_before(
+    grace_chords: Sequence[Sequence[Event]], main_beat: Fraction
+) -> Iterator[Event]:
     """Grace notes and chords of them, one after the other before an instant."""
-    for index, chord in enumerate(graces):
-        for grace in chord:
-            yield replace(grace, at=main_beat - (len(graces) - index) * _GRACE_QUARTERS)
+    for index, chord in enumerate(grace_chords):
+        for grace_note in chord:
+            yield replace(grace_note, at=main_beat - (len(grace_chords) - index) * _GRACE_QUARTERS)
 
 
 def _semitones_above_c0(place: int) -> int:
@@ -298,8 +304,10 @@ def _dynamic_of_word(word: str) -> Event | None:
     if word in _STROKE_DYNAMICS:
         return Event(Fraction(0), is_accented=True)
     if word in _FALLING_DYNAMICS:
-        level, then = (DYNAMICS.index(sign) * _DYNAMIC_STEP for sign in _FALLING_DYNAMICS[word])
-        return Event(Fraction(0), level=level, then=then)
+        level, level_after = (
+            DYNAMICS.index(sign) * _DYNAMIC_STEP for sign in _FALLING_DYNAMICS[word]
+        )
+        return Event(Fraction(0), level=level, level_after=level_after)
     if set(word) <= {"p"} or set(word) <= {"f"}:
         word = word[:3]
     return (
@@ -311,11 +319,11 @@ def _quarters_per_minute(metronome: Element) -> Fraction | None:
     """Quarters a minute of a metronome mark."""
     beat_unit = _QUARTERS_BY_UNIT.get((metronome.findtext("beat-unit") or "").strip())
     # The first number of "c. 80" and of "80-84".
-    stated = _FIRST_NUMBER.search(metronome.findtext("per-minute") or "")
-    if beat_unit is None or stated is None or len(metronome.findall("beat-unit")) != 1:
+    stated_number = _FIRST_NUMBER.search(metronome.findtext("per-minute") or "")
+    if beat_unit is None or stated_number is None or len(metronome.findall("beat-unit")) != 1:
         return None
     dots = min(len(metronome.findall("beat-unit-dot")), 4)
-    return Fraction(stated[0]) * beat_unit * (2 - Fraction(1, 2**dots))
+    return Fraction(stated_number[0]) * beat_unit * (2 - Fraction(1, 2**dots))
 
 
 class Loudness:
@@ -331,9 +339,9 @@ class Loudness:
         self._ends: list[Fraction] = []  # of these, one after the other
         open_swell: tuple[Fraction, int] | None = None
         for mark_beat, mark_event in marks:
-            if mark_event.swells:
-                open_swell = mark_beat, mark_event.swells
-            elif mark_event.swells == 0 and open_swell is not None:
+            if mark_event.hairpin:
+                open_swell = mark_beat, mark_event.hairpin
+            elif mark_event.hairpin == 0 and open_swell is not None:
                 self._add(*open_swell, mark_beat)
                 open_swell = None
         self._begins = [begin for begin, *_ in self._swells]
@@ -359,7 +367,9 @@ class Loudness:
         if mark is None or (last_swell is not None and last_swell[1] > mark[0]):
             return None if last_swell is None else last_swell[3]
         instant, event = mark
-        return event.level if event.then is None or instant == event_beat else event.then
+        return (
+            event.level if event.level_after is None or instant == event_beat else event.level_after
+        )
 
     def strength(self, beat: Fraction, event: Event) -> float | None:
         """The strength of a note; None if nothing is said."""

@@ -21,7 +21,7 @@ class TooLongError(TextError):
 
 
 @dataclass(slots=True)
-class Turns:
+class MeasureOrderMarks:
     """What a measure says of the order; `passes` is how often a repeat that ends here is played
     (0: none ends), `endings` the passes in which it is played (none: all).
     """
@@ -36,17 +36,17 @@ class Turns:
     is_fine: bool = False
 
 
-def turns(measure_columns: Sequence[Sequence[Element]]) -> list[Turns]:
+def order_marks(measure_columns: Sequence[Sequence[Element]]) -> list[MeasureOrderMarks]:
     """What measures say, each of them as all parts have it."""
-    turns_by_measure = [Turns() for _ in measure_columns]
+    turns_by_measure = [MeasureOrderMarks() for _ in measure_columns]
     endings: frozenset[int] = frozenset()
     for measure_index, (part_turns, measures) in enumerate(
         zip(turns_by_measure, measure_columns, strict=True)
     ):
-        opened, closed = _read_marks(measures, part_turns)
-        endings = opened or endings
+        opened_endings, is_closed = _read_marks(measures, part_turns)
+        endings = opened_endings or endings
         part_turns.endings = endings
-        if closed:
+        if is_closed:
             endings = frozenset()
         if part_turns.passes == 1:  # a repeat without a number of times
             last_ending = max(part_turns.endings, default=1)
@@ -64,16 +64,18 @@ def _has_next_ending(columns: Sequence[Sequence[Element]], number: int) -> bool:
     )
 
 
-def _read_marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[int], bool]:
+def _read_marks(
+    measures: Sequence[Element], part_turns: MeasureOrderMarks
+) -> tuple[frozenset[int], bool]:
     """Read the marks of a measure; the endings that begin in it, and whether endings end."""
-    opened: frozenset[int] = frozenset()
-    closed = False
+    opened_endings: frozenset[int] = frozenset()
+    is_closed = False
     for measure in measures:
         for ending in measure.iterfind("barline/ending"):
             if ending.get("type") == "start":
-                opened = _pass_numbers(ending.get("number", ""))
+                opened_endings = _pass_numbers(ending.get("number", ""))
             else:
-                closed = True
+                is_closed = True
         for repeat in measure.iterfind("barline/repeat"):
             if repeat.get("direction") == "forward":
                 part_turns.begins = True
@@ -83,7 +85,7 @@ def _read_marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozens
             part_turns.passes = max(part_turns.passes, min(n_times, _PASSES_MAX))
         for sound in (*measure.iterfind("sound"), *measure.iterfind("direction/sound")):
             _read_sound(sound, part_turns)
-    return opened, closed
+    return opened_endings, is_closed
 
 
 def _pass_numbers(text: str) -> frozenset[int]:
@@ -92,7 +94,7 @@ def _pass_numbers(text: str) -> frozenset[int]:
     return frozenset(n for a, b in ranges for n in range(int(a), int(b or a) + 1))
 
 
-def _read_sound(sound_element: Element, part_turns: Turns) -> None:
+def _read_sound(sound_element: Element, part_turns: MeasureOrderMarks) -> None:
     if sound_element.get("dacapo") == "yes":
         part_turns.jumps_to = "capo"
     part_turns.jumps_to = sound_element.get("dalsegno") or part_turns.jumps_to
@@ -102,7 +104,7 @@ def _read_sound(sound_element: Element, part_turns: Turns) -> None:
     part_turns.codas |= {name for name in (sound_element.get("coda"),) if name}
 
 
-def played(measures: Sequence[Turns]) -> list[int]:
+def playing_order(measures: Sequence[MeasureOrderMarks]) -> list[int]:
     """The indices of measures in the order in which they are played. Raises TooLongError."""
     played_measures: list[int] = []
     for measure_number in _walk_measures(measures):
@@ -114,7 +116,7 @@ def played(measures: Sequence[Turns]) -> list[int]:
     return played_measures
 
 
-def _walk_measures(measures: Sequence[Turns]) -> Iterator[int]:
+def _walk_measures(measures: Sequence[MeasureOrderMarks]) -> Iterator[int]:
     measure_index, section_start, turn = 0, 0, 1
     has_jumped = False
     while measure_index < len(measures):
@@ -161,7 +163,9 @@ def _walk_measures(measures: Sequence[Turns]) -> Iterator[int]:
             section_start, turn = measure_index, 1
 
 
-def _is_in_turn(measures: Sequence[Turns], turn_number: int, turn: int, has_jumped: bool) -> bool:
+def _is_in_turn(
+    measures: Sequence[MeasureOrderMarks], turn_number: int, turn: int, has_jumped: bool
+) -> bool:
     """Whether an ending is played in this pass; after a jump the last one is."""
     if not has_jumped:
         return turn in measures[turn_number].endings

@@ -110,12 +110,19 @@ class _Group:
             )
         if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
             raise TextError("this group lasts too long", offset=offset, length=1)
-        for i in range(count):
-            beats = self.beats + i * group.beats
-            seconds = self.seconds + i * group.seconds
+        for repetition in range(count):
+            beats = self.beats + repetition * group.beats
+            seconds = self.seconds + repetition * group.seconds
             self.events.extend(
-                _TimedEvent(beats + e.beats, seconds + e.seconds, e.x, e.curve, e.offset, e.length)
-                for e in group.events
+                _TimedEvent(
+                    beats + event.beats,
+                    seconds + event.seconds,
+                    event.x,
+                    event.curve,
+                    event.offset,
+                    event.length,
+                )
+                for event in group.events
             )
         self.beats += count * group.beats
         self.seconds += count * group.seconds
@@ -123,11 +130,11 @@ class _Group:
     def _advance(self, beats: float, seconds: float, offset: int, length: int) -> None:
         # Beats and seconds can be compared only with a tempo; a point that is earlier in both is an
         # error.
-        early = (
+        is_early = (
             beats < self.beats - ROUNDING_TOLERANCE or seconds < self.seconds - ROUNDING_TOLERANCE
         )
         if (
-            early
+            is_early
             and beats <= self.beats + ROUNDING_TOLERANCE
             and seconds <= self.seconds + ROUNDING_TOLERANCE
         ):
@@ -146,38 +153,38 @@ def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) 
     """
     poll()
     stack = [_Group(0, events_max)]
-    pending: tuple[str, int] | None = None  # a curve word without its point
+    pending_curve: tuple[str, int] | None = None  # a curve word without its point
     for token_match in _TOKEN.finditer(text):
-        opened, closed, count_text, bar_sign, curve_name = token_match.groups()
-        if opened:
-            _need_point(stack, token_match.start(1), opened)
+        open_sign, close_sign, count_text, bar_sign, curve_name = token_match.groups()
+        if open_sign:
+            _require_point(stack, token_match.start(1), open_sign)
             if len(stack) > MAX_DEPTH:
                 raise TextError(
                     f"groups are nested more than {MAX_DEPTH} deep", offset=token_match.start(1)
                 )
             stack.append(_Group(token_match.start(1), events_max))
-        elif closed:
-            _no_pending(pending)
+        elif close_sign:
+            _refuse_pending_curve(pending_curve)
             _close_group(stack, token_match, count_text)
         elif bar_sign:
-            _need_point(stack, token_match.start(4), bar_sign)
+            _require_point(stack, token_match.start(4), bar_sign)
             stack[-1].bar_check(token_match.start(4))
         elif point := POINT_PATTERN.fullmatch(curve_name):
             stack[-1].point(point, first_curve, token_match.start(5))
-            pending = None
+            pending_curve = None
         else:
             word_offset = token_match.start(5)
             if "@" in curve_name:
                 raise point_error(curve_name, word_offset)
-            _need_point(stack, word_offset, curve_name)
-            _no_pending(pending)
+            _require_point(stack, word_offset, curve_name)
+            _refuse_pending_curve(pending_curve)
             first_curve = curve_word(curve_name, word_offset)
-            pending = (curve_name, word_offset)
+            pending_curve = (curve_name, word_offset)
         if len(stack[-1].events) > events_max:
             raise TextError(
                 _too_many_error("this notation has", events_max), offset=token_match.start()
             )
-    _no_pending(pending)
+    _refuse_pending_curve(pending_curve)
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )*4", offset=stack[-1].offset)
     return _checked_points(stack[0].events)
@@ -204,7 +211,7 @@ def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) 
     return _checked_points(only_group.events)
 
 
-def _need_point(stack: list[_Group], sign_offset: int, sign_word: str) -> None:
+def _require_point(stack: list[_Group], sign_offset: int, sign_word: str) -> None:
     if len(stack) == 1 and not stack[0].events:
         example = (
             "0mm@0 before the group: 0mm@0 ( … )*4" if sign_word == "(" else "one, such as 0mm@0"
@@ -219,9 +226,9 @@ def _need_point(stack: list[_Group], sign_offset: int, sign_word: str) -> None:
         )
 
 
-def _no_pending(pending: tuple[str, int] | None) -> None:
-    if pending is not None:
-        word, offset = pending
+def _refuse_pending_curve(pending_curve: tuple[str, int] | None) -> None:
+    if pending_curve is not None:
+        word, offset = pending_curve
         raise TextError(f"'{word}' has no point after it", offset=offset, length=len(word))
 
 

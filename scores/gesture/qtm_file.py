@@ -78,7 +78,7 @@ def read(path: Path) -> Motion:
                 for line_number, line in numbered_lines
                 if line_number >= layout.first
             )
-            yield from map(_with_gaps, position_blocks(positions_read, n, path))
+            yield from map(_hidden_as_nan, position_blocks(positions_read, n, path))
 
     rate = _frame_rate(header.get("FREQUENCY", []), path)
     return size_checked(
@@ -146,7 +146,7 @@ def _frame_rate(cell_values: list[str], path: Path) -> float | None:
     return rate
 
 
-def _with_gaps(coordinates: Floats) -> Floats:
+def _hidden_as_nan(coordinates: Floats) -> Floats:
     """The positions, with NaN in place of 0, 0, 0."""
     coordinates[(coordinates == 0).all(axis=2)] = np.nan
     return coordinates

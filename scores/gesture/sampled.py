@@ -27,30 +27,33 @@ def sampled_positions(
     The engine plays the path with a key of its own, so that a `throw` here flies like a free
     mass. Raises TextError at the point that the engine refuses, or that no mass reaches.
     """
-    t = [point.at.beats * beat_duration + point.at.seconds for point in gesture_points]
+    instants = [point.at.beats * beat_duration + point.at.seconds for point in gesture_points]
     network = Network()
     hand_mass = network.mas("hand", M=1.0, X0=gesture_points[0].x)
     timeline = Timeline(network, rate)
     hand_key = timeline.key("hand", hand_mass)
     curves = [point.curve for point in gesture_points]
-    x = [point.x for point in gesture_points]
-    if t[-1] * rate >= MAX_SAMPLES:
+    positions = [point.x for point in gesture_points]
+    if instants[-1] * rate >= MAX_SAMPLES:
         message = f"this gesture has more than {MAX_SAMPLES:,} samples at {rate:g} Hz"
         raise _raise_at_point(gesture_points, len(gesture_points) - 1, message)
     try:
-        timeline.gesture(hand_key, t, x, curves, touch="tracked")  # type: ignore[arg-type]
+        timeline.gesture(hand_key, instants, positions, curves, touch="tracked")  # type: ignore[arg-type]
         simulation = Simulation(network, timeline)
     except EngineError as error:
         raise _raise_at_point(gesture_points, error.index or 0, error.sentence) from None
-    n = int(t[-1] * rate + 0.5) + 1
-    path = np.empty(n)
+    n_samples = int(instants[-1] * rate + 0.5) + 1
+    path = np.empty(n_samples)
     no_samples = np.empty((1, 0))
-    for i in range(n):
+    for i in range(n_samples):
         path[i] = simulation.positions()[hand_mass]
         try:
             simulation.process(no_samples)
         except DivergedError:
-            index = next((k for k, instant in enumerate(t) if instant * rate >= i + 1), len(t) - 1)
+            index = next(
+                (k for k, instant in enumerate(instants) if instant * rate >= i + 1),
+                len(instants) - 1,
+            )
             message = "the path to this point, or on from it, is too fast for any mass"
             raise _raise_at_point(gesture_points, index, message) from None
     return path

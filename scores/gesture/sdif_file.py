@@ -91,14 +91,16 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
     all_columns = columns(path)
     if channel_name is None and len(all_columns) == 1:
         (channel_name,) = all_columns
-    listed = ", ".join(list(all_columns)[:_STREAMS_LISTED_MAX])
+    listed_names = ", ".join(list(all_columns)[:_STREAMS_LISTED_MAX])
     if (n_unlisted := len(all_columns) - _STREAMS_LISTED_MAX) > 0:
-        listed += f" and {n_unlisted} more"
+        listed_names += f" and {n_unlisted} more"
     if channel_name is None:
-        raise TakeError(f"the file has several columns; write `channel` as one of {listed}", path)
+        raise TakeError(
+            f"the file has several columns; write `channel` as one of {listed_names}", path
+        )
     if channel_name not in all_columns:
         raise TakeError(
-            f"no column '{channel_name[:60]}'; there are {listed}",
+            f"no column '{channel_name[:60]}'; there are {listed_names}",
             path,
             suggestion=nearest(channel_name, all_columns),
             field="channel",
@@ -109,7 +111,7 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
 
 
 def _columns_by_name(
-    columns_by_key: dict[_Key, Column], declared: dict[bytes, list[str]]
+    columns_by_key: dict[_Key, Column], declared_columns: dict[bytes, list[str]]
 ) -> dict[str, Column]:
     streams = {(name, row, column): set[int]() for name, _, row, column in columns_by_key}
     rows_by_column = {
@@ -121,7 +123,7 @@ def _columns_by_name(
     columns_by_name = {}
     for key, column_of in columns_by_key.items():
         matrix_name, stream, row_index, column_index = key
-        titles = declared.get(matrix_name, [])
+        titles = declared_columns.get(matrix_name, [])
         title = titles[column_index] if column_index < len(titles) else str(column_index + 1)
         column_word = f"{matrix_name.decode('latin-1')}.{title}"
         if len(streams[matrix_name, row_index, column_index]) > 1:
@@ -137,10 +139,10 @@ def _columns_by_name(
 
 
 def _matrices(
-    path: Path, declared: dict[bytes, list[str]], skipped: Counter[str]
+    path: Path, declared_columns: dict[bytes, list[str]], skipped_counts: Counter[str]
 ) -> Iterator[tuple[bytes, float, int, Floats]]:
-    """Name, instant, stream and numbers of each matrix; the names of columns go into `declared`,
-    and what has no instant or no numbers into `skipped`.
+    """Name, instant, stream and numbers of each matrix; the names of columns go into
+    `declared_columns`, and what has no instant or no numbers into `skipped_counts`.
     """
     with open_take(path) as open_file:
         file_size = os.fstat(open_file.fileno()).st_size
@@ -151,26 +153,34 @@ def _matrices(
         while frame_header := open_file.read(4):
             frame_bytes = _frame_content(open_file, file_size, path)
             if frame_header == b"1TYP":
-                _read_declarations(frame_bytes, declared)
+                _read_declarations(frame_bytes, declared_columns)
                 continue
             if frame_header in _TEXT_CHUNKS or len(frame_bytes) < _FRAME_HEADER.size:
-                _count_skipped(skipped, f"frame {_printable_name(frame_header)} without columns")
+                _count_skipped(
+                    skipped_counts, f"frame {_printable_name(frame_header)} without columns"
+                )
                 continue
-            t, stream, n_matrices = _FRAME_HEADER.unpack_from(frame_bytes)
+            instant, stream, n_matrices = _FRAME_HEADER.unpack_from(frame_bytes)
             if not (
-                math.isfinite(t) and abs(t) <= _INSTANT_SECONDS_MAX
+                math.isfinite(instant) and abs(instant) <= _INSTANT_SECONDS_MAX
             ):  # it applies to the whole file
-                _count_skipped(skipped, f"frame {_printable_name(frame_header)} without an instant")
+                _count_skipped(
+                    skipped_counts, f"frame {_printable_name(frame_header)} without an instant"
+                )
                 continue
             if n_matrices < 0:
                 raise TakeError(f"the file has a frame with {n_matrices:,} matrices", path)
-            matrices = _frame_matrices(frame_bytes, n_matrices, path, skipped)
-            yield from ((name, t, stream, x) for name, x in matrices)
+            matrices = _frame_matrices(frame_bytes, n_matrices, path, skipped_counts)
+            yield from (
+                (name, instant, stream, matrix_numbers) for name, matrix_numbers in matrices
+            )
 
 
-def _count_skipped(skipped: Counter[str], noun: str) -> None:
+def _count_skipped(skipped_counts: Counter[str], noun: str) -> None:
     """Count what is passed over; a damaged file may have a name for each frame."""
-    skipped[noun if noun in skipped or len(skipped) < _KINDS_MAX else "anything else"] += 1
+    skipped_counts[
+        noun if noun in skipped_counts or len(skipped_counts) < _KINDS_MAX else "anything else"
+    ] += 1
 
 
 def _printable_name(name: bytes) -> str:
@@ -188,17 +198,21 @@ def _frame_content(open_file: BufferedReader, file_size: int, path: Path) -> byt
     return open_file.read(body_length)
 
 
-def _read_declarations(data: bytes, declared: dict[bytes, list[str]]) -> None:
+def _read_declarations(data: bytes, declared_columns: dict[bytes, list[str]]) -> None:
     """Read the names of columns that the file declares: `1MTD XPOS {x, y, z}`."""
     for name, titles in _DECLARATION_PATTERN.findall(data[:_TEXT_BYTES_MAX].decode("latin-1")):
         words = [word.strip() for word in titles.split(",")]
-        declared[name.encode("latin-1")] = [word.replace(".", "_") for word in words if word]
+        declared_columns[name.encode("latin-1")] = [
+            word.replace(".", "_") for word in words if word
+        ]
 
 
 def _frame_matrices(
-    frame_bytes: bytes, n_matrices: int, path: Path, skipped: Counter[str]
+    frame_bytes: bytes, n_matrices: int, path: Path, skipped_counts: Counter[str]
 ) -> Iterator[tuple[bytes, Floats]]:
-    """Name and numbers of each matrix of a frame; matrices of other types go into `skipped`."""
+    """Name and numbers of each matrix of a frame; matrices of other types go into
+    `skipped_counts`.
+    """
     matrix_offset = _FRAME_HEADER.size
     for _ in range(n_matrices):
         if matrix_offset + _MATRIX_HEADER.size > len(frame_bytes):
@@ -216,7 +230,7 @@ def _frame_matrices(
             )
             yield matrix_name, cell_values.astype(np.float64).reshape(n_rows, n_columns)
         else:
-            _count_skipped(skipped, f"matrix {_printable_name(matrix_name)} without numbers")
+            _count_skipped(skipped_counts, f"matrix {_printable_name(matrix_name)} without numbers")
         matrix_offset += matrix_bytes + -matrix_bytes % 8  # padded
     if len(frame_bytes) - matrix_offset >= _MATRIX_HEADER.size:
-        _count_skipped(skipped, "rest of a frame behind the matrices that it counts")
+        _count_skipped(skipped_counts, "rest of a frame behind the matrices that it counts")

@@ -39,7 +39,7 @@ class Column:
     high: float = -math.inf
     first: float = math.nan
     last: float = math.nan
-    n: int = 0
+    n_values: int = 0
     n_missing: int = 0
     first_missing: int | None = None  # sample, from 1 on
     line_missing: int | None = None
@@ -56,8 +56,8 @@ class Column:
         if not is_finite.all():
             self.n_missing += int(values.size - np.count_nonzero(is_finite))
             if self.first_missing is None:
-                self.first_missing = self.n + int(is_finite.argmin()) + 1
-        self.n += values.size
+                self.first_missing = self.n_values + int(is_finite.argmin()) + 1
+        self.n_values += values.size
         values = values[is_finite]
         if not values.size:
             return
@@ -128,16 +128,17 @@ def _playing_mistake(columns: Sequence[Column]) -> str | None:
         return f"two columns are called {repeated_word[:40]!r}: a take of them is refused"
     units = {column.name: column.name.partition("[")[2].rstrip("] ") for column in columns}
     for column in columns:
-        known = UNITS_PER_SECOND if column.is_time else UNITS_PER_METRE
-        if (unit := units[column.name]) and unit not in known:
+        unit_names = UNITS_PER_SECOND if column.is_time else UNITS_PER_METRE
+        if (unit := units[column.name]) and unit not in unit_names:
             column_noun = "time" if column.is_time else "position"
             return f"{column.name[:40]!r} has no unit of a {column_noun}: a take of it is refused"
-    counts = {column.n for column in columns}
+    counts = {column.n_values for column in columns}
     time = next((column for column in columns if column.is_time), None)
     if time is not None and len(counts) > 1:
-        other = next(column for column in columns if column.n != time.n)
+        other_column = next(column for column in columns if column.n_values != time.n_values)
         return (
-            f"{time.n:,} instants, but {other.n:,} values of {other.name[:40]!r}: a take of it is "
+            f"{time.n_values:,} instants, but {other_column.n_values:,} values of "
+            f"{other_column.name[:40]!r}: a take of it is "
             "refused"
         )
     return None

@@ -41,8 +41,8 @@ def sheet(file: IO[str], path: Path) -> Sheet:
     numbered_lines = content_lines(file, path)
     header_number, header = next(numbered_lines, (1, ""))
     separator = None
-    if stated := _STATED_SEPARATOR.fullmatch(header):
-        separator = stated[1]
+    if stated_separator := _STATED_SEPARATOR.fullmatch(header):
+        separator = stated_separator[1]
         header_number, header = next(numbered_lines, (header_number, ""))
     separator = separator or _separator(header)
     column_names = [name.strip() for name in _split_cells(header, separator, path, header_number)]
@@ -101,9 +101,9 @@ def _names_with_units(column_names: list[str]) -> list[str]:
 
 
 def _rows(
-    numbered: Iterator[tuple[int, str]], n_columns: int, separator: str, path: Path
+    numbered_lines: Iterator[tuple[int, str]], n_columns: int, separator: str, path: Path
 ) -> Iterator[tuple[int, list[str]]]:
-    for line_number, line_text in numbered:
+    for line_number, line_text in numbered_lines:
         line_cells = _split_cells(line_text, separator, path, line_number)
         if len(line_cells) > n_columns and not any(cell.strip() for cell in line_cells[n_columns:]):
             del line_cells[n_columns:]

@@ -140,12 +140,16 @@ def _read_table(
 
 
 def _column_values(
-    take_table: Sheet, column_index: int, stated: str | None, metre_unit: float | None, path: Path
+    take_table: Sheet,
+    column_index: int,
+    stated_unit: str | None,
+    metre_unit: float | None,
+    path: Path,
 ) -> float:
     """Units of a column in a metre, by its header or by `metre_unit` [m]. Raises TakeError."""
-    if stated is not None:
+    if stated_unit is not None:
         _check_unit(metre_unit, path)
-        return _unit_divisor(stated, UNITS_PER_METRE, "position", path)
+        return _unit_divisor(stated_unit, UNITS_PER_METRE, "position", path)
     if metre_unit is None:
         message = (
             f"'{take_table.names[column_index][:40]}' has no unit; write a header such as t [s],x "
@@ -184,17 +188,17 @@ def _chosen_column(
     channel_names = [name for name in columns_by_name if name != "t"]
     if channel_name is None and len(channel_names) == 1:
         channel_name = channel_names[0]
-    listed = ", ".join(channel_names[:8])
+    listed_names = ", ".join(channel_names[:8])
     if channel_name is None:
         raise TakeError(
-            f"the file has several channels; write `channel` as one of {listed}"
-            if listed
+            f"the file has several channels; write `channel` as one of {listed_names}"
+            if listed_names
             else "no channel",
             path,
         )
     if channel_name not in channel_names:
         raise TakeError(
-            f"no channel '{channel_name[:40]}'; there are {listed}",
+            f"no channel '{channel_name[:40]}'; there are {listed_names}",
             path,
             suggestion=nearest(channel_name, channel_names),
             field="channel",
@@ -213,10 +217,10 @@ def _unit_divisor(
     return units_by_name[unit_name]
 
 
-def _check_rate(timed: bool, rate: float | None, path: Path) -> None:
-    if timed and rate is not None:
+def _check_rate(has_instants: bool, rate: float | None, path: Path) -> None:
+    if has_instants and rate is not None:
         raise TakeError("the file has times of its own; remove `rate`", path, field="rate")
-    if not timed and rate is None:
+    if not has_instants and rate is None:
         raise TakeError(
             "the file has no column 't [s]'; write the rate of the samples, such as rate: 1kHz",
             path,
@@ -230,11 +234,11 @@ def _check_unit(unit: float | None, path: Path) -> None:
 
 def _checked_samples(t: Floats, x: Floats, path: Path) -> Samples:
     for name, values in (("t", t), ("x", x)):
-        if not (finite := np.isfinite(values)).all():
-            raise TakeError(f"sample {int(finite.argmin()) + 1} of {name} is not finite", path)
+        if not (is_finite := np.isfinite(values)).all():
+            raise TakeError(f"sample {int(is_finite.argmin()) + 1} of {name} is not finite", path)
     steps = np.diff(t)
-    if not (rising := steps > 0.0).all():
-        raise TakeError(f"times must rise: sample {int(rising.argmin()) + 2} does not", path)
+    if not (is_rising := steps > 0.0).all():
+        raise TakeError(f"times must rise: sample {int(is_rising.argmin()) + 2} does not", path)
     if not (is_step_valid := steps > 0.9 / MAX_RATE).all():
         number = int(is_step_valid.argmin()) + 2
         raise TakeError(f"sample {number} follows the one before in less than a microsecond", path)
@@ -356,12 +360,12 @@ def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float |
         headers = [n if "[" in n else column_headers.get(n, f"{n} [m]") for n in arrays.names]
         columns_by_name = _columns(headers, path, None)
         column_index, x_unit = _chosen_column(columns_by_name, channel, path)
-        timed = "t" in columns_by_name
-        _check_rate(timed, rate, path)
+        has_instants = "t" in columns_by_name
+        _check_rate(has_instants, rate, path)
         x = _read_array(arrays, column_index, path) / _unit_divisor(
             x_unit or "m", UNITS_PER_METRE, "position", path
         )
-        if not timed:
+        if not has_instants:
             return _checked_samples(np.arange(len(x)) / (rate or 1.0), x, path)
         t_column, t_unit = columns_by_name["t"]
         t = _read_array(arrays, t_column, path) / _unit_divisor(

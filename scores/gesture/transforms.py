@@ -88,7 +88,7 @@ class _TransformResult(NamedTuple):
     note: str | None = None
 
 
-def parse_do(
+def parse_transform(
     written_text: str, text_start: int = 0, other_verbs: Mapping[str, str] = NO_OTHER_VERBS
 ) -> Transform:
     """Read one transformation, such as `scale 0.5` or `jitter 4ms 0.2mm`.
@@ -139,8 +139,10 @@ def parse_do(
             length=error_length,
         )
     read_fields: dict[str, float | Time] = {}
-    for (argument, place), (name, read) in zip(verb_arguments, verb.arguments, strict=True):
-        read_fields[name] = read(argument, place, verb.example)
+    for (argument, place), (name, read_argument) in zip(
+        verb_arguments, verb.arguments, strict=True
+    ):
+        read_fields[name] = read_argument(argument, place, verb.example)
     end = placed_words[-1][1] + len(placed_words[-1][0])
     return Transform(verb_word, offset=verb_offset, length=end - verb_offset, **read_fields)  # type: ignore[arg-type]
 
@@ -150,7 +152,7 @@ def parse_chain(written_text: str) -> tuple[Transform, ...]:
     chain = []
     chain_start = 0
     for part in written_text.split(","):
-        chain.append(parse_do(part, chain_start))
+        chain.append(parse_transform(part, chain_start))
         chain_start += len(part) + 1
     return tuple(chain)
 
@@ -168,7 +170,7 @@ def apply(
     transformed = tuple(points)
     notes: list[str] = []
     for transform in transforms:
-        transformed, note = _VERBS[transform.word].act(transformed, transform, chance, beat)
+        transformed, note = _VERBS[transform.word].apply(transformed, transform, chance, beat)
         if note is not None:
             notes.append(note)
     return transformed, tuple(notes)
@@ -205,38 +207,48 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
     return TakeTransform(scale, stretch, reverse, shift, *omitted_durations)
 
 
-def _scale(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
-    return _TransformResult(tuple(_moved_point(p, p.at, p.x * t.amount) for p in points))
+def _scale(
+    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
+) -> _TransformResult:
+    return _TransformResult(tuple(_moved_point(p, p.at, p.x * transform.amount) for p in points))
 
 
 def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
     return _TransformResult(tuple(_moved_point(p, p.at, 0.0 - p.x) for p in points))
 
 
-def _stretch(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
-    s = t.lengthening
+def _stretch(
+    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
+) -> _TransformResult:
+    s = transform.lengthening
     return _TransformResult(
         tuple(_moved_point(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in points)
     )
 
 
-def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
+def _shift(
+    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
+) -> _TransformResult:
     return _TransformResult(
         tuple(
-            _moved_point(p, Time(p.at.beats + t.time.beats, p.at.seconds + t.time.seconds), p.x)
+            _moved_point(
+                p,
+                Time(p.at.beats + transform.time.beats, p.at.seconds + transform.time.seconds),
+                p.x,
+            )
             for p in points
         )
     )
 
 
 def _start_from(
-    points: tuple[Point, ...], t: Transform, _: Chance, beat_duration: float
+    points: tuple[Point, ...], transform: Transform, _: Chance, beat_duration: float
 ) -> _TransformResult:
     """Leave out the points before an instant, which becomes the start; the last point stays.
 
     The first point that is left gets the curve of the gesture's first point.
     """
-    start = t.time.beats * beat_duration + t.time.seconds
+    start = transform.time.beats * beat_duration + transform.time.seconds
     later_indices = (
         i
         for i, p in enumerate(points)
@@ -249,13 +261,14 @@ def _start_from(
             (end,), "from: the start lies after the last point, so only the last position remains"
         )
     times = [
-        Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first_index:]
+        Time(p.at.beats - transform.time.beats, p.at.seconds - transform.time.seconds)
+        for p in points[first_index:]
     ]
-    moved = [
+    moved_points = [
         _moved_point(p, new_time, p.x)
         for p, new_time in zip(points[first_index:], times, strict=True)
     ]
-    return _TransformResult((replace(moved[0], curve=points[0].curve), *moved[1:]))
+    return _TransformResult((replace(moved_points[0], curve=points[0].curve), *moved_points[1:]))
 
 
 def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
@@ -284,59 +297,59 @@ def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) ->
 
 
 def _jitter(
-    points: tuple[Point, ...], t: Transform, chance: Chance, beat_duration: float
+    points: tuple[Point, ...], transform: Transform, chance: Chance, beat_duration: float
 ) -> _TransformResult:
     """Move every point but the first by a draw in time, then one in position.
 
     A point moves at most JITTER_RATIO_MAX of the way to a neighbour, so that a tenth of the way
     stays between them. A hold keeps the moved position of the point before it.
     """
-    time_max = t.time.beats * beat_duration + t.time.seconds
+    time_max = transform.time.beats * beat_duration + transform.time.seconds
     instants = [p.at.beats * beat_duration + p.at.seconds for p in points]
-    moved = list(points[:1])
+    moved_points = list(points[:1])
     for i in range(1, len(points)):
         point = points[i]
-        dt, dx = chance.uniform(-1.0, 1.0) * time_max, chance.uniform(-1.0, 1.0) * t.x
+        dt, dx = chance.uniform(-1.0, 1.0) * time_max, chance.uniform(-1.0, 1.0) * transform.x
         earliest = -JITTER_RATIO_MAX * (instants[i] - instants[i - 1])
         dt = max(dt, earliest)
         if i + 1 < len(points):
             dt = min(dt, JITTER_RATIO_MAX * (instants[i + 1] - instants[i]))
-        x = moved[-1].x if point.curve == "hold" else point.x + dx
-        moved.append(_moved_point(point, Time(point.at.beats, point.at.seconds + dt), x))
-    return _TransformResult(tuple(moved))
+        x = moved_points[-1].x if point.curve == "hold" else point.x + dx
+        moved_points.append(_moved_point(point, Time(point.at.beats, point.at.seconds + dt), x))
+    return _TransformResult(tuple(moved_points))
 
 
 def _quantise(
-    points: tuple[Point, ...], t: Transform, _: Chance, beat_duration: float
+    points: tuple[Point, ...], transform: Transform, _: Chance, beat_duration: float
 ) -> _TransformResult:
     """Move points to the nearest multiple of q beats, halves later; merge those that meet.
 
     The merged point has the position of the last; its curve is the last that is not a hold.
     """
-    grid = t.amount
-    merged: list[Point] = []
+    grid = transform.amount
+    merged_points: list[Point] = []
     for point in points:
-        rounded = Time(
+        rounded_time = Time(
             floor((point.at.beats + point.at.seconds / beat_duration) / grid + 0.5) * grid,
             0.0,
         )
         curve = point.curve
-        if merged and rounded.beats <= merged[-1].at.beats:
-            previous = merged.pop()
-            rounded, curve = previous.at, previous.curve if curve == "hold" else curve
-        merged.append(Point(rounded, point.x, curve, point.offset, point.length))
-    n_lost = len(points) - len(merged)
+        if merged_points and rounded_time.beats <= merged_points[-1].at.beats:
+            previous = merged_points.pop()
+            rounded_time, curve = previous.at, previous.curve if curve == "hold" else curve
+        merged_points.append(Point(rounded_time, point.x, curve, point.offset, point.length))
+    n_lost = len(points) - len(merged_points)
     if not n_lost:
-        return _TransformResult(tuple(merged))
-    plural = "points fall" if n_lost > 1 else "point falls"
+        return _TransformResult(tuple(merged_points))
+    points_fall = "points fall" if n_lost > 1 else "point falls"
     return _TransformResult(
-        tuple(merged),
-        f"quantise {grid:g}: {n_lost} {plural} on the time of the next point",
+        tuple(merged_points),
+        f"quantise {grid:g}: {n_lost} {points_fall} on the time of the next point",
     )
 
 
-def _moved_point(p: Point, at: Time, x: float) -> Point:
-    return Point(at, x, p.curve, p.offset, p.length)
+def _moved_point(point: Point, time: Time, x: float) -> Point:
+    return Point(time, x, point.curve, point.offset, point.length)
 
 
 def _read_ratio(word: str, offset: int, example: str) -> float:
@@ -394,7 +407,7 @@ class _Verb(NamedTuple):
 
     example: str
     arguments: tuple[tuple[str, _ReadArgument], ...]
-    act: _ApplyTransform
+    apply: _ApplyTransform
 
 
 _VERBS = {

@@ -36,14 +36,16 @@ class ChainParser(ABC, Generic[T]):
     def example(self, transform: T) -> tuple[str, str]:
         """The word of a transformation, and an example of it."""
 
-    def chain(self, opened: int | None = None) -> tuple[T, ...]:
-        """Transformations up to the end, or to the parenthesis that closes the one at `opened`."""
+    def chain(self, open_offset: int | None = None) -> tuple[T, ...]:
+        """Transformations up to the end, or to the parenthesis that closes the one at
+        `open_offset`.
+        """
         transforms = [self.transform()]
         while self.peek() == ",":
             self.place += 1
             transforms.append(self.transform())
         next_sign = self.peek()
-        if next_sign == ")" and opened is not None:
+        if next_sign == ")" and open_offset is not None:
             self.place += 1
         elif next_sign == ")":
             raise self.mistake("')' has no '(' before it: every 4 (rev, fast 2)", self.place)
@@ -53,9 +55,9 @@ class ChainParser(ABC, Generic[T]):
             message = f"{quote(extra_word)} does not belong to '{word}', which is written for "
             message += f"instance {example}; a comma divides transformations"
             raise self.mistake(message, self.place, len(extra_word))
-        elif opened is not None:
+        elif open_offset is not None:
             message = "this '(' is not closed: every 4 (rev, fast 2)"
-            raise self.mistake(message, opened)
+            raise self.mistake(message, open_offset)
         return tuple(transforms)
 
     def values(self, form: Form, begin: int, word: str) -> tuple[Any, ...]:
@@ -66,7 +68,7 @@ class ChainParser(ABC, Generic[T]):
             argument_word = self.word()
             # A word that is not like a value is read as one only where a value must follow.
             may_end = form.takes_change or any(
-                len(a) == len(argument_words) for a in form.arguments
+                len(argument_readers) == len(argument_words) for argument_readers in form.arguments
             )
             if not argument_word or (may_end and not _VALUE.fullmatch(argument_word)):
                 break

@@ -14,14 +14,14 @@ from ergon.scores.pattern.cycles import (
     V,
     W,
     by_cycle,
-    cut,
+    clipped,
+    combined,
     early,
     fast_sequence,
     filtered,
     into_cycle,
     late,
     mapped,
-    node,
     silence,
     stack,
 )
@@ -38,14 +38,20 @@ _OPERATOR_NUMBERS_PER_COPY = 1 << 40
 # --- which pattern, which events, with which chances ---------------------------------------------
 
 
-def select(pick: Callable[[int], Cycles[V]], cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
-    """In each cycle the pattern that `pick` returns for it, among `cycle_patterns`."""
+def select(
+    pattern_of_cycle: Callable[[int], Cycles[V]], cycle_patterns: Sequence[Cycles[V]]
+) -> Cycles[V]:
+    """In each cycle the pattern that `pattern_of_cycle` returns for it, among `cycle_patterns`."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         pieces = by_cycle(begin, end)
-        return [f for cycle, low, high in pieces for f in pick(cycle).query(low, high, chance)]
+        return [
+            f
+            for cycle, low, high in pieces
+            for f in pattern_of_cycle(cycle).query(low, high, chance)
+        ]
 
-    return node(query, cycle_patterns, max(part.cost for part in cycle_patterns))
+    return combined(query, cycle_patterns, max(part.cost for part in cycle_patterns))
 
 
 def renumbered(number_shift: int, changed_pattern: Cycles[V]) -> Cycles[V]:
@@ -56,7 +62,7 @@ def renumbered(number_shift: int, changed_pattern: Cycles[V]) -> Cycles[V]:
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         return changed_pattern.query(begin, end, _renumbered_chance(chance, number_shift))
 
-    return node(query, (changed_pattern,), changed_pattern.cost)
+    return combined(query, (changed_pattern,), changed_pattern.cost)
 
 
 @lru_cache(_WALKS_CACHED)
@@ -69,7 +75,7 @@ def having(test: Callable[[V], bool], changed_pattern: Cycles[V]) -> Cycles[V]:
     """The events whose value passes a test."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return [f for f in changed_pattern.query(begin, end, chance) if test(f.what)]
+        return [f for f in changed_pattern.query(begin, end, chance) if test(f.value)]
 
     leaves = tuple(leaf for leaf in changed_pattern.leaves if test(leaf))
     return Cycles(query, changed_pattern.cost, 1 + changed_pattern.depth, leaves)
@@ -102,7 +108,7 @@ def rev(changed_pattern: Cycles[V]) -> Cycles[V]:
                 fragments_made.append(mirrored)
         return fragments_made
 
-    return node(query, (changed_pattern,), changed_pattern.cost)
+    return combined(query, (changed_pattern,), changed_pattern.cost)
 
 
 def palindrome(part: Cycles[V]) -> Cycles[V]:
@@ -134,8 +140,8 @@ def ply(
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         fragments_made: list[Fragment[V]] = []
         for fragment in changed_pattern.query(begin, end, chance):
-            first_instant, last, fragment_start, fragment_stop, played_value = fragment
-            step_width = (last - first_instant) / n_repeats
+            first_instant, last_instant, fragment_start, fragment_stop, played_value = fragment
+            step_width = (last_instant - first_instant) / n_repeats
             repetition = (fragment_start - first_instant) // step_width
             low_instant = first_instant + repetition * step_width
             while low_instant < fragment_stop:
@@ -153,7 +159,7 @@ def ply(
                 low_instant, repetition = high_instant, repetition + 1
         return fragments_made
 
-    return node(query, (changed_pattern,), changed_pattern.cost * n_repeats)
+    return combined(query, (changed_pattern,), changed_pattern.cost * n_repeats)
 
 
 # --- some cycles, some parts of them ------------------------------------------------------------
@@ -164,9 +170,11 @@ def every(count: int, change: Change[V], part: Cycles[V]) -> Cycles[V]:
     return when(lambda cycle: cycle % count == 0, change, part)
 
 
-def whenmod(count: int, least: int, change: Change[V], part: Cycles[V]) -> Cycles[V]:
-    """A change of those of every `count` cycles that have the number `least`, from 0, or more."""
-    return when(lambda cycle: cycle % count >= least, change, part)
+def whenmod(count: int, cycle_min: int, change: Change[V], part: Cycles[V]) -> Cycles[V]:
+    """A change of those of every `count` cycles that have the number `cycle_min`, from 0, or
+    more.
+    """
+    return when(lambda cycle: cycle % count >= cycle_min, change, part)
 
 
 def when(test: Callable[[int], bool], change: Change[V], part: Cycles[V]) -> Cycles[V]:
@@ -233,7 +241,7 @@ def walk(walk_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
             )
         return fragments_made
 
-    return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
+    return combined(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
 
 
 @lru_cache(_WALKS_CACHED)
@@ -250,7 +258,7 @@ def superimpose(change: Change[V], part: Cycles[V]) -> Cycles[V]:
     return stack([part, change(part)])
 
 
-def off(time: Fraction, change: Change[V], part: Cycles[V]) -> Cycles[V]:
+def superimpose_late(time: Fraction, change: Change[V], part: Cycles[V]) -> Cycles[V]:
     """The pattern together with a change of it that begins some time later."""
     return stack([part, change(late(time, part))])
 
@@ -287,28 +295,28 @@ def struct(rhythm: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
 
     def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[V]]:
         return [
-            Fragment(beat.begin, beat.end, value.start, value.stop, value.what)
+            Fragment(beat.begin, beat.end, value.part_start, value.part_stop, value.value)
             for beat in rhythm.query(query_begin, query_end, chance)
-            for value in changed_pattern.query(beat.start, beat.stop, chance)
+            for value in changed_pattern.query(beat.part_start, beat.part_stop, chance)
         ]
 
     return _onsets_within(query, rhythm, changed_pattern)
 
 
-def mask(openings: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
+def mask(opening_pattern: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
     """The events of the pattern that begin during the events of another."""
 
     def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[V]]:
         fragments_made = []
-        openings_here = openings.query(query_begin, query_end, chance)
+        openings_here = opening_pattern.query(query_begin, query_end, chance)
         for value in changed_pattern.query(query_begin, query_end, chance):
             for opening in openings_here:
-                fragment = cut(value, opening.start, opening.stop)
+                fragment = clipped(value, opening.part_start, opening.part_stop)
                 if fragment is not None:
                     fragments_made.append(fragment)
         return fragments_made
 
-    return _onsets_within(query, openings, changed_pattern)
+    return _onsets_within(query, opening_pattern, changed_pattern)
 
 
 def _onsets_within(

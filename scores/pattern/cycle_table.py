@@ -158,7 +158,7 @@ FORM_BY_WORD: Mapping[str, Form] = {
     "off": Form(
         "together with a changed copy, later by a share of a cycle",
         "off 1/8 transpose 12st",
-        lambda t, p: act.off(t.value, t.change, p),
+        lambda t, p: act.superimpose_late(t.value, t.change, p),
         _TIME_ARGUMENTS,
         True,
     ),

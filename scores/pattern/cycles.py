@@ -39,17 +39,19 @@ class Event(Generic[V]):
 
     begin: Fraction
     end: Fraction
-    what: V
+    value: V
 
 
 class Fragment(NamedTuple, Generic[V]):
-    """An event from `begin` to `end`, of which a query sees the part from `start` to `stop`."""
+    """An event from `begin` to `end`, of which a query sees the part from `part_start` to
+    `part_stop`.
+    """
 
     begin: Fraction
     end: Fraction
-    start: Fraction
-    stop: Fraction
-    what: V
+    part_start: Fraction
+    part_stop: Fraction
+    value: V
 
 
 Query = Callable[[Fraction, Fraction, Chance], list[Fragment[V]]]
@@ -85,9 +87,9 @@ class Cycles(Generic[V]):
     def onsets(self, cycle: int, chance: Chance = UNSEEDED) -> list[Event[V]]:
         """The events that begin in a cycle, by instant and then in the order of writing."""
         fragments = self.query(Fraction(cycle), Fraction(cycle + 1), chance)
-        fragments = [f for f in fragments if f.start is f.begin or f.start == f.begin]
+        fragments = [f for f in fragments if f.part_start is f.begin or f.part_start == f.begin]
         fragments.sort(key=_BEGIN)
-        return [Event(f.begin, f.end, f.what) for f in fragments]
+        return [Event(f.begin, f.end, f.value) for f in fragments]
 
     def excess(self) -> str | None:
         """What of the pattern is too large to be played, as a sentence; None if nothing is."""
@@ -102,7 +104,7 @@ class Cycles(Generic[V]):
         return None
 
 
-def node(query: Query[V], patterns: Sequence[Cycles[V]], cost: int) -> Cycles[V]:
+def combined(query: Query[V], patterns: Sequence[Cycles[V]], cost: int) -> Cycles[V]:
     """A pattern that is made of others."""
     depth = 1 + max((part.depth for part in patterns), default=0)
     leaves = dict.fromkeys(leaf for part in dict.fromkeys(patterns) for leaf in part.leaves)
@@ -140,12 +142,12 @@ def moved(
     return result
 
 
-def cut(fragment: Fragment[V], begin: Fraction, end: Fraction) -> Fragment[V] | None:
+def clipped(fragment: Fragment[V], begin: Fraction, end: Fraction) -> Fragment[V] | None:
     """The part of a fragment between two instants."""
-    start, stop = max(fragment.start, begin), min(fragment.stop, end)
+    start, stop = max(fragment.part_start, begin), min(fragment.part_stop, end)
     if start >= stop:
         return None
-    return fragment._replace(start=start, stop=stop)
+    return fragment._replace(part_start=start, part_stop=stop)
 
 
 # --- making -------------------------------------------------------------------------------------
@@ -200,14 +202,14 @@ def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
                         part_start += (low_bound - left_bound) / step_width
                     if high_bound < bounds[step_index + 1]:
                         part_stop -= (bounds[step_index + 1] - high_bound) / step_width
-                inner = patterns[step_index].query(part_start, part_stop, chance)
-                if inner:
+                inner_fragments = patterns[step_index].query(part_start, part_stop, chance)
+                if inner_fragments:
                     fragments_made += moved(
-                        inner, step_width, left_bound + cycle * (1 - step_width)
+                        inner_fragments, step_width, left_bound + cycle * (1 - step_width)
                     )
         return fragments_made
 
-    return node(query, patterns, sum(part.cost for part in patterns))
+    return combined(query, patterns, sum(part.cost for part in patterns))
 
 
 def fast_sequence(parts: Sequence[Cycles[V]]) -> Cycles[V]:
@@ -223,7 +225,7 @@ def stack(patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         return [fragment for part in patterns for fragment in part.query(begin, end, chance)]
 
-    return node(query, patterns, max(1, sum(part.cost for part in patterns)))
+    return combined(query, patterns, max(1, sum(part.cost for part in patterns)))
 
 
 def choose(operator_number: int, patterns: Sequence[Cycles[V]]) -> Cycles[V]:
@@ -237,7 +239,7 @@ def choose(operator_number: int, patterns: Sequence[Cycles[V]]) -> Cycles[V]:
         return fragments_made
 
     # The sum, though one is played: what is written out in a text is bounded by the cost.
-    return node(query, patterns, sum(part.cost for part in patterns))
+    return combined(query, patterns, sum(part.cost for part in patterns))
 
 
 # --- time ---------------------------------------------------------------------------------------
@@ -247,14 +249,16 @@ def fast(factor: Fraction | int, pattern: Cycles[V]) -> Cycles[V]:
     """The pattern `factor` times as fast."""
     if factor == 1:
         return pattern
-    inverse = 1 / Fraction(factor)
+    inverse_factor = 1 / Fraction(factor)
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return moved(pattern.query(begin * factor, end * factor, chance), inverse, 0)
+        return moved(pattern.query(begin * factor, end * factor, chance), inverse_factor, 0)
 
     # A slow pattern costs what it did: one cycle may hold all of its events.
-    cost = max(pattern.cost, -(-pattern.cost * inverse.denominator // inverse.numerator))
-    return node(query, (pattern,), cost)
+    faster_cost = max(
+        pattern.cost, -(-pattern.cost * inverse_factor.denominator // inverse_factor.numerator)
+    )
+    return combined(query, (pattern,), faster_cost)
 
 
 def slow(factor: Fraction | int, part: Cycles[V]) -> Cycles[V]:
@@ -270,7 +274,7 @@ def late(delay: Fraction, pattern: Cycles[V]) -> Cycles[V]:
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         return moved(pattern.query(begin - delay, end - delay, chance), 1, delay)
 
-    return node(query, (pattern,), pattern.cost)
+    return combined(query, (pattern,), pattern.cost)
 
 
 def early(time: Fraction, part: Cycles[V]) -> Cycles[V]:
@@ -286,7 +290,7 @@ def mapped(change: Callable[[V], W], pattern: Cycles[V]) -> Cycles[W]:
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[W]]:
         fragments = pattern.query(begin, end, chance)
-        return [Fragment(*fragment[:4], change(fragment.what)) for fragment in fragments]
+        return [Fragment(*fragment[:4], change(fragment.value)) for fragment in fragments]
 
     leaves = dict.fromkeys(change(leaf) for leaf in pattern.leaves)
     return Cycles(query, pattern.cost, 1 + pattern.depth, tuple(leaves))
@@ -298,4 +302,4 @@ def filtered(test: Callable[[Fraction, Chance], bool], pattern: Cycles[V]) -> Cy
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         return [f for f in pattern.query(begin, end, chance) if test(f.begin, chance)]
 
-    return node(query, (pattern,), pattern.cost)
+    return combined(query, (pattern,), pattern.cost)

@@ -84,16 +84,16 @@ class _OpenBracket(NamedTuple):
     items: list[tuple[Leaf | _OpenBracket, int | None, int]]
 
 
-def parse(pattern_text: str, called: ReadName | None = None) -> Group:
-    """Read a pattern; `called` returns the name or names that a word at an offset stands for.
+def parse(pattern_text: str, name_at: ReadName | None = None) -> Group:
+    """Read a pattern; `name_at` returns the name or names that a word at an offset stands for.
 
-    Without `called` words are names of gestures and takes. Raises TextError with the characters
+    Without `name_at` words are names of gestures and takes. Raises TextError with the characters
     at fault.
     """
-    called = called or name_of
+    name_at = name_at or name_of
     stripped_text = pattern_text.strip()
     if stripped_text in CHOICE_WORDS:  # the name of a gesture
-        called_name = called(stripped_text, pattern_text.index(stripped_text))
+        called_name = name_at(stripped_text, pattern_text.index(stripped_text))
         return single_name_pattern(called_name if isinstance(called_name, str) else stripped_text)
     stack = [_OpenBracket(0, ["in turn"], [])]
     for token_match in _TOKEN.finditer(pattern_text):
@@ -117,7 +117,7 @@ def parse(pattern_text: str, called: ReadName | None = None) -> Group:
                 open_group.way[:] = [choice]
                 continue
             word_offset = token_match.start(2)
-            leaves = _leaves_of_word(typed_word, word_offset, called)
+            leaves = _leaves_of_word(typed_word, word_offset, name_at)
             if (n_repeats or 1) * len(leaves) > MAX_PLACES:
                 raise TextError(_TOO_MANY_MESSAGE, offset=word_offset, length=len(typed_word))
             for _ in range(n_repeats or 1):  # several names of one word are repeated together
@@ -192,7 +192,7 @@ class _GroupBuilder:
 
     def group(self, open_group: _OpenBracket, span: int | None) -> Group:
         """A group that takes `span` steps; None: as many as it has."""
-        choice, site = open_group.way[0], self.sites
+        group_choice, site = open_group.way[0], self.sites
         self.sites += 1
         group_items: list[Leaf | Group] = []
         for open_item, item_count, word_offset in open_group.items:
@@ -204,9 +204,9 @@ class _GroupBuilder:
                     group_items.append(self.group(open_item, None if item_count else 1))
                 if self.places > MAX_PLACES:
                     raise TextError(_TOO_MANY_MESSAGE, offset=word_offset)
-        if choice in ("choose", "walk"):
+        if group_choice in ("choose", "walk"):
             steps, places = 1, max(item.places for item in group_items)
         else:
             steps = sum(item.span for item in group_items)
             places = sum(item.places for item in group_items)
-        return Group(choice, tuple(group_items), site, span or steps, steps, places)
+        return Group(group_choice, tuple(group_items), site, span or steps, steps, places)

@@ -85,12 +85,14 @@ class PlaceSequence:
         """Take the pattern, and the draws of its line."""
         self.pattern = pattern
         self.draws = draws
-        self._round = lru_cache(_ROUNDS_CACHED)(self._drawn)
-        self._names = lru_cache(_ROUNDS_CACHED)(self._named)
+        self._round = lru_cache(_ROUNDS_CACHED)(self._places_of_round)
+        self._names = lru_cache(_ROUNDS_CACHED)(self._names_of_round)
         pattern_order = pattern.order
-        self._steps = lru_cache(_ROUNDS_CACHED)(self._split)
+        self._steps = lru_cache(_ROUNDS_CACHED)(self._steps_of_round)
         # By how many names each round begins later than the round before.
-        self.later = sum(pattern_order.places // shares for shares in iterations(pattern.turns))
+        self.n_later_places = sum(
+            pattern_order.places // shares for shares in iterations(pattern.turns)
+        )
         self._steady = (
             _steps_of_places(_places_of_order(pattern_order, None, 0))
             if pattern_order.is_steady
@@ -100,8 +102,10 @@ class PlaceSequence:
     def step(self, place: int) -> tuple[int, float]:
         """The step of the line in which a place is, and how far into the step."""
         turn, number = divmod(place + self.pattern.skip, self.pattern.order.places)
-        steady = self._steady
-        step, share_into = steady[number] if steady is not None else self._steps(turn)[number]
+        steady_steps = self._steady
+        step, share_into = (
+            steady_steps[number] if steady_steps is not None else self._steps(turn)[number]
+        )
         return turn * self.pattern.order.steps + step, share_into
 
     def position(self, place: int) -> float:
@@ -121,37 +125,41 @@ class PlaceSequence:
             return self.step(place_index)[0] // self.pattern.euclid.pulses
         return (place_index + self.pattern.skip) // self.pattern.order.places
 
-    def places_of(self, rounds: int) -> int:
+    def place_count(self, rounds: int) -> int:
         """The number of places in `rounds` rounds, without skipped ones."""
         pattern_order, euclid = self.pattern.order, self.pattern.euclid
         if euclid is None:
             return rounds * pattern_order.places - self.pattern.skip
         turns, further_steps = divmod(rounds * euclid.pulses, pattern_order.steps)
-        partial = (
+        places_in_part = (
             sum(place.at < further_steps for place in self._round(turns)) if further_steps else 0
         )
-        return turns * pattern_order.places + partial - self.pattern.skip
+        return turns * pattern_order.places + places_in_part - self.pattern.skip
 
-    def played(self, place: int) -> str | None:
+    def played_name(self, place: int) -> str | None:
         """The name that is played in a place; None for a rest."""
-        played_name, number = self.named(place), place + self.pattern.skip
+        played_name, number = self.name_in_place(place), place + self.pattern.skip
         chance = self.pattern.chance
         if played_name is None or (chance is not None and not self.draws.happens(chance, number)):
             return None
-        return None if None in self.due(place, self.pattern.turns) else played_name
+        return None if None in self.transforms_due(place, self.pattern.turns) else played_name
 
-    def named(self, place: int) -> str | None:
+    def name_in_place(self, place: int) -> str | None:
         """The name in a place, whether chance lets it be played or not; None for a rest."""
-        turn, within = divmod(place + self.pattern.skip, self.pattern.order.places)
-        return self._names(turn)[(within + turn * self.later) % self.pattern.order.places]
+        turn, place_in_round = divmod(place + self.pattern.skip, self.pattern.order.places)
+        return self._names(turn)[
+            (place_in_round + turn * self.n_later_places) % self.pattern.order.places
+        ]
 
-    def do(self, place: int) -> tuple[Transform, ...]:
+    def transforms(self, place: int) -> tuple[Transform, ...]:
         """The transformations of a place, besides those of the whole line."""
         return tuple(
-            transform for transform in self.due(place, self.pattern.turns) if transform is not None
+            transform
+            for transform in self.transforms_due(place, self.pattern.turns)
+            if transform is not None
         )
 
-    def due(self, place: int, turns: tuple[Turn, ...]) -> tuple[Transform | None, ...]:
+    def transforms_due(self, place: int, turns: tuple[Turn, ...]) -> tuple[Transform | None, ...]:
         """What turns do in a place; None where one leaves it out."""
         if not turns:
             return ()
@@ -160,9 +168,11 @@ class PlaceSequence:
         def draw(rule: int, probability: float) -> bool:
             return self.draws.changes(probability, draw_number, rule)
 
-        return tuple(transforms_due(turns, Occasion(self.round(place), self._share(place), draw)))
+        return tuple(
+            transforms_due(turns, Occasion(self.round(place), self._share_of_round(place), draw))
+        )
 
-    def _share(self, place: int) -> float:
+    def _share_of_round(self, place: int) -> float:
         """How much of its round is over where a place begins, from 0 to 1."""
         pattern_step, share_into = self.step(place)
         euclid = self.pattern.euclid
@@ -170,13 +180,13 @@ class PlaceSequence:
             return euclid.positions()[pattern_step % euclid.pulses] / euclid.steps
         return (pattern_step % self.pattern.order.steps + share_into) / self.pattern.order.steps
 
-    def _named(self, turn: int) -> Sequence[str | None]:
+    def _names_of_round(self, turn: int) -> Sequence[str | None]:
         return tuple(_names(self.pattern.order, self.draws, turn))
 
-    def _split(self, turn: int) -> Sequence[tuple[int, float]]:
+    def _steps_of_round(self, turn: int) -> Sequence[tuple[int, float]]:
         return _steps_of_places(self._round(turn))
 
-    def _drawn(self, turn: int) -> Sequence[Place]:
+    def _places_of_round(self, turn: int) -> Sequence[Place]:
         return tuple(_places_of_order(self.pattern.order, self.draws, turn))
 
 
@@ -206,10 +216,10 @@ def _names(order_item: Leaf | Group, draws: Draws, turn_index: int) -> Iterator[
 
 def _places_of_order(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
     """Every place of a round; without draws only the instants are valid, not the names."""
-    return _places_of(order, Fraction(0), Fraction(order.steps), draws, turn)
+    return _places_of_item(order, Fraction(0), Fraction(order.steps), draws, turn)
 
 
-def _places_of(
+def _places_of_item(
     order_item: Leaf | Group,
     begin_step: Fraction,
     width: Fraction,
@@ -227,7 +237,7 @@ def _places_of(
             choice_index = draw(order_item.site, turn_index, len(order_item.items))
         last_start = begin_step
         chosen = order_item.items[choice_index]
-        for place in _places_of(chosen, begin_step, width, draws, turn_index):
+        for place in _places_of_item(chosen, begin_step, width, draws, turn_index):
             last_start = place.at
             yield place
         # Every round has the same number of places: those that a longer item would need are rests.
@@ -243,5 +253,5 @@ def _places_of(
     step_width = width / order_item.steps
     for choice_index in item_order:
         child = order_item.items[choice_index]
-        yield from _places_of(child, begin_step, step_width * child.span, draws, turn_index)
+        yield from _places_of_item(child, begin_step, step_width * child.span, draws, turn_index)
         begin_step += step_width * child.span

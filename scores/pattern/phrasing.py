@@ -17,7 +17,7 @@ from typing import Any
 
 from ergon import _core
 from ergon.scores.pattern.cycle_operations import ply
-from ergon.scores.pattern.cycles import Chance, Cycles, Fragment, mapped, node, stack
+from ergon.scores.pattern.cycles import Chance, Cycles, Fragment, combined, mapped, stack
 from ergon.scores.pattern.struck import Repeats, Struck, single_notes, sorted_by_pitch
 
 Pattern = Cycles[Struck]
@@ -45,23 +45,23 @@ def legato(ratio: Fraction, pattern: Pattern) -> Pattern:
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
         fragments = []
         for fragment in pattern.query(begin, end, chance):
-            begin_of_stroke, end_of_stroke, line = fragment.begin, fragment.end, fragment.what.line
-            following = begin_of_stroke + NEXT_STROKE_CYCLES_MAX
+            begin_of_stroke, end_of_stroke, line = fragment.begin, fragment.end, fragment.value.line
+            next_begin = begin_of_stroke + NEXT_STROKE_CYCLES_MAX
             for cycle in range(
                 begin_of_stroke // 1, begin_of_stroke // 1 + NEXT_STROKE_CYCLES_MAX + 1
             ):
                 instants = onsets(cycle, chance).get(line, ())
                 number = bisect_right(instants, begin_of_stroke)
                 if number < len(instants):
-                    following = min(following, instants[number])
+                    next_begin = min(next_begin, instants[number])
                     break
-            length = ratio * (following - begin_of_stroke) / (end_of_stroke - begin_of_stroke)
-            if fragment.what.repeats is not None:
+            length = ratio * (next_begin - begin_of_stroke) / (end_of_stroke - begin_of_stroke)
+            if fragment.value.repeats is not None:
                 length = ratio
-            fragments.append(fragment._replace(what=replace(fragment.what, length=length)))
+            fragments.append(fragment._replace(value=replace(fragment.value, length=length)))
         return fragments
 
-    return node(query, (pattern,), pattern.cost * _CYCLES_SEARCHED)
+    return combined(query, (pattern,), pattern.cost * _CYCLES_SEARCHED)
 
 
 def _onsets(
@@ -70,7 +70,7 @@ def _onsets(
     """The instants at which strokes begin in a cycle, in order, by line."""
     begins_by_line: dict[int, list[Fraction]] = {}
     for event in changed_pattern.onsets(cycle, chance):
-        begins_by_line.setdefault(event.what.line, []).append(event.begin)
+        begins_by_line.setdefault(event.value.line, []).append(event.begin)
     return begins_by_line
 
 
@@ -106,7 +106,7 @@ def swell(first: float, last: float, share: float) -> float:
 def grace(duration: Fraction, semitones: float, factor: float, pattern: Pattern) -> Pattern:
     """The pattern, with a short stroke before each stroke, which ends where that begins."""
 
-    def short(struck_note: Struck) -> Struck:
+    def grace_note(struck_note: Struck) -> Struck:
         semitone, scale = struck_note.semitones + semitones, struck_note.factor * factor
         return replace(
             struck_note,
@@ -120,13 +120,21 @@ def grace(duration: Fraction, semitones: float, factor: float, pattern: Pattern)
     def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
         fragments = []
         for fragment in pattern.query(query_begin, query_end + duration, chance):
-            main = fragment.begin
-            if main > query_begin and fragment.start == main and fragment.what.part_of is None:
-                start, stop = max(main - duration, query_begin), min(main, query_end)
-                fragments.append(Fragment(main - duration, main, start, stop, short(fragment.what)))
+            main_begin = fragment.begin
+            if (
+                main_begin > query_begin
+                and fragment.part_start == main_begin
+                and fragment.value.part_of is None
+            ):
+                start, stop = max(main_begin - duration, query_begin), min(main_begin, query_end)
+                fragments.append(
+                    Fragment(
+                        main_begin - duration, main_begin, start, stop, grace_note(fragment.value)
+                    )
+                )
         return fragments
 
-    leaves = tuple(dict.fromkeys(map(short, pattern.leaves)))
+    leaves = tuple(dict.fromkeys(map(grace_note, pattern.leaves)))
     return stack(
         [
             pattern,
@@ -158,17 +166,17 @@ def _with_chords_spread(
         for (first_instant, last_instant), chord_parts in chords.items():
             # Of a chord that another pattern cuts only this much is seen.
             chord_start, chord_stop = (
-                min(f.start for f in chord_parts),
-                max(f.stop for f in chord_parts),
+                min(f.part_start for f in chord_parts),
+                max(f.part_stop for f in chord_parts),
             )
             if first_instant < query_begin:
                 chord_parts = pattern.query(
                     first_instant, min(last_instant, first_instant + _INSTANT_CYCLES), chance
                 )
             chord_notes = [
-                f.what
+                f.value
                 for f in chord_parts
-                if f.start == f.begin == first_instant and f.end == last_instant
+                if f.part_start == f.begin == first_instant and f.end == last_instant
             ]
             for low_instant, high_instant, struck_note in spread(
                 sorted_by_pitch(chord_notes), first_instant, last_instant, chord_start, chord_stop
@@ -197,7 +205,7 @@ def _largest_chord(part: Pattern) -> int:
     return max((len(single_notes(leaf)) for leaf in part.leaves), default=1)
 
 
-def arp(order: str, step: Fraction | None, pattern: Pattern) -> Pattern:
+def arp(note_order: str, step: Fraction | None, pattern: Pattern) -> Pattern:
     """The notes of each chord one after another, in an order, within its span.
 
     They share it evenly, or last a `step` each and begin again until it ends.
@@ -210,7 +218,7 @@ def arp(order: str, step: Fraction | None, pattern: Pattern) -> Pattern:
         chord_begin: Fraction,
         chord_end: Fraction,
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
-        ordered_notes = ORDERS[order](chord) if len(chord) > 1 else chord
+        ordered_notes = ORDERS[note_order](chord) if len(chord) > 1 else chord
         if not ordered_notes:
             return
         width = (last_instant - first_instant) / len(ordered_notes) if step is None else step
@@ -222,7 +230,7 @@ def arp(order: str, step: Fraction | None, pattern: Pattern) -> Pattern:
             turn, low_instant = turn + 1, low_instant + width
 
     # So many turns of the chord that the order has each note.
-    times = ceil(len(ORDERS[order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX)
+    times = ceil(len(ORDERS[note_order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX)
     n_steps = times * _largest_chord(pattern) if step is None else ceil(1 / step)
     return _with_chords_spread(
         spread, pattern, pattern.cost * (1 + n_steps), _single_notes(pattern)
@@ -265,14 +273,14 @@ def strum(step: float, pattern: Pattern) -> Pattern:
 
     leaves = [*_single_notes(pattern)]
     delay_max = max((leaf.delay for leaf in leaves), default=0.0) + abs(step) * (len(leaves) - 1)
-    delayed = [
+    delayed_leaves = [
         replace(leaf, delay=delay_max) for leaf in leaves
     ]  # a bound of what chords will have
     return _with_chords_spread(
         spread,
         pattern,
         pattern.cost * (1 + _largest_chord(pattern)),
-        delayed,
+        delayed_leaves,
     )
 
 

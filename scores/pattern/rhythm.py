@@ -80,14 +80,17 @@ def _bjorklund_positions(rhythm: Euclid) -> tuple[int, ...]:
     is left over.
     """
     pulses, n_steps = rhythm.pulses, rhythm.steps
-    heads: list[list[bool]] = [[True] for _ in range(pulses)]
-    tails: list[list[bool]] = [[False] for _ in range(n_steps - pulses)]
+    head_groups: list[list[bool]] = [[True] for _ in range(pulses)]
+    tail_groups: list[list[bool]] = [[False] for _ in range(n_steps - pulses)]
     is_first = True
-    while len(tails) > 1 or (tails and is_first):
+    while len(tail_groups) > 1 or (tail_groups and is_first):
         is_first = False
-        n_pairs = min(len(heads), len(tails))
-        unpaired = heads[n_pairs:] or tails[n_pairs:]
-        heads, tails = [heads[i] + tails[i] for i in range(n_pairs)], unpaired
-    beats = [beat for group in (*heads, *tails) for beat in group]
+        n_pairs = min(len(head_groups), len(tail_groups))
+        unpaired = head_groups[n_pairs:] or tail_groups[n_pairs:]
+        head_groups, tail_groups = (
+            [head_groups[i] + tail_groups[i] for i in range(n_pairs)],
+            unpaired,
+        )
+    beats = [beat for group in (*head_groups, *tail_groups) for beat in group]
     indices = (index for index, beat in enumerate(beats) if beat)
     return tuple(sorted((index - rhythm.rotate) % n_steps for index in indices))

@@ -64,7 +64,7 @@ def parse(
     if not rhythm_text.strip():
         message = "this rhythm has no steps; write for instance kick ~ snare ~"
         raise TextError(message, offset=text_start, length=max(1, len(rhythm_text)))
-    return _Parser(rhythm_text, read_word, text_start, first_number).text_in("")
+    return _Parser(rhythm_text, read_word, text_start, first_number).read_text("")
 
 
 def line_begins(rhythm_text: str) -> list[int]:
@@ -104,17 +104,17 @@ class _Parser(Scanner, Generic[V]):
 
     # --- brackets -------------------------------------------------------------------------------
 
-    def text_in(self, open_sign: str) -> Cycles[V]:
+    def read_text(self, open_sign: str) -> Cycles[V]:
         """Read the text in brackets that begin with `open_sign`, or all of it, and its end."""
         bracket_begin = max(0, self.place - 1)
-        step_lines = [self.line()]
+        step_lines = [self.read_line()]
         separator = ""
         while self.peek() in (",", "|"):
             self.check_separator(separator, open_sign)
             separator = self.text[self.place]
             self.place += 1
-            step_lines.append(self.line())
-        self.close()
+            step_lines.append(self.read_line())
+        self.read_end()
         line_lengths = [sum((step.weight for step in line), Fraction(0)) for line in step_lines]
         line_patterns = [_sequence_of_steps(line) for line in step_lines]
         if open_sign == "<" and separator != "|":
@@ -127,14 +127,14 @@ class _Parser(Scanner, Generic[V]):
                 self.place += 1
                 steps = self.amount("%")
             line_patterns = [
-                fast(steps / length, p)
-                for length, p in zip(line_lengths, line_patterns, strict=True)
+                fast(steps / length, line_pattern)
+                for length, line_pattern in zip(line_lengths, line_patterns, strict=True)
             ]
         if separator != "|":
-            return self.checked(stack(line_patterns), bracket_begin)
+            return self.checked_size(stack(line_patterns), bracket_begin)
         self.number += 1
         draw = walk if open_sign == "<" else choose
-        return self.checked(draw(self.number - 1, line_patterns), bracket_begin)
+        return self.checked_size(draw(self.number - 1, line_patterns), bracket_begin)
 
     def check_separator(self, text_before: str, separator_sign: str) -> None:
         """Refuse a separator that is not the one before it, or not of these brackets."""
@@ -146,51 +146,54 @@ class _Parser(Scanner, Generic[V]):
             message = "'|' is written in square brackets: {[kick | snare] hat}"
             raise self.mistake(message, self.place)
 
-    def close(self) -> None:
+    def read_end(self) -> None:
         """Read the end of the last bracket that is open, or of the text."""
         end_sign = self.peek()
-        opened = self.text[self.open[-1]] if self.open else ""
-        if not end_sign and not opened:
+        open_sign = self.text[self.open[-1]] if self.open else ""
+        if not end_sign and not open_sign:
             return
         if not end_sign:
             message = (
-                f"this '{opened}' is not closed; write {opened} … {_CLOSING_BY_OPENING[opened]}"
+                f"this '{open_sign}' is not closed; write {open_sign} … "
+                f"{_CLOSING_BY_OPENING[open_sign]}"
             )
             raise self.mistake(message, self.open[-1])
-        if not opened:
+        if not open_sign:
             message = f"'{end_sign}' has no '{_OPENING_BY_CLOSING[end_sign]}' before it; "
             raise self.mistake(
                 f"{message}write {_OPENING_BY_CLOSING[end_sign]} … {end_sign}", self.place
             )
-        if end_sign != _CLOSING_BY_OPENING[opened]:
-            closing_sign = _CLOSING_BY_OPENING[opened]
-            message = f"'{end_sign}' does not close the '{opened}' before it; write {closing_sign}"
+        if end_sign != _CLOSING_BY_OPENING[open_sign]:
+            closing_sign = _CLOSING_BY_OPENING[open_sign]
+            message = (
+                f"'{end_sign}' does not close the '{open_sign}' before it; write {closing_sign}"
+            )
             raise self.mistake(message, self.place, suggestion=closing_sign)
         self.open.pop()
         self.place += 1
 
     # --- steps ----------------------------------------------------------------------------------
 
-    def line(self) -> list[_Step[V]]:
+    def read_line(self) -> list[_Step[V]]:
         """The steps up to a comma, a bar or the end of brackets; a group of dots is a step."""
         step_groups: list[list[_Step[V]]] = [[]]
-        cost = 0
+        line_cost = 0
         while (next_sign := self.peek()) and next_sign not in ",|]>}":
             line_steps, end_place = step_groups[-1], self.place
             if next_sign == ".":
-                self.dot(line_steps)
+                self.read_dot(line_steps)
                 step_groups.append([])
             elif next_sign == "_" and not WORD.match(self.text, end_place + 1):
-                self.last(line_steps).weight += 1
+                self.last_step(line_steps).weight += 1
                 self.place += 1
             elif next_sign == "!":
-                cost += self.repeat(line_steps, cost)
+                line_cost += self.read_repetition(line_steps, line_cost)
             else:
-                line_steps.append(self.step())
-                cost += line_steps[-1].base.cost
+                line_steps.append(self.read_step())
+                line_cost += line_steps[-1].base.cost
         if not step_groups[-1]:
             if not self.peek() and self.open:
-                self.close()
+                self.read_end()
             end_place = len(self.text[: self.place].rstrip())
             message = "there is no step here; a rest is written ~"
             raise self.mistake(message, max(0, end_place - 1))
@@ -198,7 +201,7 @@ class _Parser(Scanner, Generic[V]):
             return step_groups[0]
         return [_step_of_group(steps) for steps in step_groups]
 
-    def dot(self, steps: list[_Step[V]]) -> None:
+    def read_dot(self, steps: list[_Step[V]]) -> None:
         """Read a dot that groups steps."""
         characters_around = self.text[max(0, self.place - 1) : self.place + 2]
         if not steps or len(characters_around) < 3 or characters_around.strip() != ".":
@@ -208,7 +211,7 @@ class _Parser(Scanner, Generic[V]):
             raise self.mistake(message, self.place)
         self.place += 1
 
-    def last(self, line_steps: list[_Step[V]]) -> _Step[V]:
+    def last_step(self, line_steps: list[_Step[V]]) -> _Step[V]:
         """The step that the next sign repeats or lengthens."""
         if not line_steps:
             message = "'_' lengthens the step before it, and there is none here: kick _ snare"
@@ -217,10 +220,10 @@ class _Parser(Scanner, Generic[V]):
             raise self.mistake(message, self.place)
         return line_steps[-1]
 
-    def repeat(self, steps: list[_Step[V]], cost: int) -> int:
+    def read_repetition(self, steps: list[_Step[V]], cost: int) -> int:
         """Read `!` or `!3`, and return what the repetitions cost; `cost` is that of the line."""
         sign_begin = self.place
-        last_step = self.last(steps)
+        last_step = self.last_step(steps)
         self.place += 1
         repeat_count = Fraction(2)
         if NUMBER.match(self.text, self.place):
@@ -239,7 +242,7 @@ class _Parser(Scanner, Generic[V]):
             self.number += last_step.stop - last_step.first
         return added_cost
 
-    def step(self) -> _Step[V]:
+    def read_step(self) -> _Step[V]:
         """Read a word, a rest or brackets, with what changes them."""
         first_number, step_begin = self.number, self.place
         first_sign = self.text[step_begin]
@@ -256,23 +259,23 @@ class _Parser(Scanner, Generic[V]):
                 raise self.mistake(message, step_begin)
             self.open.append(step_begin)
             self.place += 1
-            cycles = self.text_in(first_sign)
+            cycles = self.read_text(first_sign)
         else:
             raise self.unknown(first_sign)
         read_step = _Step(cycles, first_number, first_number)
         while (change := self.peek(skips=False)) and change in "*/?@(":
-            self.change(read_step, change)
+            self.read_change(read_step, change)
         read_step.stop = self.number
         return read_step
 
-    def change(self, step: _Step[V], sign: str) -> None:
+    def read_change(self, step: _Step[V], sign: str) -> None:
         """Read one change of a step."""
         change_begin = self.place
         if sign == "(":
             rhythm = self.euclid()
-            copy = self.number - step.first
-            self.number += copy * (rhythm.pulses - 1)
-            step.base = euclid(rhythm, step.base, copy)
+            operator_count = self.number - step.first
+            self.number += operator_count * (rhythm.pulses - 1)
+            step.base = euclid(rhythm, step.base, operator_count)
         else:
             self.place += 1
             has_number = sign != "?" or NUMBER.match(self.text, self.place)
@@ -284,9 +287,9 @@ class _Parser(Scanner, Generic[V]):
                 self.number += 1
             else:
                 step.base = fast(amount if sign == "*" else 1 / amount, step.base)
-        self.checked(step.base, change_begin)
+        self.checked_size(step.base, change_begin)
 
-    def checked(self, cycles: Cycles[V], begin: int) -> Cycles[V]:
+    def checked_size(self, cycles: Cycles[V], begin: int) -> Cycles[V]:
         """The pattern that is written from `begin` to here, unless it is too large."""
         excess = cycles.excess()
         if excess is not None:

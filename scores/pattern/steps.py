@@ -24,7 +24,7 @@ _TOO_MANY_MESSAGE = f"the piece has more than {MAX_OCCURRENCES:,} occurrences of
 class Steps(Sequence[float]):
     """Beats on which the places of a line begin, rests included.
 
-    `course` says what is played there.
+    `places` says what is played there.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class Steps(Sequence[float]):
 
         `again` makes the steps of another course.
         """
-        self.course = course
+        self.places = course
         self.beat = beat
         self.last = beat(count - 1) if count else -inf
         self._count = count
@@ -47,16 +47,16 @@ class Steps(Sequence[float]):
 
     def with_seed(self, seed: int) -> Steps:
         """The same line with all chance derived from another seed."""
-        course = self.course
-        if course.draws.seed == seed:
+        places = self.places
+        if places.draws.seed == seed:
             return self
-        return self._again(PlaceSequence(course.pattern, replace(course.draws, seed=seed)))
+        return self._again(PlaceSequence(places.pattern, replace(places.draws, seed=seed)))
 
     def __len__(self) -> int:
         """How many places there are."""
         return self._count
 
-    def part(
+    def from_place(
         self, first_place: int, stop_place: int, position_text: Callable[[float], str]
     ) -> dict[str, str | None]:
         """Fields of a line that has only the places from `first_place` to before `stop_place`, at
@@ -64,7 +64,7 @@ class Steps(Sequence[float]):
 
         `position_text` writes a beat.
         """
-        pattern = self.course.pattern
+        pattern = self.places.pattern
         part_fields = {
             "at": position_text(self[first_place]),
             "until": position_text(self.beat(stop_place)),
@@ -93,37 +93,37 @@ class Steps(Sequence[float]):
 def line_steps(
     tempo: TempoMap,
     begin_beat: float,
-    course: PlaceSequence,
+    places: PlaceSequence,
     *,
-    every: Length | None = None,
+    step_length: Length | None = None,
     times: int | None = None,
-    until: float | None = None,
+    end_beat: float | None = None,
     length: Callable[[str], Length | None] = lambda name: None,
     room: int = MAX_OCCURRENCES,
 ) -> Steps:
-    """The places of a line that begins on beat `begin_beat`, with one step per `every`.
+    """The places of a line that begins on beat `begin_beat`, with one step per `step_length`.
 
-    Without `every` a Euclidean rhythm lasts a bar, and plain names follow each other after their
-    own `length`. Without `times` (rounds) and `until` there is one round. `room` is how many
-    more places the piece may have. Raises TextError.
+    Without `step_length` a Euclidean rhythm lasts a bar, and plain names follow each other after
+    their own `length`. Without `times` (rounds) and `end_beat` there is one round. `room` is how
+    many more places the piece may have. Raises TextError.
     """
     poll()
-    times = 1 if times is None and until is None else times
-    count_max = room + 1 if times is None else course.places_of(times)
+    times = 1 if times is None and end_beat is None else times
+    count_max = room + 1 if times is None else places.place_count(times)
     if count_max <= 0:
-        raise TextError(f"'skip {course.pattern.skip}' leaves out every place of the pattern")
-    if every is None and course.pattern.euclid is not None:
-        every = Length(bars=1.0 / course.pattern.euclid.steps)
-    if every is not None:
-        if not every.is_some:
+        raise TextError(f"'skip {places.pattern.skip}' leaves out every place of the pattern")
+    if step_length is None and places.pattern.euclid is not None:
+        step_length = Length(bars=1.0 / places.pattern.euclid.steps)
+    if step_length is not None:
+        if not step_length.is_some:
             raise TextError("'every' must be above 0")
-        beat_of_place = _even_steps(tempo, begin_beat, course, every)
+        beat_of_place = _even_steps(tempo, begin_beat, places, step_length)
     else:
         beat_of_place = _consecutive_steps(
-            tempo, begin_beat, course, length, min(count_max, room + 1), until
+            tempo, begin_beat, places, length, min(count_max, room + 1), end_beat
         )
-    if until is not None:
-        stop = until - SAME
+    if end_beat is not None:
+        stop = end_beat - SAME
         count_max = first_index_from(beat_of_place, min(count_max, room + 1), stop)
     if count_max > room:
         raise TextError(_TOO_MANY_MESSAGE)
@@ -133,26 +133,26 @@ def line_steps(
             tempo,
             begin_beat,
             other_course,
-            every=every,
+            step_length=step_length,
             times=times,
-            until=until,
+            end_beat=end_beat,
             length=length,
             room=room,
         )
 
-    return Steps(course, beat_of_place, count_max, again)
+    return Steps(places, beat_of_place, count_max, again)
 
 
 def _even_steps(
-    tempo: TempoMap, begin_beat: float, course: PlaceSequence, step_length: Length
+    tempo: TempoMap, begin_beat: float, places: PlaceSequence, step_length: Length
 ) -> Callable[[int], float]:
     """Steps of the length `step_length`; if places are skipped, the first one that is left begins
     at `begin_beat`.
     """
-    first_position = course.position(0) if course.pattern.skip else 0.0
+    first_position = places.position(0) if places.pattern.skip else 0.0
 
     def beat(place: int) -> float:
-        return tempo.after(begin_beat, step_length.times(course.position(place) - first_position))
+        return tempo.after(begin_beat, step_length.times(places.position(place) - first_position))
 
     return beat
 
@@ -160,28 +160,30 @@ def _even_steps(
 def _consecutive_steps(
     tempo: TempoMap,
     begin_beat: float,
-    course: PlaceSequence,
+    places: PlaceSequence,
     length_of_name: Callable[[str], Length | None],
     count_max: int,
     until_beat: float | None,
 ) -> Callable[[int], float]:
     """Each place begins when the gesture of the place before has ended."""
-    pattern_order = course.pattern.order
-    lasting = []
+    pattern_order = places.pattern.order
+    place_lengths = []
     for item in pattern_order.items:
         length_found = (
             length_of_name(item.name) if isinstance(item, Leaf) and item.name is not None else None
         )
         is_mixed = (
-            pattern_order.way != "in turn" or course.later or course.pattern.swing != EVEN_SWING
+            pattern_order.way != "in turn"
+            or places.n_later_places
+            or places.pattern.swing != EVEN_SWING
         )
         if is_mixed or length_found is None:
             raise TextError(
                 "the length of a step is missing; write `every`, for instance every 1",
                 code="E103",
             )
-        lasting.append(length_found)
-    if not any(length.is_some for length in lasting):
+        place_lengths.append(length_found)
+    if not any(length.is_some for length in place_lengths):
         raise TextError("the gestures have no duration; write `every`, for instance every 1")
     place_beats = [begin_beat]
     for place_index in range(count_max):
@@ -189,6 +191,6 @@ def _consecutive_steps(
             break
         if not place_index % 1024:
             poll()
-        number = (place_index + course.pattern.skip) % len(lasting)
-        place_beats.append(tempo.after(place_beats[-1], lasting[number]))
+        number = (place_index + places.pattern.skip) % len(place_lengths)
+        place_beats.append(tempo.after(place_beats[-1], place_lengths[number]))
     return lambda place: place_beats[place] if place < len(place_beats) else inf

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, EXAMPLES, Transform, parse_do
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, EXAMPLES, Transform, parse_transform
 from ergon.scores.pattern.chain_parser import ChainParser
 from ergon.scores.pattern.cycle_forms import HALF
 from ergon.scores.pattern.cycle_table import FORM_BY_WORD
@@ -126,14 +126,14 @@ def as_turns(chain: Iterable[Change]) -> tuple[tuple[Transform, ...], tuple[Turn
     """The transformations up to the first that changes only some places, and the others as
     turns.
     """
-    always: list[Transform] = []
+    leading_transforms: list[Transform] = []
     later_turns: list[Turn] = []
     for change in chain:
         if later_turns or isinstance(change, Turn):
             later_turns.append(as_turn(change))
         else:
-            always.append(change)
-    return tuple(always), tuple(later_turns)
+            leading_transforms.append(change)
+    return tuple(leading_transforms), tuple(later_turns)
 
 
 def as_turn(change: Change) -> Turn:
@@ -206,7 +206,7 @@ class _Parser(ChainParser[Change]):
             transform_text = transform_text[: words_taken[-1].end()] if words_taken else ""
         begin = self.place
         self.place += len(transform_text)
-        return parse_do(transform_text, self.start + begin, _EXAMPLE_BY_WORD)
+        return parse_transform(transform_text, self.start + begin, _EXAMPLE_BY_WORD)
 
     def is_value(self, word: re.Match[str]) -> bool:
         """Whether a word may be a value of a transformation."""

@@ -13,7 +13,7 @@ from math import floor
 from typing import NamedTuple
 
 from ergon.notation.text.errors import TextError
-from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, Transform, parse_do
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, Transform, parse_transform
 
 ORDINAL = re.compile(r"([0-9]{1,4})(?:st|nd|rd|th)")
 _CLAUSE = re.compile(rf"\s*+(?:{ORDINAL.pattern})\s++do(?:\s++|$)")
@@ -113,11 +113,11 @@ def numbered(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tup
 
 def _with_rule_number(turn: Turn, turn_numbers: Iterator[int]) -> Turn:
     rule = turn.rule and replace(turn.rule, number=next(turn_numbers))
-    do = [
+    numbered_transforms = [
         _with_rule_number(transform, turn_numbers) if isinstance(transform, Turn) else transform
         for transform in turn.do
     ]
-    return replace(turn, do=tuple(do), rule=rule)
+    return replace(turn, do=tuple(numbered_transforms), rule=rule)
 
 
 def parse(pattern_text: str, text_start: int = 0) -> tuple[Turn, ...]:
@@ -128,10 +128,10 @@ def parse(pattern_text: str, text_start: int = 0) -> tuple[Turn, ...]:
     parsed_turns = []
     clause_offset = 0
     for next_match in (*_NEXT.finditer(pattern_text), None):
-        clause = pattern_text[
+        clause_text = pattern_text[
             clause_offset : next_match.start() if next_match else len(pattern_text)
         ]
-        parsed_turns.append(_parse_clause(clause, text_start + clause_offset))
+        parsed_turns.append(_parse_clause(clause_text, text_start + clause_offset))
         clause_offset = next_match.end() if next_match else 0
     return tuple(parsed_turns)
 
@@ -143,7 +143,7 @@ def _parse_clause(pattern_text: str, text_start: int) -> Turn:
         raise TextError(message, offset=text_start, length=max(1, len(pattern_text.strip())))
     chain = []
     for verb_match in _TRANSFORM.finditer(pattern_text, sign_match.end()):
-        chain.append(parse_do(verb_match.group(), text_start + verb_match.start()))
+        chain.append(parse_transform(verb_match.group(), text_start + verb_match.start()))
     if not chain or pattern_text.rstrip().endswith(","):
         raise TextError(
             "'do' needs a transformation: 4th do mirror", offset=text_start + len(pattern_text) - 1

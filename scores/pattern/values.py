@@ -52,8 +52,8 @@ def parse_values(
             raise
         return typed_word
 
-    order = parse(values_text, called)
-    return order, amounts
+    pattern_order = parse(values_text, called)
+    return pattern_order, amounts
 
 
 def _scale(scale_word: str) -> dict[str, Amount]:

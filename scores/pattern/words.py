@@ -61,13 +61,13 @@ class Word(NamedTuple):
 class PlayWords:
     """What is played, its options as written (a flag is `true`), and its transformations.
 
-    `order` is what is played as a pattern; None if that is one name.
+    `pattern` is what is played as a pattern; None if that is one name.
     """
 
-    what: Word
+    played: Word
     options: dict[str, Word]
-    do: tuple[Change, ...] = ()
-    order: Group | None = None
+    transforms: tuple[Change, ...] = ()
+    pattern: Group | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +78,12 @@ class Row:
     play: PlayWords
 
 
-def parse(pattern_text: str, text_start: int = 0, called: ReadName | None = None) -> PlayWords:
-    """Read a play; `called` returns the name that a word at an offset stands for.
+def parse(pattern_text: str, text_start: int = 0, name_at: ReadName | None = None) -> PlayWords:
+    """Read a play; `name_at` returns the name that a word at an offset stands for.
 
     Raises TextError with offsets into the text plus `text_start`.
     """
-    placed_words = [Word(w.group(), w.start()) for w in _WORD.finditer(pattern_text)]
+    placed_words = [Word(match.group(), match.start()) for match in _WORD.finditer(pattern_text)]
     _check_first_word(placed_words, text_start)
     placed_options: dict[str, Word] = {}
     if len(placed_words) == 1 and placed_words[0].text.isidentifier():  # most plays
@@ -97,35 +97,37 @@ def parse(pattern_text: str, text_start: int = 0, called: ReadName | None = None
     ):
         words_stop += 1
     what_word, play_order = _play_and_pattern(
-        pattern_text, placed_words[:words_stop], text_start, called
+        pattern_text, placed_words[:words_stop], text_start, name_at
     )
-    chain: list[Change] = []
-    wanting: str | None = None  # a `do` or a comma that a transformation must follow
-    i = words_stop
-    while i < len(placed_words):
-        option_word, option_offset = placed_words[i]
+    transforms: list[Change] = []
+    unfinished_word: str | None = None  # a `do` or a comma that a transformation must follow
+    word_index = words_stop
+    while word_index < len(placed_words):
+        option_word, option_offset = placed_words[word_index]
         option_place = text_start + option_offset
-        if option_word in ARITY or wanting is not None:
+        if option_word in ARITY or unfinished_word is not None:
             change, change_end = parse_first(pattern_text, option_offset, text_start, _KNOWN_WORDS)
-            chain.append(change)
-            wanting, i = (
+            transforms.append(change)
+            unfinished_word, word_index = (
                 None,
                 next(
                     (
-                        n
-                        for n in range(i, len(placed_words))
-                        if placed_words[n].offset >= change_end
+                        later_index
+                        for later_index in range(word_index, len(placed_words))
+                        if placed_words[later_index].offset >= change_end
                     ),
                     len(placed_words),
                 ),
             )
         elif option_word == "do" or (
-            option_word == "," and chain and placed_words[i - 1].text not in OPTION_EXAMPLES
+            option_word == ","
+            and transforms
+            and placed_words[word_index - 1].text not in OPTION_EXAMPLES
         ):
-            wanting, i = option_word, i + 1
+            unfinished_word, word_index = option_word, word_index + 1
         elif option_word in OPTION_EXAMPLES:
-            option_name, i, option_value = _option_value(
-                pattern_text, placed_words, i, text_start, OPTION_EXAMPLES, option_word
+            option_name, word_index, option_value = _option_value(
+                pattern_text, placed_words, word_index, text_start, OPTION_EXAMPLES, option_word
             )
             if option_name in placed_options:
                 raise TextError(
@@ -134,25 +136,25 @@ def parse(pattern_text: str, text_start: int = 0, called: ReadName | None = None
                     length=len(option_word),
                 )
             placed_options[option_name] = Word(option_value.text, text_start + option_value.offset)
-        elif OPTION_EXAMPLES.get(placed_words[i - 1].text, "") is None:
-            flag = placed_words[i - 1].text
+        elif OPTION_EXAMPLES.get(placed_words[word_index - 1].text, "") is None:
+            flag_word = placed_words[word_index - 1].text
             raise TextError(
-                f"'{flag}' takes no value; remove '{option_word[:40]}'",
+                f"'{flag_word}' takes no value; remove '{option_word[:40]}'",
                 offset=option_place,
                 length=len(option_word),
             )
         else:
-            raise _unknown_word_error(placed_words[i], text_start)
-    if wanting is not None:
+            raise _unknown_word_error(placed_words[word_index], text_start)
+    if unfinished_word is not None:
         last_word = placed_words[-1]
         raise TextError(
-            f"'{wanting}' needs a transformation: do scale 0.5, mirror",
+            f"'{unfinished_word}' needs a transformation: do scale 0.5, mirror",
             offset=text_start + last_word.offset,
             length=len(last_word.text),
         )
     if NTH_OPTION in placed_options:
         parse_turns(placed_options[NTH_OPTION].text, placed_options[NTH_OPTION].offset)
-    return PlayWords(what_word, placed_options, tuple(chain), play_order)
+    return PlayWords(what_word, placed_options, tuple(transforms), play_order)
 
 
 def _check_first_word(placed_words: list[Word], text_start: int) -> None:
@@ -184,10 +186,10 @@ def _play_and_pattern(
     )
     if len(placed_words) == 1 and not _SIGNS & set(order_word.text):
         return order_word, None
-    make: ReadName = name_reader or (lambda word, _: word)
+    read_name: ReadName = name_reader or (lambda word, _: word)
 
     def name(word: str, offset: int) -> str:
-        return make(name_of(word, offset), order_word.offset + offset)
+        return read_name(name_of(word, offset), order_word.offset + offset)
 
     try:
         return order_word, parse_order(order_word.text, name)
@@ -204,7 +206,7 @@ def parse_strikes(
 
     Raises TextError.
     """
-    placed_words = [Word(w.group(), w.start()) for w in _WORD.finditer(pattern_text)]
+    placed_words = [Word(match.group(), match.start()) for match in _WORD.finditer(pattern_text)]
     options_start = next(
         (i for i, word in enumerate(placed_words) if word.text in examples_by_word),
         len(placed_words),
@@ -248,20 +250,20 @@ def _is_worded_level(typed_word: str) -> bool:
 def _option_value(
     pattern_text: str,
     placed_words: list[Word],
-    i: int,
+    word_index: int,
     text_start: int,
     examples_by_word: Mapping[str, str | None],
     option_word: str,
 ) -> tuple[str, int, Word]:
-    """The option `option_word`, whose value follows word `i`, the index after its value, and the
-    value (`true` for a flag).
+    """The option `option_word`, whose value follows word `word_index`, the index after its value,
+    and the value (`true` for a flag).
     """
-    option_offset = placed_words[i].offset
+    option_offset = placed_words[word_index].offset
     if examples_by_word[option_word] is None:
-        return option_word, i + 1, Word("true", option_offset)
-    value_words = placed_words[i + 1 :]
+        return option_word, word_index + 1, Word("true", option_offset)
+    value_words = placed_words[word_index + 1 :]
     if option_word == "every" and value_words and ORDINAL.fullmatch(value_words[0].text):
-        value_stop = _end_of_turns(placed_words, i)
+        value_stop = _end_of_turns(placed_words, word_index)
         first_word, last_word = value_words[0], placed_words[value_stop - 1]
         return (
             NTH_OPTION,
@@ -284,10 +286,15 @@ def _option_value(
         while [value.text for value in value_words[value_count : value_count + 1]] == ["->"]:
             value_count += 3
     value_words = value_words[:value_count]
-    misplaced = next(
-        (v for v in value_words if v.text in (*examples_by_word, *_KNOWN_WORDS, ",")), None
+    misplaced_word = next(
+        (
+            value_word
+            for value_word in value_words
+            if value_word.text in (*examples_by_word, *_KNOWN_WORDS, ",")
+        ),
+        None,
     )
-    if len(value_words) < value_count or misplaced is not None:
+    if len(value_words) < value_count or misplaced_word is not None:
         example = f"{option_word} {examples_by_word[option_word]}"
         example += " rotate 2" if option_word == "euclid" and value_count == 4 else ""
         message = f"'{option_word}' needs a value: {example}"
@@ -296,7 +303,7 @@ def _option_value(
     value_stop = last_word.offset + len(last_word.text)
     return (
         option_word,
-        i + 1 + value_count,
+        word_index + 1 + value_count,
         Word(pattern_text[first_word.offset : value_stop], first_word.offset),
     )
 
@@ -326,21 +333,25 @@ def parse_row(row_text: str, row_offset: int = 0, name_reader: ReadName | None =
     """Read the first cell and the words of a play. Raises TextError, at places + `row_offset`."""
     row_cells = row_text.split()
     first_cell = row_cells[0]
-    lead = row_text.index(first_cell)
+    cell_offset = row_text.index(first_cell)
     if len(row_cells) == 1:
         example = f"{first_cell} knock" if first_cell[0].isdigit() else f"1|1 {first_cell}"
         raise TextError(
             f"a row has a position and a gesture or take; write {example[:40]}",
-            offset=row_offset + lead,
+            offset=row_offset + cell_offset,
             length=len(first_cell),
         )
     if (
         len(row_cells) == 2 and not _SIGNS & set(row_cells[1]) and row_cells[1] not in _KNOWN_WORDS
     ):  # most rows of most tables
-        name = Word(row_cells[1], row_offset + row_text.index(row_cells[1], lead + len(first_cell)))
-        return Row(Word(first_cell, row_offset + lead), PlayWords(name, {}))
+        name = Word(
+            row_cells[1], row_offset + row_text.index(row_cells[1], cell_offset + len(first_cell))
+        )
+        return Row(Word(first_cell, row_offset + cell_offset), PlayWords(name, {}))
     play_words = parse(
-        row_text[lead + len(first_cell) :], row_offset + lead + len(first_cell), name_reader
+        row_text[cell_offset + len(first_cell) :],
+        row_offset + cell_offset + len(first_cell),
+        name_reader,
     )
     if "at" in play_words.options:
         raise TextError(
@@ -348,7 +359,7 @@ def parse_row(row_text: str, row_offset: int = 0, name_reader: ReadName | None =
             offset=play_words.options["at"].offset,
             length=1,
         )
-    return Row(Word(first_cell, row_offset + lead), play_words)
+    return Row(Word(first_cell, row_offset + cell_offset), play_words)
 
 
 def _end_of_turns(placed_words: list[Word], first_turn: int) -> int:
@@ -376,10 +387,9 @@ def _end_of_turns(placed_words: list[Word], first_turn: int) -> int:
 def _end_of_transform(placed_words: list[Word], first_word: int) -> int:
     """The index after the transformation that begins at word `first_word`, with its arguments."""
     words_stop = first_word + 1
-    limit = words_stop + ARGUMENT_COUNTS.get(placed_words[first_word].text, 0)
-    while words_stop < min(limit, len(placed_words)) and placed_words[words_stop].text not in (
-        *_KNOWN_WORDS,
-        ",",
-    ):
+    words_stop_max = words_stop + ARGUMENT_COUNTS.get(placed_words[first_word].text, 0)
+    while words_stop < min(words_stop_max, len(placed_words)) and placed_words[
+        words_stop
+    ].text not in (*_KNOWN_WORDS, ","):
         words_stop += 1
     return words_stop

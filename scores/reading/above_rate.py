@@ -21,7 +21,7 @@ _ModuleKey = tuple[str, str]  # a part and a module
 def without_modes_above(
     instruments: dict[str, Instrument],
     transposed: Mapping[str, str],
-    used: Iterable[_ModuleKey],
+    used_modules: Iterable[_ModuleKey],
     rate: float,
     collector: Collector,
     memory: Memory | None,
@@ -29,37 +29,49 @@ def without_modes_above(
     """The instruments without CELs of `transposed` ones that lie above half the `rate` [Hz], and
     without the links to them; reports N405 for what is left out.
 
-    `transposed` are instruments, each with the name under which it is reported. What is `used`
-    (struck, automated, joined by other instruments, written at its own pitch) stays, and is refused
-    by the engine.
+    `transposed` are instruments, each with the name under which it is reported. What is
+    `used_modules` (struck, automated, joined by other instruments, written at its own pitch) stays,
+    and is refused by the engine.
     """
     too_high: dict[str, dict[str, float]] = {}
     for instrument_name in transposed:
-        pitched = instruments.get(instrument_name)
-        if pitched is not None and pitched.ca_rate is None and not pitched.space:
-            high_modes = {m.name: f for m in pitched.modules if (f := _cell_hertz(m)) > rate / 2.0}
+        transposed_instrument = instruments.get(instrument_name)
+        if (
+            transposed_instrument is not None
+            and transposed_instrument.ca_rate is None
+            and not transposed_instrument.space
+        ):
+            high_modes = {
+                high_module.name: frequency
+                for high_module in transposed_instrument.modules
+                if (frequency := _cell_hertz(high_module)) > rate / 2.0
+            }
             too_high |= {instrument_name: high_modes} if high_modes else {}
     if not too_high:
         return instruments
-    joined = {*used, *_modules_joined_elsewhere(instruments)}
-    thinned_instruments, reported = dict(instruments), dict[str, list[tuple[str, float]]]()
+    joined_modules = {*used_modules, *_modules_joined_elsewhere(instruments)}
+    thinned_instruments, removed_by_name = dict(instruments), dict[str, list[tuple[str, float]]]()
     for instrument_name, high_modes in too_high.items():
         thinned_names = frozenset(
-            module for module in high_modes if (instrument_name, module) not in joined
+            module for module in high_modes if (instrument_name, module) not in joined_modules
         )
         if (
             thinned_names
-            and (thinner := _without_modules(instruments[instrument_name], thinned_names, memory))
+            and (
+                thinned_instrument := _without_modules(
+                    instruments[instrument_name], thinned_names, memory
+                )
+            )
             is not None
         ):
-            thinned_instruments[instrument_name] = thinner
+            thinned_instruments[instrument_name] = thinned_instrument
             report_rows = (
                 (f"{instrument_name}.{module}", high_modes[module])
                 for module in high_modes
                 if module in thinned_names
             )
-            reported.setdefault(transposed[instrument_name], []).extend(report_rows)
-    for instrument_name, modes in reported.items():
+            removed_by_name.setdefault(transposed[instrument_name], []).extend(report_rows)
+    for instrument_name, modes in removed_by_name.items():
         _report(instrument_name, modes, instruments, rate, collector)
     return thinned_instruments
 
@@ -107,10 +119,10 @@ def _without_modules(
     )
     if not all(output.targets for output in outputs_left):
         return None
-    thinner = replace(instrument, modules=modules_left, outputs=outputs_left)
+    thinned_instrument = replace(instrument, modules=modules_left, outputs=outputs_left)
     if memory is not None:
-        memory.hold(memory_key, removed_names, (instrument, thinner))
-    return thinner
+        memory.hold(memory_key, removed_names, (instrument, thinned_instrument))
+    return thinned_instrument
 
 
 def _report(
@@ -120,12 +132,13 @@ def _report(
     rate: float,
     collector: Collector,
 ) -> None:
-    lowest, frequency = min(removed_modes, key=lambda mode: mode[1])
-    part_name = lowest.rpartition(".")[0]
+    lowest_name, frequency = min(removed_modes, key=lambda mode: mode[1])
+    part_name = lowest_name.rpartition(".")[0]
     count_text = "1 mode lies" if len(removed_modes) == 1 else f"{len(removed_modes)} modes lie"
     message = (
         f"instrument {quote(instrument_name)}: {count_text} above half the rate of {rate:g} Hz and "
-        f"{'is' if len(removed_modes) == 1 else 'are'} left out, the lowest of them {lowest} at "
+        f"{'is' if len(removed_modes) == 1 else 'are'} left out, the lowest of them "
+        f"{lowest_name} at "
         f"{frequency / 1e3:.3g} kHz"
     )
     collector.error("N405", message, instruments[part_name].place)

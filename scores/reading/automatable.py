@@ -54,8 +54,8 @@ def named_module(
         for module in part_owner.modules:
             if module.name == module_name:
                 return Automatable(part_name, module, is_ca)
-        if not module_name and (all_of_it := pitched_module(part_owner)) is not None:
-            return Automatable(part_name, all_of_it, is_ca)
+        if not module_name and (pitched := pitched_module(part_owner)) is not None:
+            return Automatable(part_name, pitched, is_ca)
     return None
 
 
@@ -69,33 +69,39 @@ def named_modules(
 
     `families` are the instruments with notes, each with the names of its notes.
     """
-    if (automatable := named_module(module_path, keys, instruments)) is not None:
-        return [automatable]
+    if (single_module := named_module(module_path, keys, instruments)) is not None:
+        return [single_module]
     path_words = module_path.split(".")
     for count in range(len(path_words), 0, -1):
         notes = families.get(".".join(path_words[:count]), ())
         names = (".".join((note, *path_words[count:])) for note in notes)
-        if played := [k for n in names if (k := named_module(n, {}, instruments)) is not None]:
-            return played
+        if played_modules := [
+            automatable_module
+            for note_name in names
+            if (automatable_module := named_module(note_name, {}, instruments)) is not None
+        ]:
+            return played_modules
     return []
 
 
-def pitched_module(owner: Any) -> Module | None:
+def pitched_module(instrument: Any) -> Module | None:
     """An instrument of several modules as one module with its named pitch; None if it has no named
     pitch.
     """
-    if not isinstance(owner, Instrument) or owner.pitch is None:
+    if not isinstance(instrument, Instrument) or instrument.pitch is None:
         return None
-    return Module("", "INSTRUMENT", {"f": owner.pitch, "modules": owner.modules}, owner.place)
+    return Module(
+        "", "INSTRUMENT", {"f": instrument.pitch, "modules": instrument.modules}, instrument.place
+    )
 
 
-def transposed_modules(owner: Instrument) -> list[Module]:
+def transposed_modules(instrument: Instrument) -> list[Module]:
     """The modules whose pitch moves with that of the instrument: those that `transpose` moves."""
-    able = GLIDE_PARAMETERS.keys() - {"INSTRUMENT"}
+    glided_kinds = GLIDE_PARAMETERS.keys() - {"INSTRUMENT"}
     return [
         module
-        for module in owner.modules
-        if module.kind in able and not keeps_pitch(module.kind, module.fields)
+        for module in instrument.modules
+        if module.kind in glided_kinds and not keeps_pitch(module.kind, module.fields)
     ]
 
 
@@ -128,10 +134,10 @@ def refusal(part_module: Module, parameter_name: str, *, is_ca: bool) -> str | N
     if is_ca:
         return "has algorithmic values, which stay as they are; only values in SI units change"
     if not known_parameters:
-        able = ", ".join(kind for kind in GLIDE_PARAMETERS if kind != "INSTRUMENT")
+        glided_kinds = ", ".join(kind for kind in GLIDE_PARAMETERS if kind != "INSTRUMENT")
         return (
             f"is {with_article(part_module.shown_kind)}, which does not change while it plays; "
-            f"{able} do"
+            f"{glided_kinds} do"
         )
     if part_module.kind == "INSTRUMENT" and parameter_name not in known_parameters:
         return (
@@ -147,8 +153,8 @@ def refusal(part_module: Module, parameter_name: str, *, is_ca: bool) -> str | N
         if t60 is None:
             return "has no t60 of its own, so it has no dampers; write one"
         if not isinstance(t60, float):
-            several = "has a t60 for each of several frequencies, which stay as they are"
-            return f"{several}; a single t60 may change"
+            t60_reason = "has a t60 for each of several frequencies, which stay as they are"
+            return f"{t60_reason}; a single t60 may change"
     if part_module.kind in LINK_KINDS and not part_module.fields.get(parameter_name):
         return f"has no {parameter_name} of its own that could change; write one above 0"
     return None

@@ -89,7 +89,12 @@ class Automation:
         place_sequence = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
         begin = tempo.resolve(self.at)
         return line_steps(
-            tempo, begin, place_sequence, every=self.every, times=self.times, until=until_beat
+            tempo,
+            begin,
+            place_sequence,
+            step_length=self.every,
+            times=self.times,
+            end_beat=until_beat,
         )
 
 
@@ -166,8 +171,8 @@ def check(automation_values: Values) -> bool:
         return False
     is_file = written_kinds[0] == "set" and bool(automation_values.written("from"))
     written_kind = "from" if is_file else written_kinds[0]
-    needs, contrary_fields = _FIELDS_BY_KIND[written_kind]
-    for field_name in needs:
+    required_fields, contrary_fields = _FIELDS_BY_KIND[written_kind]
+    for field_name in required_fields:
         if not automation_values.written(field_name):
             automation_values.error(
                 "E103",
@@ -180,12 +185,14 @@ def check(automation_values: Values) -> bool:
             "E111", f"automation: `{field_name}` does not belong to `{written_kind}`", field_name
         )
         return False
-    glides = automation_values.written("over") or is_curve(str(automation_values["to"] or ""))
+    is_glide = automation_values.written("over") or is_curve(str(automation_values["to"] or ""))
     for field_name in (
-        automation_values.written(*_PATTERN_NAMES) if glides else automation_values.written("curve")
+        automation_values.written(*_PATTERN_NAMES)
+        if is_glide
+        else automation_values.written("curve")
     ):
         refusal_text = (
-            "a glide has no steps" if glides else "only a glide `over` a length has a way"
+            "a glide has no steps" if is_glide else "only a glide `over` a length has a way"
         )
         automation_values.error(
             "E111", f"automation: {refusal_text}; remove `{field_name}`", field_name
@@ -196,7 +203,7 @@ def check(automation_values: Values) -> bool:
             "E111", "automation: a curve has times of its own; remove `over`", "over"
         )
         return False
-    return all(name in automation_values.by_name for name in (*written_kinds, *needs))
+    return all(name in automation_values.by_name for name in (*written_kinds, *required_fields))
 
 
 def build_automation(
@@ -282,7 +289,10 @@ def build_automation(
 
 
 def _glide_values(
-    range_ends: tuple[Amount, Amount], parameter_name: str, course: Course, section_values: Values
+    range_ends: tuple[Amount, Amount],
+    parameter_name: str,
+    controller_course: Course,
+    section_values: Values,
 ) -> tuple[tuple[Length, Amount], ...]:
     """The values of a parameter whose ends are those of a controller, from a place of its file on.
 
@@ -298,9 +308,11 @@ def _glide_values(
         raise TextError(message, length=range_length, code="E202")
     if parameter_name in ("f", "t60") and not min(low_amount.value, high_amount.value) > 0.0:
         raise TextError(f"{parameter_name} must stay above 0", length=range_length, code="E202")
-    last_positions = [share for quarter, share in course if quarter <= text_start][-1:]
+    last_positions = [share for quarter, share in controller_course if quarter <= text_start][-1:]
     shares_after = [
-        (quarter - text_start, share) for quarter, share in course if quarter > text_start
+        (quarter - text_start, share)
+        for quarter, share in controller_course
+        if quarter > text_start
     ]
     return tuple(
         (

@@ -24,10 +24,10 @@ Module = tuple[str, str]  # a part and a module in it; "": the part as a whole
 class AutomationTargets:
     """Reads entries of automation for the parts of a score."""
 
-    def __init__(self, matter: PartsReader, part_names: PartNames, midi: MidiUses) -> None:
+    def __init__(self, parts: PartsReader, part_names: PartNames, midi_uses: MidiUses) -> None:
         """Take the parts, and the MIDI files of the score."""
-        self.matter = matter
-        self.midi = midi
+        self.parts = parts
+        self.midi = midi_uses
         self.part_names = part_names
         self.collector = part_names.collector
 
@@ -54,28 +54,31 @@ class AutomationTargets:
             note_modules[0].module, parameter_name, is_one_of_many=is_family
         )
         first_target, *other_targets = (
-            Target(n.part, n.module.name, 0, 1, module_path, target_name.place)
-            for n in note_modules
+            Target(note_module.part, note_module.module.name, 0, 1, module_path, target_name.place)
+            for note_module in note_modules
         )
         with tuning.used(self.part_names.tuning_of(first_target.part)):
-            automated = automation.build_automation(
+            automation_entry = automation.build_automation(
                 values, first_target, parameter_name, read_amount, self.midi
             )
-        return automated and replace(automated, other_notes=tuple(other_targets))
+        return automation_entry and replace(automation_entry, other_notes=tuple(other_targets))
 
-    def modules(self, change: Automation, _: Values) -> tuple[Module, ...] | None:
+    def modules(self, automation_entry: Automation, _: Values) -> tuple[Module, ...] | None:
         """The modules on which the meaning of an entry depends; None if it depends on which notes
         of an instrument a piece plays, or on a file.
         """
-        if change.moves or self.part_names.family_and_rest(change.target.text) is not None:
+        if (
+            automation_entry.moves
+            or self.part_names.family_and_rest(automation_entry.target.text) is not None
+        ):
             return None
-        return change.modules
+        return automation_entry.modules
 
     def check_glides(self, glided_strikes: Strikes) -> None:
         """Report an instrument whose pitch a wheel cannot move."""
         for glide in glided_strikes.glides:
             glided_part = glide.target.part
-            automatable_module = automatable.named_module(glided_part, {}, self.matter.instruments)
+            automatable_module = automatable.named_module(glided_part, {}, self.parts.instruments)
             refusal_text = "has no pitch of its own; write its `f`"
             if automatable_module is not None:
                 refusal_text = (
@@ -97,25 +100,25 @@ class AutomationTargets:
         """The notes of an instrument that the piece plays, or a module of each; reports an
         instrument of which it plays none.
         """
-        names, instruments = self.part_names.member_names(module_path), self.matter.instruments
+        names, instruments = self.part_names.member_names(module_path), self.parts.instruments
         candidates = (automatable.named_module(str(name), {}, instruments) for name in names)
-        played = [
+        played_modules = [
             automatable_module
             for automatable_module in candidates
             if automatable_module is not None
         ]
-        if not played:
+        if not played_modules:
             problem = (
                 f"automation: the piece plays no note of {quote(module_path)}, or the notes "
                 "have no "
             )
             message = f"{problem}such module; write an instrument that is struck, or a module of it"
             self.collector.error("E304", message, module_path.place)
-        return played
+        return played_modules
 
     def _changed_module(self, name: Name, module_path: str, parameter: str) -> Automatable | None:
         """The module of a name; reports a name without one."""
-        keys_by_name, instruments = self.matter.keys, self.matter.instruments
+        keys_by_name, instruments = self.parts.keys, self.parts.instruments
         automatable_module = automatable.named_module(module_path, keys_by_name, instruments)
         if automatable_module is None and module_path and parameter in automatable.ALL_PARAMETERS:
             # Find the target of `module_path`, or report what is wrong with it.

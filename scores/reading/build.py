@@ -37,16 +37,22 @@ BEGINNING = Position()
 
 def has_single(values: Values, *groups: tuple[str, ...]) -> bool:
     """Whether fields of exactly one group are written; reports two, or none."""
-    present = [group for group in groups if values.written(*group)]
-    if len(present) > 1:
-        a, b = values.written(*present[0])[0], values.written(*present[1])[0]
-        values.error(
-            "E111", f"{values.context.label(b)}: {a} is written too; keep one of the two", b
+    written_groups = [group for group in groups if values.written(*group)]
+    if len(written_groups) > 1:
+        first_field, second_field = (
+            values.written(*written_groups[0])[0],
+            values.written(*written_groups[1])[0],
         )
-    elif not present:
+        values.error(
+            "E111",
+            f"{values.context.label(second_field)}: {first_field} is written too; keep one of "
+            "the two",
+            second_field,
+        )
+    elif not written_groups:
         alternatives = " or ".join(group[0] for group in groups)
         values.error("E103", f"{values.context.label('')} needs {alternatives}")
-    return len(present) == 1
+    return len(written_groups) == 1
 
 
 def key(values: Values, files: Files) -> Key:
@@ -74,29 +80,36 @@ def key(values: Values, files: Files) -> Key:
             values.error("E103", f"{values.context.label('')} has no 'M': its mass, such as 400g")
         has_single(values, ("K", "Z"), ("f", "t60"))
         fields = {name: values[name] for name in (*cel, "rest", "X0", "V0")}
-        places = {name: node.place for name, node in values.nodes.items()}
-        modules = (Module("", "CEL", fields, values.place, places),)
+        place_by_field = {name: node.place for name, node in values.nodes.items()}
+        modules = (Module("", "CEL", fields, values.place, place_by_field),)
         if measured is not None and not values["simple"]:
             end = calibration.resting_end(values, measured)
             modules = calibration.key_modules(modules[0], measured, end)
-    travel = values["travel"]
-    if travel is not None and not travel[0] <= values["X0"] <= travel[1]:
+    travel_range = values["travel"]
+    if travel_range is not None and not travel_range[0] <= values["X0"] <= travel_range[1]:
         message = f"{values.context.label('X0')}: the key begins outside its travel"
         values.error("E202", message, "X0")
-    struck = values["struck"] or ""
+    struck_module = values["struck"] or ""
     constants = None if measured is None else calibration.key_constants(measured)
     delay = values["delay"]
     if delay is None and constants is not None and not values["simple"]:
         delay = constants[2]
     if constants is not None:
         constants = *constants[:2], delay
-    arguments = values.context.name, modules, struck, travel, values["reach"], values.place
+    arguments = (
+        values.context.name,
+        modules,
+        struck_module,
+        travel_range,
+        values["reach"],
+        values.place,
+    )
     return Key(*arguments, measured=constants, delay=delay or 0.0)
 
 
-def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
-    """Gestures with at most `room` points: one by the name "", or one for each axis of a path in
-    space.
+def gestures(values: Values, points_left: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
+    """Gestures with at most `points_left` points: one by the name "", or one for each axis of a
+    path in space.
 
     None if an error was reported.
     """
@@ -109,27 +122,31 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
 
     def parse(source: str) -> tuple[notation.Notation, ...]:
         if name == "notation" and space_path.axes(source) > 1:
-            return space_path.parse(source, values["curve"], room)
+            return space_path.parse(source, values["curve"], points_left)
         parse_one = notation.parse if name == "notation" else notation.parse_table
-        return (parse_one(source, values["curve"], room),)
+        return (parse_one(source, values["curve"], points_left),)
 
     try:
-        read = parse_with_names(
+        notations = parse_with_names(
             text,
             lambda gesture_text: [
-                _is_at_start(gesture, gesture_text, text) for gesture in parse(gesture_text)
+                _moved_to_start(gesture, gesture_text, text) for gesture in parse(gesture_text)
             ],
         )
     except TextError as error:
         values.context.text_error(error, text, "")
         return None
-    manner = playing_options(cast("OptionValues", values.by_name))
-    options = values["do"] or (), manner, values.place, text
-    parsed = [
+    playing_options_read = playing_options(cast("OptionValues", values.by_name))
+    options = values["do"] or (), playing_options_read, values.place, text
+    gestures_read = [
         Gesture(values.context.name, gesture.points, gesture.bar_checks, *options)
-        for gesture in read
+        for gesture in notations
     ]
-    return {"": parsed[0]} if len(parsed) == 1 else dict(zip(AXES, parsed, strict=False))
+    return (
+        {"": gestures_read[0]}
+        if len(gestures_read) == 1
+        else dict(zip(AXES, gestures_read, strict=False))
+    )
 
 
 _INPUT_HIGHPASS_HZ = 20.0  # of an input [Hz]
@@ -137,104 +154,122 @@ _INPUT_GLIDE_SECONDS = 0.02  # from one value by OSC to the next [s]
 _INPUT_GLIDE_SECONDS_MAX = 60.0  # [s]
 _INPUT_NAMES = ("gain", "highpass", "clamp", "glide")
 _MIDI_NAMES = ("velocity", "depth", "curve")
-_NOT_OF_INPUTS = (*_MIDI_NAMES, "trim", "smooth", "rate", "unit")
+_REFUSED_INPUT_FIELDS = (*_MIDI_NAMES, "trim", "smooth", "rate", "unit")
 
 
 def take(values: Values, files: Files) -> TakeFile | None:
     """A take; its file must exist, and its content is read when it is played."""
-    v, label = values, f"{values.context.label('file')}: "
-    if v.written("input"):
-        return _sound_input(v, files, label)
-    for name in v.written(*_INPUT_NAMES):
-        v.error("E111", f"{v.context.label(name)}: belongs to a take with `input`", name)
-    if v["file"] is None:
-        message = f"{v.context.label('')} has neither a file nor an input; write `file` or `input`"
-        v.context.error("E103", message, v.place)
+    fields, label = values, f"{values.context.label('file')}: "
+    if fields.written("input"):
+        return _sound_input(fields, files, label)
+    for name in fields.written(*_INPUT_NAMES):
+        fields.error("E111", f"{fields.context.label(name)}: belongs to a take with `input`", name)
+    if fields["file"] is None:
+        message = (
+            f"{fields.context.label('')} has neither a file nor an input; write `file` or `input`"
+        )
+        fields.context.error("E103", message, fields.place)
         return None
-    file, folder = v["file"], v.nodes["file"].document.folder
+    file, folder = fields["file"], fields.nodes["file"].document.folder
     path = folder / file
     if path.suffix.lower() == ".gms":
-        v.error("E108", f"{label}ergon does not read GMS files yet", "file")
+        fields.error("E108", f"{label}ergon does not read GMS files yet", "file")
     elif path.suffix.lower() not in (*take_file.SUFFIXES, *note_files.SUFFIXES):
         forms = f"a take is a {', '.join(take_file.SUFFIXES)}, .mid or .musicxml file"
-        v.error("E206", f"{label}{foreign_form(b'', path) or forms}", "file")
+        fields.error("E206", f"{label}{foreign_form(b'', path) or forms}", "file")
     else:
-        path = files.locate(file, folder, v.place_of("file"), label, is_text=False) or path
+        path = files.locate(file, folder, fields.place_of("file"), label, is_text=False) or path
     is_midi = path.suffix.lower() in note_files.SUFFIXES
-    for name in v.written(*(("trim", "smooth", "rate", "unit") if is_midi else _MIDI_NAMES)):
+    for name in fields.written(*(("trim", "smooth", "rate", "unit") if is_midi else _MIDI_NAMES)):
         source_noun = "a file of notes" if is_midi else "a take that is not a MIDI or MusicXML file"
-        v.error("E111", f"{v.context.label(name)}: {source_noun} has no {name}; remove it", name)
-    if note_files.is_musicxml(path) and v.written("bend"):
-        message = f"{v.context.label('bend')}: a MusicXML file has no pitch wheel; remove it"
-        v.error("E111", message, "bend")
+        fields.error(
+            "E111", f"{fields.context.label(name)}: {source_noun} has no {name}; remove it", name
+        )
+    if note_files.is_musicxml(path) and fields.written("bend"):
+        message = f"{fields.context.label('bend')}: a MusicXML file has no pitch wheel; remove it"
+        fields.error("E111", message, "bend")
     return TakeFile(
-        name=v.context.name,
+        name=fields.context.name,
         path=path,
-        channel=v["channel"],
-        trim=v["trim"],
-        smooth=v["smooth"],
-        rate=v["rate"],
-        unit=v["unit"],
-        place=v.place,
-        places={name: node.place for name, node in v.nodes.items()},
+        channel=fields["channel"],
+        trim=fields["trim"],
+        smooth=fields["smooth"],
+        rate=fields["rate"],
+        unit=fields["unit"],
+        place=fields.place,
+        places={name: node.place for name, node in fields.nodes.items()},
     )
 
 
-def _sound_input(v: Values, files: Files, label: str) -> TakeFile | None:
+def _sound_input(fields: Values, files: Files, label: str) -> TakeFile | None:
     """An input; missing fields and those that do not belong to it are reported."""
-    for name in v.written(*_NOT_OF_INPUTS):
-        v.error("E111", f"{v.context.label(name)}: an input has no {name}; remove it", name)
-    is_osc = v["input"] == OSC
-    if v["gain"] is None or v["input"] is None:
-        if not v.written("gain"):
+    for name in fields.written(*_REFUSED_INPUT_FIELDS):
+        fields.error(
+            "E111", f"{fields.context.label(name)}: an input has no {name}; remove it", name
+        )
+    is_osc = fields["input"] == OSC
+    if fields["gain"] is None or fields["input"] is None:
+        if not fields.written("gain"):
             message = (
-                f"{v.context.label('')} has no 'gain': what full scale is, such as 2mN or 0.1mm"
+                f"{fields.context.label('')} has no 'gain': what full scale is, such as 2mN or "
+                "0.1mm"
             )
-            v.context.error("E103", message, v.place)
+            fields.context.error("E103", message, fields.place)
         return None
-    gain, is_force = v["gain"]
-    clamp, is_clamp_force = v["clamp"] or (abs(gain), is_force)
+    gain, is_force = fields["gain"]
+    clamp, is_clamp_force = fields["clamp"] or (abs(gain), is_force)
     if is_clamp_force != is_force:
         unit = "a force" if is_force else "a length"
-        v.error("E111", f"{v.context.label('clamp')}: `gain` is {unit}, so `clamp` is one", "clamp")
+        fields.error(
+            "E111", f"{fields.context.label('clamp')}: `gain` is {unit}, so `clamp` is one", "clamp"
+        )
     elif clamp < 0.0:
-        v.error(
+        fields.error(
             "E202",
-            f"{v.context.label('clamp')}: this limit acts in both directions; write it "
+            f"{fields.context.label('clamp')}: this limit acts in both directions; write it "
             "without a sign",
             "clamp",
         )
     path = None
-    if v["file"] is not None:
-        folder = v.nodes["file"].document.folder
-        path = folder / v["file"]
+    if fields["file"] is not None:
+        folder = fields.nodes["file"].document.folder
+        path = folder / fields["file"]
         if path.suffix.lower() != ".wav":
-            v.error("E206", f"{label}what an input hears is a .wav file", "file")
+            fields.error("E206", f"{label}what an input hears is a .wav file", "file")
         else:
-            path = files.locate(v["file"], folder, v.place_of("file"), label, is_text=False) or path
-    elif v["channel"] is not None:
-        message = f"{v.context.label('channel')}: is of a file, and the input has none; remove it"
-        v.error("E111", message, "channel")
-    highpass = _INPUT_HIGHPASS_HZ if v["highpass"] is None else v["highpass"]
-    glide = _INPUT_GLIDE_SECONDS if v["glide"] is None else v["glide"]
-    for name in v.written("highpass" if is_osc else "glide"):
+            path = (
+                files.locate(fields["file"], folder, fields.place_of("file"), label, is_text=False)
+                or path
+            )
+    elif fields["channel"] is not None:
+        message = (
+            f"{fields.context.label('channel')}: is of a file, and the input has none; remove it"
+        )
+        fields.error("E111", message, "channel")
+    highpass = _INPUT_HIGHPASS_HZ if fields["highpass"] is None else fields["highpass"]
+    glide = _INPUT_GLIDE_SECONDS if fields["glide"] is None else fields["glide"]
+    for name in fields.written("highpass" if is_osc else "glide"):
         source_noun = "an input by OSC" if is_osc else "an input of the sound card"
-        v.error("E111", f"{v.context.label(name)}: {source_noun} has no {name}; remove it", name)
+        fields.error(
+            "E111", f"{fields.context.label(name)}: {source_noun} has no {name}; remove it", name
+        )
     if glide > _INPUT_GLIDE_SECONDS_MAX:
-        message = f"{v.context.label('glide')}: the longest glide is {_INPUT_GLIDE_SECONDS_MAX:g} s"
-        v.error("E202", message, "glide")
+        message = (
+            f"{fields.context.label('glide')}: the longest glide is {_INPUT_GLIDE_SECONDS_MAX:g} s"
+        )
+        fields.error("E202", message, "glide")
     return TakeFile(
-        name=v.context.name,
+        name=fields.context.name,
         path=path,
-        channel=v["channel"],
+        channel=fields["channel"],
         trim=None,
         smooth=None,
         rate=None,
         unit=None,
-        place=v.place,
-        places={name: node.place for name, node in v.nodes.items()},
+        place=fields.place,
+        places={name: node.place for name, node in fields.nodes.items()},
         input=SoundInput(
-            None if is_osc else v["input"],
+            None if is_osc else fields["input"],
             gain,
             is_force,
             None if is_osc else highpass,
@@ -244,80 +279,84 @@ def _sound_input(v: Values, files: Files, label: str) -> TakeFile | None:
     )
 
 
-def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
+def strikes(values: Values, targets: tuple[Target, ...]) -> Strikes:
     """Strikes on the targets that their names reach."""
-    v = values
-    _check_force(v)
-    if v.written("rate") and (contrary_fields := v.written("every", "times")):
-        v.error(
+    fields = values
+    _check_force(fields)
+    if fields.written("rate") and (contrary_fields := fields.written("every", "times")):
+        fields.error(
             "E111",
-            f"{v.context.label(contrary_fields[0])}: `rate` is written too; keep one of the two",
+            f"{fields.context.label(contrary_fields[0])}: `rate` is written too; keep one of "
+            "the two",
             contrary_fields[0],
         )
-    if v.written("for") and v.written("until"):
-        v.error(
+    if fields.written("for") and fields.written("until"):
+        fields.error(
             "E111",
-            f"{v.context.label('until')}: `for` is written too; keep one of the two",
+            f"{fields.context.label('until')}: `for` is written too; keep one of the two",
             "until",
         )
-    if v.written("rate") and not v.written("for", "until"):
-        v.error(
+    if fields.written("rate") and not fields.written("for", "until"):
+        fields.error(
             "E103",
-            f"{v.context.label('rate')}: the strikes have no end; write `for` or `until`",
+            f"{fields.context.label('rate')}: the strikes have no end; write `for` or `until`",
             "rate",
         )
-    if v.written("rate") and (contrary_fields := v.written(*PATTERN_FIELDS, "notes")):
-        v.error(
+    if fields.written("rate") and (contrary_fields := fields.written(*PATTERN_FIELDS, "notes")):
+        fields.error(
             "E111",
-            f"{v.context.label(contrary_fields[0])}: strikes by chance have no steps; write "
+            f"{fields.context.label(contrary_fields[0])}: strikes by chance have no steps; write "
             "`every` instead of `rate`",
             contrary_fields[0],
         )
-    if (contrary_fields := v.written("notes", "chance", "swing", "skip")) and not v.written(
-        "rate", "every", "euclid"
+    if (
+        contrary_fields := fields.written("notes", "chance", "swing", "skip")
+    ) and not fields.written("rate", "every", "euclid"):
+        message = (
+            f"{fields.context.label(contrary_fields[0])}: the length of a step is missing; "
+            "write `every`"
+        )
+        fields.error("E103", message, contrary_fields[0])
+    if not fields.written("rate", "every", "euclid") and (
+        repeating_fields := fields.written("times", "for", "until")
     ):
         message = (
-            f"{v.context.label(contrary_fields[0])}: the length of a step is missing; write `every`"
-        )
-        v.error("E103", message, contrary_fields[0])
-    if not v.written("rate", "every", "euclid") and (many := v.written("times", "for", "until")):
-        message = (
-            f"{v.context.label(many[0])}: the time between strikes is missing; "
+            f"{fields.context.label(repeating_fields[0])}: the time between strikes is missing; "
             "write `every`, or `rate` for strikes by chance"
         )
-        v.error("E103", message, many[0])
-    order = single_name_pattern(v.context.name)
+        fields.error("E103", message, repeating_fields[0])
+    pattern_order = single_name_pattern(fields.context.name)
     notes: Mapping[str, Amount] = {}
-    if v["notes"] is not None:
-        node = v.nodes["notes"]
+    if fields["notes"] is not None:
+        node = fields.nodes["notes"]
         assert isinstance(node, Scalar)
         try:
-            order, notes = parse_with_names(node, _value_pattern)
+            pattern_order, notes = parse_with_names(node, _value_pattern)
         except TextError as error:
-            v.context.text_error(error, node, "notes")
-    has_pattern = v.written(*PATTERN_FIELDS, "notes")
-    written = cast("PatternValues", v.by_name)
-    pattern = pattern_of(written, order) if has_pattern else None
-    strikes_without_notes = _common_strikes(v, to)
+            fields.context.text_error(error, node, "notes")
+    has_pattern = fields.written(*PATTERN_FIELDS, "notes")
+    pattern_values = cast("PatternValues", fields.by_name)
+    pattern = pattern_of(pattern_values, pattern_order) if has_pattern else None
+    strikes_without_notes = _common_strikes(fields, targets)
     return replace(
-        strikes_without_notes, span=v["for"], rate=v["rate"], pattern=pattern, notes=notes
+        strikes_without_notes, span=fields["for"], rate=fields["rate"], pattern=pattern, notes=notes
     )
 
 
-def _common_strikes(v: Values, to: tuple[Target, ...]) -> Strikes:
+def _common_strikes(fields: Values, targets: tuple[Target, ...]) -> Strikes:
     """Strikes with what every kind of them may have."""
     return Strikes(
-        name=v.context.name,
-        to=to,
-        at=v["at"],
-        until=v["until"],
-        every=v["every"],
-        times=v["times"],
-        levels=v["impulse"] or (None if v.written("mass") else Levels((MEZZO_FORTE,))),
-        mass=v["mass"],
-        speed=v["speed"],
-        place=v.place,
-        lasts=v["lasts"],
+        name=fields.context.name,
+        to=targets,
+        at=fields["at"],
+        until=fields["until"],
+        every=fields["every"],
+        times=fields["times"],
+        levels=fields["impulse"] or (None if fields.written("mass") else Levels((MEZZO_FORTE,))),
+        mass=fields["mass"],
+        speed=fields["speed"],
+        place=fields.place,
+        lasts=fields["lasts"],
     )
 
 
@@ -333,29 +372,33 @@ def _check_force(values: Values) -> None:
         )
 
 
-def rhythm_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
+def rhythm_strikes(values: Values, targets: tuple[Target, ...]) -> Strikes:
     """Strikes by a rhythm that is not read yet, on all that its words strike."""
     if values.written("for") and values.written("until"):
         message = f"{values.context.label('until')}: `for` is written too; keep one of the two"
         values.error("E111", message, "until")
-    return replace(_common_strikes(values, to), span=values["for"])
+    return replace(_common_strikes(values, targets), span=values["for"])
 
 
-def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
+def passing_strikes(values: Values, targets: tuple[Target, ...]) -> Strikes:
     """Strikes by a sweep or along a path, on the targets that their names reach."""
     _check_force(values)
-    return replace(_common_strikes(values, to), length=values["for"], passing=read_passing(values))
+    return replace(
+        _common_strikes(values, targets), length=values["for"], passing=read_passing(values)
+    )
 
 
-def _is_at_start(read: notation.Notation, source: str, text: Scalar) -> notation.Notation:
+def _moved_to_start(
+    parsed_notation: notation.Notation, source: str, text: Scalar
+) -> notation.Notation:
     """The notation; its places are set to the beginning if names of values were replaced in the
     text.
     """
     if source == text.text:
-        return read
-    points = tuple(replace(point, offset=0, length=1) for point in read.points)
-    checks = tuple(replace(check, offset=0) for check in read.bar_checks)
-    return replace(read, points=points, bar_checks=checks)
+        return parsed_notation
+    points = tuple(replace(point, offset=0, length=1) for point in parsed_notation.points)
+    bar_checks = tuple(replace(bar_check, offset=0) for bar_check in parsed_notation.bar_checks)
+    return replace(parsed_notation, points=points, bar_checks=bar_checks)
 
 
 def _value_pattern(text: str) -> tuple[Group, Mapping[str, Amount]]:
@@ -364,46 +407,61 @@ def _value_pattern(text: str) -> tuple[Group, Mapping[str, Amount]]:
 
 def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Strikes:
     """A melody whose strikes are known; `length` is that of a phrase."""
-    v = values
+    fields = values
     targets = dict.fromkeys(target for hit in hits for target in hit.to)
     return Strikes(
-        name=v.context.name,
+        name=fields.context.name,
         to=tuple(targets),
-        at=v["at"] or BEGINNING,
-        until=v["until"],
-        every=v["every"],
-        times=v["times"],
-        place=v.place,
+        at=fields["at"] or BEGINNING,
+        until=fields["until"],
+        every=fields["every"],
+        times=fields["times"],
+        place=fields.place,
         hits=hits,
         length=length,
-        lasts=v["lasts"],
+        lasts=fields["lasts"],
     )
 
 
 def player(values: Values) -> Player:
     """A player; for a live one a note says what plays in its place."""
-    v = values
-    if v["hand"] == "live":
-        substitute = f"its stand-in {v['standin']}" if v["standin"] else "its part"
-        label = v.context.label("")
-        message = f"{label}: {substitute} plays in place of a real hand; `ergon duet` connects one"
-        v.error("N401", message, "hand")
-    context = v.context
-    return Player(context.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)
+    fields = values
+    if fields["hand"] == "live":
+        stand_in_text = f"its stand-in {fields['standin']}" if fields["standin"] else "its part"
+        label = fields.context.label("")
+        message = (
+            f"{label}: {stand_in_text} plays in place of a real hand; `ergon duet` connects one"
+        )
+        fields.error("N401", message, "hand")
+    context = fields.context
+    return Player(
+        context.name,
+        fields["hand"],
+        fields["key"],
+        fields["device"],
+        fields["standin"],
+        fields["tick"],
+        fields.place,
+    )
 
 
 def coupling(values: Values, number: int) -> Coupling | None:
     """A coupling of two keys, whose names are not looked up yet."""
-    v = values
-    link = v.by_name.get(v.kind)
-    if not isinstance(link, Values) or len(v["couple"]) != 2:
+    coupling_values = values
+    link = coupling_values.by_name.get(coupling_values.kind)
+    if not isinstance(link, Values) or len(coupling_values["couple"]) != 2:
         return None
-    a, b = v["couple"]
-    link_module = make_module(f"duet{number}", v.kind, link)
-    until = v["until"]
-    begin = v["at"] or BEGINNING
+    first_key, second_key = coupling_values["couple"]
+    link_module = make_module(f"duet{number}", coupling_values.kind, link)
+    end_position = coupling_values["until"]
+    begin = coupling_values["at"] or BEGINNING
     return Coupling(
-        link_module, _unresolved_target(a), _unresolved_target(b), begin, until, v.node.place
+        link_module,
+        _unresolved_target(first_key),
+        _unresolved_target(second_key),
+        begin,
+        end_position,
+        coupling_values.node.place,
     )
 
 
@@ -411,8 +469,8 @@ def _unresolved_target(name: Any) -> Target:
     return Target(str(name), "", 0, 1, str(name), name.place)
 
 
-def tempo(values: Values, tempos: tuple[tuple[float, float], ...] = ()) -> TempoEntry:
+def tempo(values: Values, file_tempos: tuple[tuple[float, float], ...] = ()) -> TempoEntry:
     """A line of `tempo:`, with the tempos of the file that it names."""
     bpm, end = values["bpm"] or (None, None)
-    place, over, meter = values.node.place, values["over"], values["meter"]
-    return TempoEntry(values["at"] or BEGINNING, bpm, end, over, meter, place, tempos)
+    place, ramp_length, meter = values.node.place, values["over"], values["meter"]
+    return TempoEntry(values["at"] or BEGINNING, bpm, end, ramp_length, meter, place, file_tempos)

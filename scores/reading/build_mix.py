@@ -44,13 +44,17 @@ def _loudspeaker_outputs(layout_values: Values, n_speakers: int) -> tuple[int, .
     output_numbers = tuple(
         output for output in layout_values["outputs"] or () if output is not MISSING
     )
-    doubled = sorted({output for output in output_numbers if output_numbers.count(output) > 1})
+    repeated_outputs = sorted(
+        {output for output in output_numbers if output_numbers.count(output) > 1}
+    )
     if output_numbers and len(output_numbers) != n_speakers:
         message = f"there are {len(output_numbers)} outputs for {n_speakers} loudspeakers"
         layout_values.error("E104", message, "outputs")
         return ()
-    if doubled:
-        layout_values.error("E111", f"two loudspeakers are at the output {doubled[0]}", "outputs")
+    if repeated_outputs:
+        layout_values.error(
+            "E111", f"two loudspeakers are at the output {repeated_outputs[0]}", "outputs"
+        )
         return ()
     return () if output_numbers == tuple(range(1, n_speakers + 1)) else output_numbers
 
@@ -72,12 +76,12 @@ def mix(section_values: Values | None, files: Files) -> Mix:
         room = layout(section_values["layout"], folder, section_values.place_of("layout"), files)
     routes = tuple(_route(route) for route in section_values["route"] or ())
     rooms = mixing.rooms(section_values["rooms"])
-    refused = {*(section_values["rooms"] or {})} - {mix_room.name for mix_room in rooms}
-    routes = tuple(_without_sends(route, refused) for route in routes)
+    refused_rooms = {*(section_values["rooms"] or {})} - {mix_room.name for mix_room in rooms}
+    routes = tuple(_without_sends(route, refused_rooms) for route in routes)
     route_channels = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
-    highest = max(map(max, route_channels), default=0)
+    highest_channel = max(map(max, route_channels), default=0)
     n_outputs = room.n_channels if room else 0
-    n_channels = section_values["channels"] or max(highest, n_outputs)
+    n_channels = section_values["channels"] or max(highest_channel, n_outputs)
     for route in routes:
         if route.to == "nearest":
             if room is None:
@@ -121,9 +125,9 @@ def mix(section_values: Values | None, files: Files) -> Mix:
     return Mix(n_channels, room, routes, master_of_mix, section_values.place, rooms)
 
 
-def _without_sends(route: Route, refused: set[str]) -> Route:
+def _without_sends(route: Route, refused_rooms: set[str]) -> Route:
     """A route without what it sends to rooms that were refused: they are not missing too."""
-    return replace(route, sends=tuple(send for send in route.sends if send[0] not in refused))
+    return replace(route, sends=tuple(send for send in route.sends if send[0] not in refused_rooms))
 
 
 def _route(values: Values) -> Route:

@@ -56,7 +56,7 @@ def with_measured_fields(key_values: Values, measured: Values) -> Values:
                 measured.by_name[source_field],
                 measured.nodes[source_field],
             )
-    complete = Values(
+    filled_values = Values(
         key_values.record,
         key_values.node,
         key_values.context,
@@ -64,24 +64,24 @@ def with_measured_fields(key_values: Values, measured: Values) -> Values:
         module_nodes,
         key_values.free,
     )
-    if _has_weight(complete, measured):
-        travel_end, stiffness = resting_end(complete, measured), complete["K"]
-        balance = (
+    if _has_weight(filled_values, measured):
+        travel_end, stiffness = resting_end(filled_values, measured), filled_values["K"]
+        resting_position = (
             -measured["weight"] / stiffness if travel_end is None and stiffness else travel_end
         )
-        if balance is None:
+        if resting_position is None:
             message = (
                 f"{key_values.context.label('')}: no spring carries the weight of the measured "
                 "key; "
             )
             key_values.error("E103", f"{message}write `travel`, on whose end it lies")
         for field_name in ("X0",) if travel_end is not None else ("rest", "X0"):
-            if field_name not in module_fields and balance is not None:
+            if field_name not in module_fields and resting_position is not None:
                 module_fields[field_name], module_nodes[field_name] = (
-                    balance,
+                    resting_position,
                     measured.nodes["weight"],
                 )
-    return complete
+    return filled_values
 
 
 def resting_end(section_values: Values, measured: Values) -> float | None:
@@ -105,13 +105,13 @@ def _has_weight(values: Values, measured: Values) -> bool:
 
 
 def key_modules(
-    cel: Module, measured: Values, travel_end: float | None = None
+    key_cel: Module, measured: Values, travel_end: float | None = None
 ) -> tuple[Module, ...]:
     """The modules of a key: its CEL, the modes that swing on it, its dry friction, and its weight
     if it lies on the `travel_end` of its travel [m].
     """
     key_modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
-    moving_mass = cel.fields["M"]
+    moving_mass = key_cel.fields["M"]
     if isinstance(moving_mass, float) and key_modes:
         moving_mass -= sum(mode["M"] for mode in key_modes)
         if moving_mass <= 0.0:
@@ -120,13 +120,13 @@ def key_modules(
             )
             message += "mass they are a part"
             measured.error("E202", message, "modes")
-            return (cel,)
-    built_modules = [replace(cel, fields={**cel.fields, "M": moving_mass})]
+            return (key_cel,)
+    built_modules = [replace(key_cel, fields={**key_cel.fields, "M": moving_mass})]
     for number, mode in enumerate(key_modes, 1):
-        built_modules += _mode_modules(f"mode {number}", mode, cel)
+        built_modules += _mode_modules(f"mode {number}", mode, key_cel)
     built_modules += _dry_friction(measured)
     if travel_end is not None:
-        built_modules += _weight_and_rest(measured, travel_end, cel)
+        built_modules += _weight_and_rest(measured, travel_end, key_cel)
     return tuple(built_modules)
 
 
@@ -139,10 +139,10 @@ def key_constants(measured: Values) -> tuple[float, float, float | None] | None:
     return max(0.0, moving_mass - sum(mode["M"] for mode in modes)), damping, measured["delay"]
 
 
-def _mode_modules(mode_name: str, mode_values: Values, cel: Module) -> tuple[Module, Module]:
+def _mode_modules(mode_name: str, mode_values: Values, key_cel: Module) -> tuple[Module, Module]:
     omega, sigma = 2.0 * pi * mode_values["f"], _SIGMA_TIMES_T60 / mode_values["t60"]
     mass = mode_values["M"]
-    point_fields = {"M": mass, "X0": cel.fields["X0"], "V0": cel.fields["V0"]}
+    point_fields = {"M": mass, "X0": key_cel.fields["X0"], "V0": key_cel.fields["V0"]}
     spring = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
     end_names = (Name("", mode_values.place), Name(mode_name, mode_values.place))
     return (
@@ -152,10 +152,12 @@ def _mode_modules(mode_name: str, mode_values: Values, cel: Module) -> tuple[Mod
 
 
 def _dry_friction(measured: Values) -> tuple[Module, ...]:
-    friction_level, static, stiffness = (measured[name] for name in ("dry", "static", "presliding"))
+    friction_level, static_friction, stiffness = (
+        measured[name] for name in ("dry", "static", "presliding")
+    )
     if not friction_level:
         return ()
-    if stiffness and static is not None and static < friction_level:
+    if stiffness and static_friction is not None and static_friction < friction_level:
         message = f"{measured.context.label('static')}: static is below dry; with presliding the "
         message += "friction falls from static to dry"
         measured.error("E111", message, "static")
@@ -166,25 +168,25 @@ def _dry_friction(measured: Values) -> tuple[Module, ...]:
         "between": None,
         "F": friction_level,
         "K": stiffness or None,
-        "static": static or None,
+        "static": static_friction or None,
         "speed": measured["static_speed"] or 0.001,
     }
     return with_ground_point(Module("dry", "DRY", friction_fields, friction_place))
 
 
-def _weight_and_rest(measured: Values, travel_end: float, cel: Module) -> tuple[Module, ...]:
+def _weight_and_rest(measured: Values, travel_end: float, key_cel: Module) -> tuple[Module, ...]:
     """The weight of a key, and the end of travel on which it rests still: a critically damped
     contact.
     """
     key_weight, weight_place = measured["weight"], measured.place_of("weight")
-    contact_force = abs(key_weight + (cel.fields["K"] or 0.0) * travel_end)
+    contact_force = abs(key_weight + (key_cel.fields["K"] or 0.0) * travel_end)
     stiffness = max(_TRAVEL_END_STIFFNESS, contact_force / _TRAVEL_END_YIELD_MAX)
     contact_position = travel_end + math.copysign(contact_force / stiffness, key_weight)
     key_name, stop_name = Name("", weight_place), Name("end of travel", weight_place)
     contact = {
         "between": (key_name, stop_name),
         "K": stiffness,
-        "Z": 2.0 * math.sqrt(stiffness * cel.fields["M"]),
+        "Z": 2.0 * math.sqrt(stiffness * key_cel.fields["M"]),
         "gap": 0.0,
         "side": "above" if key_weight > 0.0 else "below",
         "contact": "plain",
@@ -193,11 +195,11 @@ def _weight_and_rest(measured: Values, travel_end: float, cel: Module) -> tuple[
         "clamp": True,
         "steps": 2,
     }
-    push = {"to": key_name, "from": -key_weight, "at": None, "scale": 1.0}
+    weight_fields = {"to": key_name, "from": -key_weight, "at": None, "scale": 1.0}
     return (
         Module(stop_name, "SOL", {"X0": contact_position}, weight_place),
         Module("end of travel contact", "BUT", contact, weight_place),
-        Module("weight", "ENF", push, weight_place),
+        Module("weight", "ENF", weight_fields, weight_place),
     )
 
 

@@ -50,7 +50,7 @@ class Checker:
         self.collector = uses.collector
         self.part_names = PartNames(self.collector, tuning=names.tuning)
         self.gestures_and_takes = GesturesAndTakes(names, uses)
-        self.matter = PartsReader(names, uses, self.part_names, self.gestures_and_takes)
+        self.parts = PartsReader(names, uses, self.part_names, self.gestures_and_takes)
         self._phrases_by_name: dict[str, Values | None] | None = None
 
     def piece(self) -> Piece:
@@ -64,34 +64,34 @@ class Checker:
         self._has_quarters = score_times.map.bars.has_quarters
         self.gestures_and_takes.has_quarters = self._has_quarters
         self.gestures_and_takes.add_defined(score.place)
-        self.matter.read()
+        self.parts.read()
         strikes = KnownEntries(memory, "strikes", score_file).read(
             score["strikes"] or (),
             self._strikes,
             self._struck_modules,
             self.part_names,
-            self.matter.by_name.get,
+            self.parts.by_name.get,
         )
         players = {v.context.name: self._player(v) for v in self._section_values("players")}
         written_mix = build_mix.mix(score["mix"], self.uses.files)
-        mix = routed_mix(written_mix, self.matter.by_name, self.part_names)
+        mix = routed_mix(written_mix, self.parts.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
-        self._reach_led(memory, score_file)
+        self._reference_automated_parts(memory, score_file)
         included = self._included(score_times, len(duet))
-        for struck in chain(strikes, *(included_piece.strikes for _, included_piece in included)):
-            for target in struck.to:
+        for entry in chain(strikes, *(included_piece.strikes for _, included_piece in included)):
+            for target in entry.to:
                 self.part_names.add_modules_of_struck(target)
-        self.matter.look_up()
-        automation_targets = AutomationTargets(self.matter, self.part_names, self.uses.midi)
-        for struck in strikes:
-            automation_targets.check_glides(struck)
+        self.parts.resolve_reached_parts()
+        automation_targets = AutomationTargets(self.parts, self.part_names, self.uses.midi)
+        for entry in strikes:
+            automation_targets.check_glides(entry)
         part_plays = self._plays(score_times.known)
         automation_changes = KnownEntries(memory, "automation", score_file).read(
             self.score["automation"] or (),
             automation_targets.read,
             automation_targets.modules,
             self.part_names,
-            self.matter.by_name.get,
+            self.parts.by_name.get,
         )
         for _, included_piece in included:
             part_plays = *part_plays, *included_piece.parts
@@ -102,12 +102,12 @@ class Checker:
         piece = Piece(
             title=score["title"],
             seed=score["seed"],
-            rate=self.matter.rate,
-            motion=self.matter.motion,
+            rate=self.parts.rate,
+            motion=self.parts.motion,
             tempo=score_times.entries,
             marks=score_times.marks,
-            keys=self.matter.keys,
-            instruments=self._computable(strikes, automation_changes, duet, memory),
+            keys=self.parts.keys,
+            instruments=self._computed_instruments(strikes, automation_changes, duet, memory),
             gestures=self.gestures_and_takes.gestures,
             takes=self.gestures_and_takes.takes,
             strikes=strikes,
@@ -122,7 +122,7 @@ class Checker:
             automation=automation_changes,
             blocks={n: text for n, text in (score["blocks"] or {}).items() if text is not MISSING},
             phrases=tuple(self._phrases()),
-            available=self._available(),
+            available=self._unplayed_instruments(),
             file_meters=score_times.file.meters,
             used=tuple(self.names.families),
             tuning=self.names.tuning,
@@ -134,7 +134,7 @@ class Checker:
             return piece
         return replace(piece, starts=start_beats(piece, begins, score_times.known, self.collector))
 
-    def _computable(
+    def _computed_instruments(
         self,
         strikes: Iterable[Strikes],
         changes: Iterable[Automation],
@@ -156,19 +156,21 @@ class Checker:
         def used() -> Iterator[tuple[str, str]]:
             for name, values in derived_values.items():
                 yield from ((name, module) for module in values["modules"] or ())
-            struck = (target for line in strikes for target in line.to)
+            struck_targets = (target for line in strikes for target in line.to)
             end_targets = (end for coupling in duet for end in (coupling.a, coupling.b))
-            yield from ((target.part, target.module) for target in chain(struck, end_targets))
+            yield from (
+                (target.part, target.module) for target in chain(struck_targets, end_targets)
+            )
             yield from (module_line for line in changes for module_line in line.modules)
 
-        parts, rate = self.matter.instruments, self.matter.rate
+        parts, rate = self.parts.instruments, self.parts.rate
         return without_modes_above(parts, transposed, used(), rate, self.collector, memory)
 
-    def _available(self) -> dict[str, Instrument]:
+    def _unplayed_instruments(self) -> dict[str, Instrument]:
         """Instruments that a file brings and nothing plays, or the first note of one with notes;
         names in them are not looked up.
         """
-        available = {}
+        unplayed = {}
         for instrument_name in self.names.tables["instruments"]:
             family = self.part_names.families.get(instrument_name)
             first_part = (
@@ -176,10 +178,10 @@ class Checker:
                 if family is None
                 else next(iter(family.parts.values()), instrument_name)
             )
-            instrument = self.matter.by_name.get(first_part)
-            if isinstance(instrument, Instrument) and first_part not in self.matter.instruments:
-                available[instrument_name] = instrument
-        return available
+            instrument = self.parts.by_name.get(first_part)
+            if isinstance(instrument, Instrument) and first_part not in self.parts.instruments:
+                unplayed[instrument_name] = instrument
+        return unplayed
 
     # --- what other scores play ------------------------------------------------------------------
 
@@ -189,9 +191,11 @@ class Checker:
         if self.uses.is_full or not self.names.included:
             return included
         n_lines = 0
-        taken_names = {v.context.name: None for v in self._section_values("strikes")}
+        taken_names = {
+            section_values.context.name: None for section_values in self._section_values("strikes")
+        }
         owners: dict[str, Player | None] = {
-            v.context.name: None for v in self._section_values("players")
+            section_values.context.name: None for section_values in self._section_values("players")
         }
         for include_entry, file_names in self.names.included:
             if not times.exists(include_entry.at, include_entry.values.place_of("at")):
@@ -211,7 +215,9 @@ class Checker:
                 self.collector.error("E105", message, include_entry.place)
                 break
             clashes = [
-                f"strikes {quote(s.name)}" for s in played_include.strikes if s.name in taken_names
+                f"strikes {quote(strikes_entry.name)}"
+                for strikes_entry in played_include.strikes
+                if strikes_entry.name in taken_names
             ]
             clashes += [
                 f"player {quote(name)}"
@@ -223,19 +229,19 @@ class Checker:
                 self.collector.error(
                     "E303", message, include_entry.place, help="include: {file: x, as: v2}"
                 )
-            taken_names |= {s.name: None for s in played_include.strikes}
+            taken_names |= {strikes_entry.name: None for strikes_entry in played_include.strikes}
             owners |= played_include.players
-            self._reach_included(piece, include_entry.prefix)
+            self._reference_included(piece, include_entry.prefix)
             included.append((include_entry, played_include))
         return included
 
-    def _reach_included(self, piece: Piece, prefix: str) -> None:
+    def _reference_included(self, piece: Piece, prefix: str) -> None:
         name_prefix = f"{prefix}." if prefix else ""
         self.part_names.referenced_parts |= {
             name_prefix + name for name in (*piece.keys, *piece.instruments)
         }
         for name in (*piece.gestures, *piece.takes):
-            self.gestures_and_takes.play(name_prefix + name)
+            self.gestures_and_takes.make(name_prefix + name)
 
     def _section_values(self, section: str) -> list[Values]:
         return [v for v in (self.score[section] or {}).values() if isinstance(v, Values)]
@@ -251,7 +257,9 @@ class Checker:
             player_values.error("E301", message, "key", word=player.key, names=tuple(keys))
         self.part_names.referenced_parts.add(player.key)
         if isinstance(player.standin, Name):
-            self.gestures_and_takes.reach(player.standin, player_values.context.label("standin"))
+            self.gestures_and_takes.make_named(
+                player.standin, player_values.context.label("standin")
+            )
         return player
 
     def _plays(self, known_plays: KnownPlays) -> tuple[Play, ...]:
@@ -268,33 +276,33 @@ class Checker:
                 player_names = tuple(self.score["players"] or {})
                 self.collector.error("E301", message, place, word=player_name, names=player_names)
             part_label = f"part of {quote(player_name)}"
-            unknown = {
+            unknown_names = {
                 word
                 for word in names_by_part.get(player_name, ())
-                if not self._reaches(word, part_label)
+                if not self._can_play(word, part_label)
             }
             n_plays = 0 if part_rows is MISSING else len(part_rows)
-            for play in part_plays[first_play : first_play + n_plays] if unknown else ():
+            for play in part_plays[first_play : first_play + n_plays] if unknown_names else ():
                 for played_word in play.names:
-                    if played_word in unknown and not any(
-                        played_word is unknown_word for unknown_word in unknown
+                    if played_word in unknown_names and not any(
+                        played_word is unknown_word for unknown_word in unknown_names
                     ):
-                        self._reaches(played_word, part_label)
+                        self._can_play(played_word, part_label)
             first_play += n_plays
         return part_plays
 
-    def _reaches(self, word: str, label: str) -> bool:
+    def _can_play(self, word: str, label: str) -> bool:
         """Make what a line plays; False if an error was reported. A rest is not made."""
-        return not isinstance(word, Name) or self.gestures_and_takes.reach(word, label)
+        return not isinstance(word, Name) or self.gestures_and_takes.make_named(word, label)
 
     def _strikes(self, values: Any) -> Strikes | None:
         if not isinstance(values, Values) or not melodies.has_required_fields(values):
             return None
         phrase = self._phrases().get(values["play"]) if values.written("play") else None
-        reading = in_tuning(values, phrase, self.part_names)
-        if reading is None:
+        tuning_context = in_tuning(values, phrase, self.part_names)
+        if tuning_context is None:
             return None
-        with reading:
+        with tuning_context:
             return self._strikes_by_kind(values)
 
     def _strikes_by_kind(self, strike_values: Values) -> Strikes | None:
@@ -304,10 +312,14 @@ class Checker:
             phrase = phrases.get(strike_values["play"]) if strikes_kind == "play" else None
             take = phrase if isinstance(phrase, Values) and melodies.is_midi(phrase) else None
             if take is not None:
-                self.uses.midi.play(take, has_lengths=True)
+                self.uses.midi.note_played(take, has_lengths=True)
             phrase_hits = melodies.hits_of(strike_values, self.part_names, phrases, self.uses.files)
-            if phrase_hits is not None and take is not None and self._has_press(phrase_hits[0]):
-                self.uses.midi.press(take)
+            if (
+                phrase_hits is not None
+                and take is not None
+                and self._has_pressure_act(phrase_hits[0])
+            ):
+                self.uses.midi.note_pressures(take)
             if phrase_hits is not None and not self._has_quarters and isinstance(phrase, Values):
                 phrase_hits = melodies.in_quarter_notes(phrase, *phrase_hits)
             if phrase_hits is None:
@@ -344,10 +356,10 @@ class Checker:
             for strike_target in (
                 strike_targets if passing.passing and passing.passing.is_by_pitch else ()
             ):
-                self._is_of_cells(strike_target, strikes_label)
-            return self._with_reaches(passing, strike_values)
+                self._check_pitched_members(strike_target, strikes_label)
+            return self._with_impulse_ranges(passing, strike_values)
         n_reports = self.collector.n_reports
-        strikes_built = self._with_reaches(
+        strikes_built = self._with_impulse_ranges(
             build.strikes(strike_values, strike_targets), strike_values
         )
         if strikes_built is None:
@@ -362,19 +374,19 @@ class Checker:
                 strikes_built, strike_values, voices, strikes_label
             )
         if strike_values.written("do") and self.collector.n_reports == n_reports:
-            do = phrase_do.rhythm_do(strike_values)
-            if do is None:
+            transforms = phrase_do.rhythm_transforms(strike_values)
+            if transforms is None:
                 return None
             return rhythm_strikes.transformed_strikes(
-                strikes_built, do, strike_values, self.part_names, target_names
+                strikes_built, transforms, strike_values, self.part_names, target_names
             )
         if strikes_built.voices:
             return strikes_built
         for strike_target in strikes_built.to if strikes_built.notes else ():
-            self._has_pitch(strike_target, strikes_label)
+            self._check_has_pitch(strike_target, strikes_label)
         return strikes_built
 
-    def _has_press(self, hits: Iterable[Hit]) -> bool:
+    def _has_pressure_act(self, hits: Iterable[Hit]) -> bool:
         """Whether the pressure on keys plays what is struck."""
         struck = {target.part for hit in hits for target in hit.to}
         return any(PRESS in self.part_names.parts[part].acts for part in struck)
@@ -385,26 +397,28 @@ class Checker:
         """
         if melodies.kind_of(values) != "play":
             return strikes
-        do = phrase_do.phrase_do(values)
+        phrase_transforms = phrase_do.phrase_transforms(values)
         phrase = self._phrases()[values["play"]]
-        if phrase is None or do is None or not do[1]:
+        if phrase is None or phrase_transforms is None or not phrase_transforms[1]:
             return strikes
         names = melodies.notes_in(phrase, values)
-        return rhythm_strikes.transformed_strikes(strikes, do[1], values, self.part_names, names)
+        return rhythm_strikes.transformed_strikes(
+            strikes, phrase_transforms[1], values, self.part_names, names
+        )
 
-    def _with_reaches(self, strikes: Strikes, strike_values: Values) -> Strikes | None:
+    def _with_impulse_ranges(self, strikes: Strikes, strike_values: Values) -> Strikes | None:
         """Strikes with the reaches of what they strike, if they have strengths; None if an error
         was reported.
         """
         strike_levels, error_label = strikes.levels, f"strikes {quote(strikes.name)}"
         if strike_levels is None or not strike_levels.has_strengths:
             return strikes
-        reaches = {}
+        range_by_part = {}
         for strike_target in strikes.to:
-            reach = self.part_names.required_impulse_range(strike_target, error_label)
-            if reach is None:
+            impulse_range = self.part_names.required_impulse_range(strike_target, error_label)
+            if impulse_range is None:
                 return None
-            reaches[strike_target.part] = reach
+            range_by_part[strike_target.part] = impulse_range
         if strikes.rate is not None and any(map(self.part_names.is_drawn, strikes.to)):
             message = (
                 f"{strike_values.context.label('rate')}: a bow is drawn for as long as a note; "
@@ -413,7 +427,7 @@ class Checker:
             strike_values.error("E111", message + "`every`, with `chance` if need be", "rate")
             return None
         if strikes.rate is not None and (
-            len(strike_levels.steps) > 1 or len({*reaches.values()}) > 1
+            len(strike_levels.steps) > 1 or len({*range_by_part.values()}) > 1
         ):
             message = (
                 f"{strike_values.context.label('rate')}: strikes by chance have one impulse; write "
@@ -423,7 +437,7 @@ class Checker:
                 "E111", message + "entry for each instrument and each strength", "rate"
             )
             return None
-        return replace(strikes, reaches=reaches)
+        return replace(strikes, reaches=range_by_part)
 
     def _along_direction(
         self, strike_values: Values, target_names: Sequence[Name], strikes_label: str
@@ -448,9 +462,9 @@ class Checker:
             strike_values.error("E111", f"{message} alone", contrary_fields[0])
             return None
         coordinate_targets = [
-            t
+            point_target
             for name in target_names
-            for t in self.part_names.targets(name, "points", strikes_label)
+            for point_target in self.part_names.targets(name, "points", strikes_label)
         ]
         for strike_target in coordinate_targets:
             axes = self.part_names.parts[strike_target.part].axes
@@ -479,14 +493,14 @@ class Checker:
             )
             strike_values.error("E103", message + "such as impulse: 2mNs", "along")
             return None
-        coordinates = tuple(
+        coordinate_points = tuple(
             replace(point, first=int(point.first) + axis * point.points, points=0)
             for axis in range(len(direction))
             for point in coordinate_targets
         )
         return replace(
             strikes_built,
-            to=coordinates,
+            to=coordinate_points,
             along=tuple(part / direction_length for part in direction),
         )
 
@@ -494,16 +508,20 @@ class Checker:
         """Phrases, and takes that are MIDI files."""
         if self._phrases_by_name is None:
             tables = self.names.tables
-            takes = {n: e.values for n, e in tables["takes"].items() if melodies.is_midi(e.values)}
+            takes = {
+                take_name: take_entry.values
+                for take_name, take_entry in tables["takes"].items()
+                if melodies.is_midi(take_entry.values)
+            }
             entries = tables["phrases"].items()
             phrases = {name: self.uses.resolved("phrases", entry)[0] for name, entry in entries}
             self._phrases_by_name = {**takes, **phrases}
         return self._phrases_by_name
 
-    def _has_pitch(self, strike_target: Target, strikes_label: str) -> None:
+    def _check_has_pitch(self, strike_target: Target, strikes_label: str) -> None:
         """Report a target that is not one CEL with values in SI units."""
         target_part = self.part_names.parts[strike_target.part]
-        struck_part = self.matter.by_name[strike_target.part]
+        struck_part = self.parts.by_name[strike_target.part]
         is_ca = isinstance(struck_part, Instrument) and struck_part.ca_rate is not None
         if target_part.modules[strike_target.module].kind != "CEL" or is_ca:
             message = (
@@ -519,7 +537,7 @@ class Checker:
                 "E304", message, strike_target.place, help=advice if is_tuned else None
             )
 
-    def _is_of_cells(self, strike_target: Target, strikes_label: str) -> None:
+    def _check_pitched_members(self, strike_target: Target, strikes_label: str) -> None:
         """Report a target whose members have no pitch each."""
         if self.part_names.parts[strike_target.part].modules[strike_target.module].kind not in (
             "CEL",
@@ -532,20 +550,26 @@ class Checker:
             message += "have; choose a sweep that needs no pitch: outward or rightward"
             self.collector.error("E304", message, strike_target.place)
 
-    def _reach_led(self, memory: Memory | None, file_name: str) -> None:
+    def _reference_automated_parts(self, memory: Memory | None, file_name: str) -> None:
         """Mark the parts that automation changes as reached: they belong to the piece."""
         automation_section = self.score["automation"] or ()
-        remembered = None if memory is None else memory.held(f"led {file_name}", None)
-        automation_before, name_counts, heads = remembered or ((), Counter[str](), frozenset())
-        if changed := changed_part(automation_before, automation_section):
+        remembered_counts = None if memory is None else memory.held(f"led {file_name}", None)
+        automation_before, name_counts, path_prefixes = remembered_counts or (
+            (),
+            Counter[str](),
+            frozenset(),
+        )
+        if changed_range := changed_part(automation_before, automation_section):
             name_counts = name_counts.copy()
-            name_counts.subtract(map(_led, changed.before))
-            name_counts.update(map(_led, changed.now))
+            name_counts.subtract(map(_automated_path, changed_range.before))
+            name_counts.update(map(_automated_path, changed_range.now))
             name_counts = +name_counts
-            heads = {part for name in name_counts for part in accumulate(name.split("."), _joined)}
+            path_prefixes = {
+                part for name in name_counts for part in accumulate(name.split("."), _joined_path)
+            }
         if memory is not None:
-            memory.hold(f"led {file_name}", None, (automation_section, name_counts, heads))
-        self.part_names.referenced_parts |= heads & self.matter.by_name.keys()
+            memory.hold(f"led {file_name}", None, (automation_section, name_counts, path_prefixes))
+        self.part_names.referenced_parts |= path_prefixes & self.parts.by_name.keys()
 
     def _struck_modules(
         self, strikes: Strikes, strike_values: Values
@@ -582,7 +606,7 @@ class Checker:
             message = "coupling: what follows a MAT stands in an instrument; link the keys there"
             self.collector.error("E304", message, coupling_built.place)
             return None
-        laws = self.matter.laws((coupling_built.link,), self.names)
+        laws = self.parts.laws((coupling_built.link,), self.names)
         coupling_label = f"{coupling_built.link.kind} of a coupling"
         coupling_link = rules.with_checked_law(
             coupling_built.link, laws, values.by_name[values.kind], coupling_label, self.collector
@@ -593,10 +617,10 @@ class Checker:
         return replace(coupling_built, link=coupling_link, a=first_key, b=second_key)
 
 
-def _led(values: Any) -> str:
+def _automated_path(values: Any) -> str:
     """The parameter that an entry of automation changes, as written."""
     return str(values["set"] or values["lfo"] or "") if isinstance(values, Values) else ""
 
 
-def _joined(prefix: str, word: str) -> str:
+def _joined_path(prefix: str, word: str) -> str:
     return f"{prefix}.{word}"

@@ -14,7 +14,7 @@ from ergon.scores.reading.rhythms import ANY_WORD, Rhythm
 
 NO_CYCLES_REASON = "melodies, sweeps and strikes by chance have no cycle to transform"
 # Ways of a pattern to take one of its items in each round, as brackets of a rhythm.
-_BY_CHANCE = {"choose": "[{}]", "walk": "<{}>"}
+_CHOICE_BRACKETS = {"choose": "[{}]", "walk": "<{}>"}
 _UNSUPPORTED_CHOICE_MESSAGE = (
     "`{}` plays all of its items in each round, in a new order; a rhythm has one of them by chance "
     "([c4 | e4]) or a walk (<c4 | e4>)"
@@ -94,8 +94,8 @@ def _pattern_text(pattern_order: Group, strikes: Strikes) -> tuple[str, int]:
     if not strikes.voices and any(leaf.name in strikes.notes for leaf in pattern_order.leaves()):
         raise TextError("notes of a CEL without `notes` cannot be written as a rhythm")
     item_words = [_item_text(item, strikes) for item in pattern_order.items]
-    if pattern_order.way in _BY_CHANCE:
-        return _BY_CHANCE[pattern_order.way].format("|".join(item_words)), 1
+    if pattern_order.way in _CHOICE_BRACKETS:
+        return _CHOICE_BRACKETS[pattern_order.way].format("|".join(item_words)), 1
     if pattern_order.way != "in turn":
         raise TextError(_UNSUPPORTED_CHOICE_MESSAGE.format(pattern_order.way))
     return " ".join(item_words), pattern_order.steps
@@ -106,9 +106,9 @@ def _item_text(order_item: Leaf | Group, strikes: Strikes) -> str:
     if isinstance(order_item, Leaf):
         name = ANY_WORD if strikes.voices == {} else notes.scale_step(order_item.name or "")
         return f"{'~' if order_item.name is None else name}{weight_text}"
-    inner = [_item_text(part, strikes) for part in order_item.items]
-    if order_item.way in _BY_CHANCE:
-        return _BY_CHANCE[order_item.way].format("|".join(inner)) + weight_text
+    inner_texts = [_item_text(part, strikes) for part in order_item.items]
+    if order_item.way in _CHOICE_BRACKETS:
+        return _CHOICE_BRACKETS[order_item.way].format("|".join(inner_texts)) + weight_text
     if order_item.way != "in turn":
         raise TextError(_UNSUPPORTED_CHOICE_MESSAGE.format(order_item.way))
-    return f"[{' '.join(inner)}]{weight_text}"
+    return f"[{' '.join(inner_texts)}]{weight_text}"

@@ -35,8 +35,8 @@ def parse_curve(curve_text: str, read_amount: ReadAmount) -> tuple[CurvePoint, .
     fault.
     """
     amounts: list[Amount] = []
-    moved: list[tuple[int, int]] = []  # (offset in the parsed text, offset as written)
-    pieces, text_offset, value_length = [], 0, 0
+    moved_offsets: list[tuple[int, int]] = []  # (offset in the parsed text, offset as written)
+    notation_pieces, text_offset, value_length = [], 0, 0
     for value_match in _VALUE.finditer(curve_text):
         try:
             amount = read_amount(value_match.group())
@@ -47,15 +47,17 @@ def parse_curve(curve_text: str, read_amount: ReadAmount) -> tuple[CurvePoint, .
             amounts.append(amount)
         # Write each value as a position of a gesture: its index in metres.
         for part in (curve_text[text_offset : value_match.start()], f"{amounts.index(amount)}m"):
-            pieces.append(part)
+            notation_pieces.append(part)
             value_length += len(part)
         text_offset = value_match.end()
-        moved.append((value_length, text_offset))
-    pieces.append(curve_text[text_offset:])
+        moved_offsets.append((value_length, text_offset))
+    notation_pieces.append(curve_text[text_offset:])
     try:
-        curve_points = notation.parse("".join(pieces), events_max=MAX_POINTS).points
+        curve_points = notation.parse("".join(notation_pieces), events_max=MAX_POINTS).points
     except TextError as error:
-        offsets_before = [pair for pair in moved if pair[0] <= error.offset]
+        offsets_before = [
+            offset_pair for offset_pair in moved_offsets if offset_pair[0] <= error.offset
+        ]
         if offsets_before:
             error.offset += offsets_before[-1][1] - offsets_before[-1][0]
         if isinstance(error, notation.HoldMovesError):

@@ -24,13 +24,13 @@ from ergon.scores.reading.playing import Gesture, Key, Play, PlayingOptions, Tak
 from ergon.scores.reading.rhythms import Rhythm
 
 
-def is_same_matter(piece: Piece, other_piece: Piece) -> bool:
+def is_same_network(piece: Piece, other_piece: Piece) -> bool:
     """Whether two pieces have the same modules, heard in the same way, whatever is played on them.
 
     Text, comments and places do not count, as in `digest_of`; comparing digests would take
     ten times as long.
     """
-    return is_same(_matter_fields(piece), _matter_fields(other_piece))
+    return is_same(_network_fields(piece), _network_fields(other_piece))
 
 
 def is_same(first_value: Any, second_value: Any) -> bool:
@@ -62,7 +62,7 @@ def is_same(first_value: Any, second_value: Any) -> bool:
     return [*_hash_chunks(first_value)] == [*_hash_chunks(second_value)]
 
 
-_matter_fields = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
+_network_fields = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
 
 
 def digest_of(digested_value: Any) -> str:
@@ -71,10 +71,10 @@ def digest_of(digested_value: Any) -> str:
 
     A file that is read while rendering counts by its content.
     """
-    sha = hashlib.sha256()
+    sha256 = hashlib.sha256()
     for chunk in _hash_chunks(digested_value):
-        sha.update(chunk)
-    return sha.hexdigest()
+        sha256.update(chunk)
+    return sha256.hexdigest()
 
 
 _UNHASHED_FIELDS = {  # places and texts do not count
@@ -120,13 +120,13 @@ def _hashed_levels(hashed_value: Any) -> Any:
     return hashed_value
 
 
-def _fields_hashed(earlier_value: Any) -> Any:
+def _fields_hashed(field_values: Any) -> Any:
     """The fields of a module, without fields that were added later and have their defaults."""
-    if not isinstance(earlier_value, Mapping):
-        return earlier_value
+    if not isinstance(field_values, Mapping):
+        return field_values
     return {
         name: field_value
-        for name, field_value in earlier_value.items()
+        for name, field_value in field_values.items()
         if name not in HASH_OMITS_DEFAULTS or field_value != HASH_OMITS_DEFAULTS[name]
     }
 
@@ -136,24 +136,24 @@ def _hash_chunks(hashed_value: Any) -> Iterator[bytes]:
     if is_dataclass(hashed_value) and not isinstance(hashed_value, type):
         if isinstance(hashed_value, (Place, Scalar)):
             return
-        skipped = _UNHASHED_FIELDS.get(type(hashed_value), ())
+        skipped_fields = _UNHASHED_FIELDS.get(type(hashed_value), ())
         yield (
             b"{" + _HASHED_TYPE_NAMES.get(type(hashed_value), type(hashed_value).__name__).encode()
         )
         for value_field in fields(hashed_value):
-            field_chunks = getattr(hashed_value, value_field.name)
-            is_omitted = (value_field.metadata.get("hash_omits_empty") and not field_chunks) or (
-                value_field.metadata.get("hash_omits_none") and field_chunks is None
+            field_content = getattr(hashed_value, value_field.name)
+            is_omitted = (value_field.metadata.get("hash_omits_empty") and not field_content) or (
+                value_field.metadata.get("hash_omits_none") and field_content is None
             )
-            if value_field.name not in skipped and not is_omitted:
+            if value_field.name not in skipped_fields and not is_omitted:
                 field_name = _HASHED_FIELD_NAMES.get((type(hashed_value), value_field.name))
                 yield f".{field_name or value_field.name}=".encode()
                 if field_name:
-                    field_chunks = _hashed_levels(field_chunks)
+                    field_content = _hashed_levels(field_content)
                 yield from _hash_chunks(
-                    _fields_hashed(field_chunks)
+                    _fields_hashed(field_content)
                     if isinstance(hashed_value, Module)
-                    else field_chunks
+                    else field_content
                 )
         yield b"}"
     elif isinstance(hashed_value, Mapping):

@@ -32,9 +32,9 @@ def library() -> Mapping[str, tuple[Member, ...]]:
     """
     families_by_name = {}
     for path in sorted(INSTRUMENTS.glob("*.yaml")):
-        read = Files(Collector(), path.parent).open(path, None)
-        if read is not None and (members_read := members(read)):
-            families_by_name[path.stem] = members_read
+        family_document = Files(Collector(), path.parent).open(path, None)
+        if family_document is not None and (family_members := members(family_document)):
+            families_by_name[path.stem] = family_members
     return families_by_name
 
 

@@ -39,7 +39,7 @@ class GesturesAndTakes:
         score.
         """
         for defined_name, named_entry in self._tables["gestures"].items():
-            if named_entry.brought is None:
+            if named_entry.brought_place is None:
                 self._gesture(defined_name, named_entry)
             if defined_name in self._tables["takes"]:
                 message = (
@@ -48,10 +48,10 @@ class GesturesAndTakes:
                 )
                 self._collector.error("E303", message, named_entry.place or section_place)
         for defined_name, named_entry in self._tables["takes"].items():
-            if named_entry.brought is None:
+            if named_entry.brought_place is None:
                 self.take(defined_name, named_entry)
 
-    def play(self, name: str) -> bool:
+    def make(self, name: str) -> bool:
         """Make the gesture or take of a name; False if there is none."""
         gestures, takes = self._tables["gestures"], self._tables["takes"]
         if name in gestures:
@@ -66,9 +66,9 @@ class GesturesAndTakes:
             return False
         return True
 
-    def reach(self, name: Name, label: str) -> bool:
+    def make_named(self, name: Name, label: str) -> bool:
         """Make what `label` plays; False if an error was reported because nothing has that name."""
-        is_there = self.play(name)
+        is_there = self.make(name)
         if name in self._paths:
             axes = ", ".join(self._paths[name])
             message = f"{label}: {quote(name)} is a path in space; play one of its axes: {axes}"
@@ -96,8 +96,8 @@ class GesturesAndTakes:
                 for axis, gesture_of_axis in (gestures_built or {}).items()
                 if axis
             }
-            for called_so, gesture_of_axis in axis_gestures.items():
-                self._keep(called_so, gesture_of_axis)
+            for same_named, gesture_of_axis in axis_gestures.items():
+                self._keep(same_named, gesture_of_axis)
             if axis_gestures:
                 self._paths[name] = tuple(axis_gestures)
 
@@ -116,7 +116,7 @@ class GesturesAndTakes:
         """Make a gesture of a MIDI take that a hand plays."""
         if name not in self._gestures_by_name:
             self.take(name, entry)
-            self._uses.midi.play(entry.values, has_lengths=False)
+            self._uses.midi.note_played(entry.values, has_lengths=False)
             files, room = self._uses.files, self._room
             self._keep(
                 name, midi_gesture.gesture_of_take(entry.values, files, room, self.has_quarters)

@@ -23,7 +23,7 @@ from ergon.scores.reading.rhythms import retargeted
 
 MAX_INCLUDED = 200_000  # lines of parts, strikes, automation and couplings of a piece
 # Sections of an included file that are ignored: those of the including score hold.
-YIELDING_SECTIONS = ("tempo", "rates")
+OVERRIDDEN_SECTIONS = ("tempo", "rates")
 
 INCLUDE_RECORD = Record(
     "include",
@@ -112,39 +112,39 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
     `first_link` is the number of couplings before. Reports pitches that cannot be transposed.
     """
     _check_pitches(piece, include, collector)
-    named = _prefixer(include.prefix)
+    prefixed = _prefixer(include.prefix)
     moved = _position_mover(include.at, piece.tempo_map)
-    until_position = _optional(moved)
+    until_position = _optional_mover(moved)
 
-    included_copy = _Copy(named, moved, until_position)
+    include_copy = _IncludedCopy(prefixed, moved, until_position)
     players = {
-        named(item.name): replace(
+        prefixed(item.name): replace(
             item,
-            name=named(item.name),
-            key=named(item.key),
-            standin=None if item.standin is None else named(item.standin),
+            name=prefixed(item.name),
+            key=prefixed(item.key),
+            standin=None if item.standin is None else prefixed(item.standin),
         )
         for item in piece.players.values()
     }
     played_parts = tuple(
         replace(
             item,
-            player=named(item.player),
-            what=named(item.what) if item.pattern is None else item.what,
+            player=prefixed(item.player),
+            what=prefixed(item.what) if item.pattern is None else item.what,
             at=moved(item.at),
             until=until_position(item.until),
             pattern=None
             if item.pattern is None
-            else replace(item.pattern, order=_renamed_order(item.pattern.order, named)),
+            else replace(item.pattern, order=_renamed_order(item.pattern.order, prefixed)),
         )
         for item in piece.parts
     )
-    strikes = tuple(map(included_copy.strike, piece.strikes))
+    strikes = tuple(map(include_copy.strike, piece.strikes))
     automation = tuple(
         replace(
             item,
-            target=included_copy.target(item.target),
-            other_notes=tuple(map(included_copy.target, item.other_notes)),
+            target=include_copy.target(item.target),
+            other_notes=tuple(map(include_copy.target, item.other_notes)),
             at=moved(item.at),
             until=until_position(item.until),
         )
@@ -154,8 +154,8 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
         replace(
             item,
             link=replace(item.link, name=f"duet{number}"),
-            a=included_copy.target(item.a),
-            b=included_copy.target(item.b),
+            a=include_copy.target(item.a),
+            b=include_copy.target(item.b),
             at=moved(item.at),
             until=until_position(item.until),
         )
@@ -164,33 +164,33 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
     return Played(players, played_parts, strikes, automation, duet)
 
 
-class _Copy(NamedTuple):
+class _IncludedCopy(NamedTuple):
     """How what an included piece plays is renamed and moved."""
 
-    named: Callable[[str], str]
+    prefixed: Callable[[str], str]
     moved: Callable[[Position], Position]
     until: Callable[[Position | None], Position | None]
 
     def target(self, target_read: Target) -> Target:
         return replace(
-            target_read, part=self.named(target_read.part), text=self.named(target_read.text)
+            target_read, part=self.prefixed(target_read.part), text=self.prefixed(target_read.text)
         )
 
     def targets(self, targets_read: tuple[Target, ...]) -> tuple[Target, ...]:
         return tuple(map(self.target, targets_read))
 
     def strike(self, item: Strikes) -> Strikes:
-        named, moved = self.named, self.moved
+        prefixed, moved = self.prefixed, self.moved
         return replace(
             item,
-            name=named(item.name),
+            name=prefixed(item.name),
             to=self.targets(item.to),
             at=moved(item.at),
             until=self.until(item.until),
             voices={word: self.targets(names) for word, names in item.voices.items()},
             rhythm=item.rhythm and retargeted(item.rhythm, self.target),
-            reaches={named(part): reach for part, reach in item.reaches.items()},
-            glides=tuple(replace(g, target=self.target(g.target)) for g in item.glides),
+            reaches={prefixed(part): impulse_range for part, impulse_range in item.reaches.items()},
+            glides=tuple(replace(glide, target=self.target(glide.target)) for glide in item.glides),
             hits=tuple(
                 replace(
                     hit,
@@ -207,7 +207,7 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
     if include.values["transpose"] is None:
         return
     transpose_place = include.values.place_of("transpose")
-    fixed = [
+    fixed_pitches = [
         f"automation of {quote(entry.name)}"
         for entry in piece.automation
         if entry.parameter == "f"
@@ -221,8 +221,8 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
             )
         )
     ]
-    fixed += [f"strikes {quote(entry.name)}" for entry in piece.strikes if entry.notes]
-    for moved_item in fixed:
+    fixed_pitches += [f"strikes {quote(entry.name)}" for entry in piece.strikes if entry.notes]
+    for moved_item in fixed_pitches:
         message = f"transpose of include: {moved_item} in {include.file} sets pitches, which stay"
         help = "write its values as factors, such as x1.5, or leave `transpose` out"
         collector.error("E304", message, transpose_place, help=help)
@@ -242,26 +242,28 @@ def _position_mover(start_position: Position, tempo: TempoMap) -> Callable[[Posi
         beats = tempo.resolve(
             replace(written_position, plus=replace(written_position.plus, seconds=0.0))
         )
-        plus = start_position.plus
-        moved_length = Length(plus.bars, plus.beats + beats, plus.seconds + plus_seconds)
+        later_length = start_position.plus
+        moved_length = Length(
+            later_length.bars, later_length.beats + beats, later_length.seconds + plus_seconds
+        )
         return replace(start_position, plus=moved_length, text=written_position.text)
 
     return moved
 
 
-def _optional(
+def _optional_mover(
     moved: Callable[[Position], Position],
 ) -> Callable[[Position | None], Position | None]:
     return lambda value: None if value is None else moved(value)
 
 
-def _renamed_order(pattern_order: Group, named: Callable[[str], str]) -> Group:
+def _renamed_order(pattern_order: Group, prefixed: Callable[[str], str]) -> Group:
     renamed_items = tuple(
-        _renamed_order(item, named)
+        _renamed_order(item, prefixed)
         if isinstance(item, Group)
         else item
         if item.name is None
-        else Leaf(named(item.name), item.span, item.places)
+        else Leaf(prefixed(item.name), item.span, item.places)
         for item in pattern_order.items
     )
     return replace(pattern_order, items=renamed_items)

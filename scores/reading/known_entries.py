@@ -35,7 +35,7 @@ class _Section(NamedTuple):
     section: object
     entries: tuple[Any, ...]
     meanings: tuple[Any, ...]
-    known: list[_Meaning | None]
+    results: list[_Meaning | None]
     uses: Counter[_Module]
     states: dict[_Module, Any]
 
@@ -71,14 +71,14 @@ class KnownEntries:
         changed = {
             module for module, state in earlier.states.items() if states_now[module] != state
         }
-        if earlier.section is section and not changed and None not in earlier.known:
+        if earlier.section is section and not changed and None not in earlier.results:
             names.referenced_parts |= {part for part, _ in earlier.uses if owner(part) is not None}
             return earlier.meanings
         section_entries = tuple(section.values() if isinstance(section, Mapping) else section)
         replaced = changed_part(earlier.entries, section_entries)
-        removed = earlier.known[replaced.start : replaced.start + len(replaced.before)]
+        removed = earlier.results[replaced.start : replaced.start + len(replaced.before)]
         known_results: list[_Meaning | None] = replaced.put(
-            earlier.known, [None] * len(replaced.now)
+            earlier.results, [None] * len(replaced.now)
         )
         if changed:
             stale: list[_Meaning | None] = [
@@ -136,17 +136,17 @@ def _module_state(module_key: _Module, part_names: PartNames, owner: Callable[[s
     there.
     """
     part_name, module_name = module_key
-    holder = owner(part_name)
-    if holder is None or part_name not in part_names.parts:
+    owning_part = owner(part_name)
+    if owning_part is None or part_name not in part_names.parts:
         return None
     part_modules = part_names.parts[part_name].modules
     acts = [
         (act.name, act.at, act.reach, act.holds, act.is_drawn)
         for act in part_names.parts[part_name].acts.values()
     ]
-    ca_rate = getattr(holder, "ca_rate", None)
+    ca_rate = getattr(owning_part, "ca_rate", None)
     if module_name:
         module = part_modules.get(module_name)
         return None if module is None else (module.kind, module.fields, ca_rate, acts)
     fields = [(module.name, module.kind, module.fields) for module in part_modules.values()]
-    return fields, ca_rate, getattr(holder, "pitch", None), acts
+    return fields, ca_rate, getattr(owning_part, "pitch", None), acts

@@ -78,12 +78,17 @@ def resolve_names(
         return old_part.resolved
     modules_written = owning_part.modules.values()
     module_kinds = [
-        (m.name, m.kind) if m.kind in _SELF_CONTAINED_KINDS else m for m in modules_written
+        (module.name, module.kind) if module.kind in _SELF_CONTAINED_KINDS else module
+        for module in modules_written
     ]
     old_entries: Mapping[str, _KnownModule] = {}
     if old_part is not None and old_part.kinds == module_kinds:
         old_entries = _unchanged_entries(old_part, owning_part, parts_by_name)
-    reached, searched, rules = part_names.referenced_parts, part_names.searched_parts, make_rules()
+    reached_parts, searched, rules = (
+        part_names.referenced_parts,
+        part_names.searched_parts,
+        make_rules(),
+    )
     new_entries: dict[str, _KnownModule] = {}
     for module_name, written_module in owning_part.modules.items():
         known_entry = old_entries.get(module_name)
@@ -99,7 +104,7 @@ def resolve_names(
             is_known &= part_names.collector.n_reports == n_reports
         new_entries[module_name] = known_entry
     all_reached = frozenset[str]().union(*(entry.reached for entry in new_entries.values()))
-    part_names.referenced_parts, part_names.searched_parts = reached | all_reached, searched
+    part_names.referenced_parts, part_names.searched_parts = reached_parts | all_reached, searched
     resolved_modules = tuple(
         [entry.resolved for entry in new_entries.values() if entry.resolved is not None]
     )
@@ -110,12 +115,12 @@ def resolve_names(
             for name, entry in new_entries.items()
             if entry.written.kind not in _DEPENDENT_KINDS
         }
-        needed = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
-        complete = resolved_modules if len(lasting_entries) == len(new_entries) else None
+        parts_needed = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
+        all_resolved = resolved_modules if len(lasting_entries) == len(new_entries) else None
         memory.hold(
             f"modules {owning_part.name}",
             condition,
-            _KnownPart(module_kinds, lasting_entries, needed, all_reached, complete),
+            _KnownPart(module_kinds, lasting_entries, parts_needed, all_reached, all_resolved),
         )
     return resolved_modules
 

@@ -13,7 +13,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Gesture, Play
 
 
-class Known(NamedTuple):
+class KnownValues(NamedTuple):
     """A value for each item, None for those that are `unknown`, by their numbers."""
 
     items: Sequence[Any]
@@ -30,13 +30,13 @@ class KnownPlays:
         """Take the score's file. Without a memory nothing is known."""
         self._memory, self._file, self._times = memory, file, times
 
-    def recall(self, subject: str, items: Sequence[Any], condition: Any = None) -> Known:
+    def recall(self, subject: str, items: Sequence[Any], condition: Any = None) -> KnownValues:
         """What was kept for these items."""
         old_values = None
         if self._memory is not None:
             old_values = self._memory.held(f"{subject} {self._file}", (self._times, condition))
         if old_values is None:
-            return Known(items, [None] * len(items), [*range(len(items))])
+            return KnownValues(items, [None] * len(items), [*range(len(items))])
         if old_values.items is items:
             return old_values  # type: ignore[no-any-return]
         changed_range = changed_part(old_values.items, items)
@@ -45,20 +45,22 @@ class KnownPlays:
             changed_range.start,
             changed_range.start + len(changed_range.before),
         )
-        shift = len(items) - len(old_values.items)
-        unknown = [number for number in old_values.unknown if number < first_changed]
-        unknown += range(first_changed, first_changed + len(changed_range.now))
-        unknown += [number + shift for number in old_values.unknown if number >= stop_changed]
-        return Known(items, recalled_values, unknown)
+        index_shift = len(items) - len(old_values.items)
+        unknown_numbers = [number for number in old_values.unknown if number < first_changed]
+        unknown_numbers += range(first_changed, first_changed + len(changed_range.now))
+        unknown_numbers += [
+            number + index_shift for number in old_values.unknown if number >= stop_changed
+        ]
+        return KnownValues(items, recalled_values, unknown_numbers)
 
-    def keep(self, subject: str, known_values: Known, condition: Any = None) -> None:
+    def keep(self, subject: str, known_values: KnownValues, condition: Any = None) -> None:
         """Keep what is known now."""
         if self._memory is not None:
-            unknown = [
+            unknown_numbers = [
                 number for number in known_values.unknown if known_values.values[number] is None
             ]
-            lasting = Known(known_values.items, known_values.values, unknown)
-            self._memory.hold(f"{subject} {self._file}", (self._times, condition), lasting)
+            lasting_values = KnownValues(known_values.items, known_values.values, unknown_numbers)
+            self._memory.hold(f"{subject} {self._file}", (self._times, condition), lasting_values)
 
     def plays(
         self, parts: Mapping[str, Any]
@@ -83,20 +85,22 @@ class KnownPlays:
             self._memory.hold(memory_key, (parts,), (plays, names_by_player))
         return plays, names_by_player
 
-    def starts(self, piece: Piece) -> Known:
+    def starts(self, piece: Piece) -> KnownValues:
         """The beats of the occurrences of each line and their number; nothing is known if a gesture
         that some line plays has changed.
         """
         old_gestures: Mapping[str, Gesture | None] = {}
         if self._memory is not None:
             old_gestures = self._memory.held(f"gestures {self._file}", None) or {}
-        pairs = ((gesture, piece.gestures.get(name)) for name, gesture in old_gestures.items())
-        if all(_is_same(*pair) for pair in pairs):
+        gesture_pairs = (
+            (gesture, piece.gestures.get(name)) for name, gesture in old_gestures.items()
+        )
+        if all(_is_same(*pair) for pair in gesture_pairs):
             return self.recall("starts", piece.parts, piece.seed)
         n_parts = len(piece.parts)
-        return Known(piece.parts, [None] * n_parts, [*range(n_parts)])
+        return KnownValues(piece.parts, [None] * n_parts, [*range(n_parts)])
 
-    def keep_starts(self, piece: Piece, starts: Known) -> None:
+    def keep_starts(self, piece: Piece, starts: KnownValues) -> None:
         """Keep the beats of the occurrences of each line."""
         if self._memory is not None:
             names_by_play = self.recall("names", piece.parts)
@@ -107,7 +111,7 @@ class KnownPlays:
             self._memory.hold(f"gestures {self._file}", None, gestures)
             self.keep("starts", starts, piece.seed)
 
-    def beats(self, starts: Known) -> tuple[Sequence[float] | None, ...]:
+    def beats(self, starts: KnownValues) -> tuple[Sequence[float] | None, ...]:
         """The beats alone; those of the same lines are the same object."""
         memory_key = f"beats {self._file}"
         old_beats = (
@@ -115,7 +119,9 @@ class KnownPlays:
         )
         if old_beats is not None:
             return old_beats  # type: ignore[no-any-return]
-        beats = tuple([pair and pair[0] for pair in starts.values])
+        beats = tuple(
+            [starts_and_count and starts_and_count[0] for starts_and_count in starts.values]
+        )
         if self._memory is not None:
             self._memory.hold(memory_key, (starts.values,), beats)
         return beats

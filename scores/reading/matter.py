@@ -79,7 +79,7 @@ class PartsReader:
                     )
                     self._collector.error("E303", message, named_entry.place or self._score.place)
                     continue
-                resolved_values, selves = self._uses.resolved(section_name, named_entry)
+                resolved_values, self_names = self._uses.resolved(section_name, named_entry)
                 if resolved_values is None:
                     self._part_names.refused_parts.add(part_name)
                     continue
@@ -88,9 +88,11 @@ class PartsReader:
                     self._part_names.tunings[part_name] = tuned
                 with tuning.used(tuned or self._names.tuning):
                     if section_name == "instruments" and resolved_values.written("notes"):
-                        self._notes(part_name, named_entry, resolved_values, selves)
+                        self._notes(part_name, named_entry, resolved_values, self_names)
                     else:
-                        self._part(section_name, part_name, named_entry, resolved_values, selves)
+                        self._part(
+                            section_name, part_name, named_entry, resolved_values, self_names
+                        )
 
     def _part(
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
@@ -99,14 +101,21 @@ class PartsReader:
         part_object = with_name(self._read_part(section, name, entry, values), name)
         struck_module = part_object.struck if isinstance(part_object, Key) else None
         modules_by_name = {module.name: module for module in part_object.modules}
-        broken = frozenset(values["modules"] or {}).difference(modules_by_name)
+        refused_modules = frozenset(values["modules"] or {}).difference(modules_by_name)
         n_axes, acts = 1, {}
         if isinstance(part_object, Instrument):
             n_axes, acts = part_object.axes, {act.name: act for act in part_object.acts}
         if values.written("out") and "out" not in values.by_name:
             self._part_names.refused_parts.add(name)
         self._part_names.parts[name] = PartContents(
-            name, modules_by_name, struck_module, entry.prefix, broken, selves, n_axes, acts
+            name,
+            modules_by_name,
+            struck_module,
+            entry.prefix,
+            refused_modules,
+            selves,
+            n_axes,
+            acts,
         )
         if acts:
             label = values.context.label("ready")
@@ -181,8 +190,8 @@ class PartsReader:
                 )
         for note in note_names:
             part = f"{name}.{note}"
-            pitched = self._values_at_note(part, values, note, entry.values)
-            self._part("instruments", part, entry, pitched, selves | {name})
+            values_at_pitch = self._values_at_note(part, values, note, entry.values)
+            self._part("instruments", part, entry, values_at_pitch, selves | {name})
 
     def _values_at_note(
         self, part_name: str, instrument_values: Values, note_name: str, member: object
@@ -192,36 +201,36 @@ class PartsReader:
         memory, memory_key = self._uses.files.memory, f"note {part_name}"
         old_values = None if memory is None else memory.held_for(memory_key, instrument_values)
         if old_values is not None and old_values[0] == interval:
-            pitched: Values = old_values[1]
-            return pitched
+            values_at_pitch: Values = old_values[1]
+            return values_at_pitch
         n_reports = self._collector.n_reports
-        pitched = overlay.shifted_note(instrument_values, note_name, interval)
+        values_at_pitch = overlay.shifted_note(instrument_values, note_name, interval)
         if memory is not None and self._collector.n_reports == n_reports:
-            memory.hold(memory_key, (instrument_values,), (interval, pitched))
-        return pitched
+            memory.hold(memory_key, (instrument_values,), (interval, values_at_pitch))
+        return values_at_pitch
 
     def _read_part(
         self, section_name: str, part_name: str, named_entry: Entry, part_values: Values
     ) -> Key | Instrument:
         memory = self._uses.files.memory
         amounts_by_name = tuple(named_amounts(part_values.node.document).names.items())
-        make: Callable[[Values], Key | Instrument] = partial(self._instrument, amounts_by_name)
+        make_part: Callable[[Values], Key | Instrument] = partial(self._instrument, amounts_by_name)
         if section_name == "keys":
-            make = partial(build.key, files=self._uses.files)
+            make_part = partial(build.key, files=self._uses.files)
         is_file_read = section_name == "keys" and part_values["calib"] is not None
         if memory is None or is_file_read:
-            return make(part_values)
+            return make_part(part_values)
         # The key has the name too, because one node may have several names (a YAML alias).
         key = section_name, part_values.node, part_values.context.name, amounts_by_name
         if part_values is named_entry.values:
-            return memory.recall(key, partial(make, part_values))
+            return memory.recall(key, partial(make_part, part_values))
         # Values that were merged (`like`, `from`) have the node of one of them.
         memory_key = f"made {section_name} {part_name} {part_values.node.document.file}"
         old_part = memory.held(memory_key, amounts_by_name)
         if old_part is not None and old_part[0] is part_values:
             return old_part[1]  # type: ignore[no-any-return]
         n_reports = self._collector.n_reports
-        new_part = make(part_values)
+        new_part = make_part(part_values)
         if self._collector.n_reports == n_reports:
             memory.hold(memory_key, amounts_by_name, (part_values, new_part))
         return new_part
@@ -250,14 +259,18 @@ class PartsReader:
         memory.hold(memory_key, amounts_key, new_modules)
         return result
 
-    def look_up(self) -> None:
+    def resolve_reached_parts(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
-        todo = [n for n, (entry, _) in self._written.items() if entry.brought is None]
-        todo += sorted(self._part_names.referenced_parts - set(todo))
+        unread_parts = [
+            part_word
+            for part_word, (entry, _) in self._written.items()
+            if entry.brought_place is None
+        ]
+        unread_parts += sorted(self._part_names.referenced_parts - set(unread_parts))
         parts_done: set[str] = set()
         mat_total = 0
-        while todo:
-            part_name = todo.pop(0)
+        while unread_parts:
+            part_name = unread_parts.pop(0)
             if part_name in parts_done or part_name not in self._written:
                 continue
             parts_done.add(part_name)
@@ -266,26 +279,27 @@ class PartsReader:
             named_part = self._part_names.parts[part_name]
             takes = self._names.tables["takes"]
             resolved_modules = self._resolved(named_part, takes)
-            n_mats, sources = self._contents(part_name, resolved_modules)
+            n_mats, take_names = self._contents(part_name, resolved_modules)
             mat_total += n_mats
-            for source in sources:
-                if source in takes:
-                    self._gestures_and_takes.take(source, takes[source])
+            for take_name in take_names:
+                if take_name in takes:
+                    self._gestures_and_takes.take(take_name, takes[take_name])
             if isinstance(part_built, Key):
-                self._struck(part_built)
+                self._check_struck(part_built)
                 step_frames = self._rates.key_step_frames(part_values)
-                self.keys[part_name] = self._same(
+                self.keys[part_name] = self._reused_part(
                     replace(part_built, modules=resolved_modules, every=step_frames)
                 )
             else:
                 acts = tuple(
-                    self._part_names.resolved_act(named_part, a) for a in named_part.acts.values()
+                    self._part_names.resolved_act(named_part, act)
+                    for act in named_part.acts.values()
                 )
                 resolved_outputs = rules.resolved_outputs(
                     named_part, part_built.outputs, self._part_names, self._layout
                 )
                 step_frames = self._rates.instrument_step_frames(part_values)
-                self.instruments[part_name] = self._same(
+                self.instruments[part_name] = self._reused_part(
                     replace(
                         part_built,
                         modules=resolved_modules,
@@ -294,14 +308,20 @@ class PartsReader:
                         acts=acts,
                     )
                 )
-            todo += sorted(self._part_names.referenced_parts - parts_done)
+            unread_parts += sorted(self._part_names.referenced_parts - parts_done)
             if mat_total > MAX_MATS:
                 message = f"the piece has more than {MAX_MATS:,} masses"
                 self._collector.error("E105", message, part_built.place)
                 break
-        order = list(self._written)
-        self.keys = {n: self.keys[n] for n in order if n in self.keys}
-        self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
+        part_order = list(self._written)
+        self.keys = {
+            part_word: self.keys[part_word] for part_word in part_order if part_word in self.keys
+        }
+        self.instruments = {
+            part_word: self.instruments[part_word]
+            for part_word in part_order
+            if part_word in self.instruments
+        }
 
     def _contents(
         self, part_name: str, part_modules: tuple[Module, ...]
@@ -313,7 +333,9 @@ class PartsReader:
         )
         if old_contents is None:
             n_mats = sum(
-                member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in part_modules
+                member_count(part_module.kind, part_module.fields)
+                * part_module.fields.get("axes", 1)
+                for part_module in part_modules
             )
             sources = (module.fields.get("from") for module in part_modules)
             old_contents = (
@@ -324,7 +346,7 @@ class PartsReader:
                 memory.hold(f"contents {part_name}", (part_modules,), old_contents)
         return old_contents
 
-    def _same(self, part: _Part) -> _Part:
+    def _reused_part(self, part: _Part) -> _Part:
         """The part of the reading before, if it has the same modules and is equal."""
         memory = self._uses.files.memory
         if memory is None:
@@ -346,7 +368,7 @@ class PartsReader:
         named_entry, part_values = self._written[part.name]
 
         def make_rules() -> rules.ModuleRules:
-            laws = self.laws(tuple(part.modules.values()), named_entry.home)
+            laws = self.laws(tuple(part.modules.values()), named_entry.names)
             return rules.ModuleRules(
                 part, self._part_names, laws, takes, _written_fields(part_values)
             )
@@ -354,32 +376,37 @@ class PartsReader:
         memory = self._uses.files.memory
         return resolve_names(part, self._part_names, make_rules, memory, self.by_name)
 
-    def _struck(self, key: Key) -> None:
+    def _check_struck(self, key: Key) -> None:
         modules_by_name = {module.name: module for module in key.modules}
-        struck = modules_by_name.get(key.struck)
-        if struck is None or struck.kind not in ("MAS", "CEL"):
+        struck_module = modules_by_name.get(key.struck)
+        if struck_module is None or struck_module.kind not in ("MAS", "CEL"):
             struck_place = key.struck.place if isinstance(key.struck, Name) else key.place
             message = (
                 f"key {quote(key.name)} is struck at {quote(key.struck)}, "
                 "which is not a MAS or CEL of the key"
             )
-            names_of = tuple(n for n, m in modules_by_name.items() if m.kind in ("MAS", "CEL"))
+            struck_names = tuple(
+                name
+                for name, key_module in modules_by_name.items()
+                if key_module.kind in ("MAS", "CEL")
+            )
             if key.struck and key.struck not in self._part_names.parts[key.name].refused_modules:
                 self._collector.error(
-                    "E301", message, struck_place, word=key.struck, names=names_of
+                    "E301", message, struck_place, word=key.struck, names=struck_names
                 )
 
-    def laws(self, modules: tuple[Module, ...], home: Names) -> dict[str, LawText]:
+    def laws(self, modules: tuple[Module, ...], law_names: Names) -> dict[str, LawText]:
         """Laws that modules may name: those that ship, those of the score, and those of the
         modules' own file.
         """
         has_named_law = any(
-            m.kind == "LNL" and (is_name(m.fields["law"]) or is_name(m.fields["damping"]))
-            for m in modules
+            module.kind == "LNL"
+            and (is_name(module.fields["law"]) or is_name(module.fields["damping"]))
+            for module in modules
         )
         if not has_named_law:
             return {}
-        law_tables = [self._names.tables["laws"], home.tables["laws"]]
+        law_tables = [self._names.tables["laws"], law_names.tables["laws"]]
         files, folder = self._uses.files, self._names.document.folder
         document = files.required("instruments/laws.yaml", folder, self._score.place)
         if document is not None:
@@ -387,8 +414,8 @@ class PartsReader:
         laws = {}
         for table in law_tables:
             for name, law in table.items():
-                if isinstance(v := law.values, Values):
-                    laws[name] = LawText(v["law"], v["damping"], v.free)
+                if isinstance(law_values := law.values, Values):
+                    laws[name] = LawText(law_values["law"], law_values["damping"], law_values.free)
         return laws
 
     def _layout(self, name: str, place: Place) -> Layout | None:

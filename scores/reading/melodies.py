@@ -29,7 +29,7 @@ from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.melody import Row
 from ergon.scores.reading.note_targets import NoteTargets
 from ergon.scores.reading.phrase_changes import transformed_rows
-from ergon.scores.reading.phrase_do import phrase_do
+from ergon.scores.reading.phrase_do import phrase_transforms
 from ergon.scores.reading.phrase_rows import phrase_rows, with_levels
 from ergon.scores.reading.piece import Hit, Strikes
 
@@ -85,8 +85,8 @@ def has_required_fields(strike_fields: Values) -> bool:
     not.
     """
     strike_values, strikes_kind = strike_fields, kind_of(strike_fields)
-    needed = _REQUIRED_FIELDS_BY_KIND.get(strikes_kind, ("to", "at"))
-    for field_name in needed:
+    required_fields = _REQUIRED_FIELDS_BY_KIND.get(strikes_kind, ("to", "at"))
+    for field_name in required_fields:
         if field_name not in strike_values.nodes:
             message = (
                 f"{strike_values.context.label('')} has no '{field_name}': "
@@ -111,7 +111,7 @@ def has_required_fields(strike_fields: Values) -> bool:
             return False
     return all(
         name in strike_values.by_name
-        for name in (*needed, *strike_values.written("to", "play", "impulse", "do"))
+        for name in (*required_fields, *strike_values.written("to", "play", "impulse", "do"))
     )
 
 
@@ -135,11 +135,11 @@ def hits_of(
                 "E301", message, "play", word=str(strike_values["play"]), names=names
             )
         return None
-    do = phrase_do(strike_values)
-    if do is None:
+    transform_chain = phrase_transforms(strike_values)
+    if transform_chain is None:
         return None
     voices = NoteTargets(part_names, notes_in(phrase, strike_values))
-    played_hits = played_rows(phrase, strike_values, do[0], voices, files, phrases)
+    played_hits = played_rows(phrase, strike_values, transform_chain[0], voices, files, phrases)
     if not (strike_values.written("to", "transpose", "do") or is_midi(phrase)):
         error_label = phrase.context.label("")  # mistakes in names belong to the phrase
     return (
@@ -203,7 +203,9 @@ def played_rows(
     try:
         if (interval := strike_values["transpose"]) is not None:
             rows = tuple(
-                voices.renamed(row, [voices.moved(word, interval.semitones) for word in row.what])
+                voices.renamed(
+                    row, [voices.moved(word, interval.semitones) for word in row.struck_names]
+                )
                 for row in rows
             )
     except TextError as error:
@@ -275,14 +277,18 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         if impulse is not None:
             note_level = Level(*(value_of_velocity(midi_note.velocity, impulse, curve),) * 2)
         elif midi_note.word is not None and take["curve"] is None:
-            strength = midi_note.strength
-            note_level = None if strength is None else Level(strength, strength, is_strength=True)
+            note_strength = midi_note.strength
+            note_level = (
+                None
+                if note_strength is None
+                else Level(note_strength, note_strength, is_strength=True)
+            )
         note_names = (
             Name(midi_note.word or tuning.current().key_word(midi_note.number), file_place),
         )
-        lasting = None if midi_note.lasting is None else Length(beats=midi_note.lasting)
+        note_length = None if midi_note.lasting is None else Length(beats=midi_note.lasting)
         note_rows.append(
-            Row(Length(beats=midi_note.at), note_names, note_level, file_place, lasting=lasting)
+            Row(Length(beats=midi_note.at), note_names, note_level, file_place, length=note_length)
         )
     return tuple(note_rows), Length(beats=take_notes.length)
 
@@ -303,9 +309,9 @@ def _pressure_rows(take: Values, files: Files) -> Iterator[Row]:
         return
     for pressure in pressures:
         note_names = (Name(tuning.current().key_word(pressure.number), file_place),)
-        start, lasting = Length(beats=pressure.start), Length(beats=pressure.lasting)
+        start, pressure_length = Length(beats=pressure.start), Length(beats=pressure.lasting)
         level = velocity_level(pressure.value)
-        yield Row(start, note_names, level, file_place, lasting=lasting, act=PRESS)
+        yield Row(start, note_names, level, file_place, length=pressure_length, act=PRESS)
 
 
 def value_of_velocity(velocity: int, value_range: tuple[float, float], curve: Curve) -> float:
@@ -327,21 +333,22 @@ def _hits_of_rows(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) 
             (),
             row_level,
             phrase_row.place,
-            " ".join(phrase_row.what),
+            " ".join(phrase_row.struck_names),
             phrase_row.jitter,
         )
         strike_targets = voices.targets(phrase_row, strikes_label)
         if any(voices.part_names.ends_with_note(target) for target in strike_targets):
-            phrase_hit = replace(phrase_hit, lasting=phrase_row.lasting)
+            phrase_hit = replace(phrase_hit, lasting=phrase_row.length)
         if not row_level.is_strength:
             phrase_hits.append(replace(phrase_hit, to=strike_targets))
             continue
         by_reach: dict[ImpulseRange, list[Target]] = {}
         for strike_target in strike_targets:
-            reach = voices.part_names.required_impulse_range(strike_target, strikes_label)
-            if reach is not None:
-                by_reach.setdefault(reach, []).append(strike_target)
+            impulse_range = voices.part_names.required_impulse_range(strike_target, strikes_label)
+            if impulse_range is not None:
+                by_reach.setdefault(impulse_range, []).append(strike_target)
         phrase_hits += [
-            replace(phrase_hit, to=tuple(to), reach=reach) for reach, to in by_reach.items()
+            replace(phrase_hit, to=tuple(targets), reach=impulse_range)
+            for impulse_range, targets in by_reach.items()
         ]
     return tuple(phrase_hits)

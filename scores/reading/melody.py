@@ -33,12 +33,12 @@ class Row:
     """A strike as written: time, names of what is struck, and level (None: as the row before)."""
 
     at: Position | Length
-    what: tuple[Name, ...]
+    struck_names: tuple[Name, ...]
     level: Level | None
     place: Place
-    before: tuple[Name, ...] = ()  # names before a transposition
+    written_names: tuple[Name, ...] = ()  # names before a transposition
     jitter: Length = _ZERO_LENGTH  # how far chance moves it, earlier or later
-    lasting: Length | None = None  # None: it has no end
+    length: Length | None = None  # None: it has no end
     swells: bool = False  # whether the level swells to the next written one
     act: str = ""  # by which notes are played, if the instrument has it; "": the usual one
 
@@ -69,21 +69,21 @@ class WhatShape(Reference):
         return {"type": ["string", "array"], "items": {"type": ["string"]}}
 
 
-def _is_impulse(last_word: str, text_node: Scalar, *, is_alone: bool) -> bool:
+def _is_impulse(last_row_word: str, text_node: Scalar, *, is_alone: bool) -> bool:
     """Whether the last word of a row is an impulse, not a name of what is struck. A ratio is an
     impulse, unless it is alone.
     """
-    if notes.word_of(last_word) is not None and (is_alone or "/" not in last_word):
+    if notes.word_of(last_row_word) is not None and (is_alone or "/" not in last_row_word):
         return False
-    if is_level(last_word) and not (is_alone and last_word[:1].isalpha()):
+    if is_level(last_row_word) and not (is_alone and last_row_word[:1].isalpha()):
         return True
     try:
         return (
-            is_computed(last_word, text_node.document)
-            and note_of(last_word, text_node.document) is None
+            is_computed(last_row_word, text_node.document)
+            and note_of(last_row_word, text_node.document) is None
         )
     except TextError:
-        return not is_alone or not has_name(last_word, text_node.document)
+        return not is_alone or not has_name(last_row_word, text_node.document)
 
 
 def _struck_name(
@@ -108,8 +108,8 @@ class SwellingLevel(NamedTuple):
 
 def _parse_swelling(text: str) -> SwellingLevel:
     word = text.rstrip()
-    swells = word.endswith("->")
-    return SwellingLevel(LEVEL.parse(word[:-2].rstrip() if swells else text), swells)
+    is_swelling = word.endswith("->")
+    return SwellingLevel(LEVEL.parse(word[:-2].rstrip() if is_swelling else text), is_swelling)
 
 
 SWELLING_SHAPE = replace(
@@ -121,8 +121,8 @@ SWELLING_SHAPE = replace(
 
 
 def _row_of_values(values: Values) -> Row:
-    level, swells = values["impulse"] or (None, False)
-    return Row(values["at"], values["what"], level, values.node.place, swells=swells)
+    level, is_swelling = values["impulse"] or (None, False)
+    return Row(values["at"], values["what"], level, values.node.place, swells=is_swelling)
 
 
 def _entry_record(position_kind: Text, doc: str) -> Record:
@@ -131,13 +131,13 @@ def _entry_record(position_kind: Text, doc: str) -> Record:
         Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
         Field("impulse", SWELLING_SHAPE, "how strongly", shown="that of the strike before"),
     )
-    doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _ENTRY_HELP}
+    doc, foreign_words = "a strike of a melody: a note, a chord, a module", {"to": _ENTRY_HELP}
     return Record(
         "strike",
         doc,
         entry_fields,
         _row_of_values,
-        foreign=foreign,
+        foreign=foreign_words,
         meant=MEANT["strike"],
         elsewhere=ELSEWHERE["strike"],
     )
@@ -164,19 +164,19 @@ class Entries(Shape):
             if number >= MAX_ROWS:
                 context.error("E105", f"the table has more than {MAX_ROWS:,} rows", node.place)
                 return MISSING
-            read = self._row(phrase_row, row_offset, node, context)
-            is_broken |= read is None
-            entries_read += [read] if read is not None else []
+            row_read = self._row(phrase_row, row_offset, node, context)
+            is_broken |= row_read is None
+            entries_read += [row_read] if row_read is not None else []
         if not entries_read and not is_broken:
             context.error("E106", f"{context.label(name)}: the table has no row", node.place)
             return MISSING
         return MISSING if is_broken else _checked_rows(tuple(entries_read), context)
 
     def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
-        cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
-        (position_text, position_start), option_cells = cells[0], cells[1:]
-        impulse, swells = None, bool(option_cells) and option_cells[-1][0] == "->"
-        if swells:
+        row_cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
+        (position_text, position_start), option_cells = row_cells[0], row_cells[1:]
+        impulse, is_swelling = None, bool(option_cells) and option_cells[-1][0] == "->"
+        if is_swelling:
             arrow_word, start_of_arrow = option_cells.pop()
             if not option_cells or not is_level(option_cells[-1][0]):
                 message = "`->` leads from a level to the next one: write p -> in this row"
@@ -202,7 +202,7 @@ class Entries(Shape):
             struck_valid,
             row_level,
             node.place_at(position_start, len(position_text)),
-            swells=swells,
+            swells=is_swelling,
         )
 
     def _value(self, field: str, word: str, offset: int, node: Scalar, context: Context) -> Any:

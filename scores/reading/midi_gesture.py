@@ -16,8 +16,10 @@ _APPROACH_QUARTERS = 0.125  # [quarters] from rest to the depth of a note, and b
 _APPROACH_SHARE_MAX = 0.45  # largest share of the time to the next note
 
 
-def gesture_of_take(take: Values, files: Files, room: int, has_quarters: bool) -> Gesture | None:
-    """The gesture of a MIDI take with at most `room` points; None if an error was reported.
+def gesture_of_take(
+    take: Values, files: Files, points_left: int, has_quarters: bool
+) -> Gesture | None:
+    """The gesture of a MIDI take with at most `points_left` points; None if an error was reported.
 
     Its times are in quarter notes. They count as beats if the piece `has_quarters` in all meters.
     """
@@ -33,7 +35,7 @@ def gesture_of_take(take: Values, files: Files, room: int, has_quarters: bool) -
     gesture_points = _key_points(
         take_notes.notes, take["depth"], take["curve"] or EVEN, take_notes.length
     )
-    if len(gesture_points) > room:
+    if len(gesture_points) > points_left:
         take.error(
             "E105", f"{error_label}: the gestures have more points than a piece may have", "file"
         )
@@ -48,20 +50,24 @@ def _key_points(
     """The key is at rest except within `_APPROACH_QUARTERS` of each note; of simultaneous notes the
     hardest counts.
     """
-    hardest: dict[float, int] = {}
+    hardest_by_quarter: dict[float, int] = {}
     for note in notes:
-        hardest[note.at] = max(note.velocity, hardest.get(note.at, 0))
-    note_quarters = [*hardest]
+        hardest_by_quarter[note.at] = max(note.velocity, hardest_by_quarter.get(note.at, 0))
+    note_quarters = [*hardest_by_quarter]
     key_points: list[Point] = []
 
     def add(quarter: float, x: float, curve: str) -> None:
         key_points.append(Point(Time(quarter), x, curve, 0, 1))
 
-    for i, note_quarter in enumerate(note_quarters):
+    for note_index, note_quarter in enumerate(note_quarters):
         quarter_before = (
-            note_quarters[i - 1] if i else -note_quarter
+            note_quarters[note_index - 1] if note_index else -note_quarter
         )  # half the way from the beginning
-        quarter_after = note_quarters[i + 1] if i + 1 < len(note_quarters) else note_quarter + 1.0
+        quarter_after = (
+            note_quarters[note_index + 1]
+            if note_index + 1 < len(note_quarters)
+            else note_quarter + 1.0
+        )
         if note_quarter > 0.0:
             if not key_points:
                 add(0.0, 0.0, "smooth")
@@ -71,7 +77,11 @@ def _key_points(
                 0.0,
                 "hold",
             )
-        add(note_quarter, value_of_velocity(hardest[note_quarter], depth, curve), "smooth")
+        add(
+            note_quarter,
+            value_of_velocity(hardest_by_quarter[note_quarter], depth, curve),
+            "smooth",
+        )
         add(
             note_quarter
             + min(_APPROACH_QUARTERS, _APPROACH_SHARE_MAX * (quarter_after - note_quarter)),

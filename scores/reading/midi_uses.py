@@ -27,7 +27,7 @@ _WHEN_UNUSED = (
 
 
 @dataclass(slots=True)
-class _Use:
+class _FileUse:
     """A file: where a score names it first, and what it is used for."""
 
     name: str
@@ -40,12 +40,12 @@ class _Use:
     has_meter: bool = False
     followed: set[tuple[int | None, MidiSource]] = field(default_factory=set)  # channel, what
 
-    def follows(self, move: MidiMove) -> bool:
+    def follows(self, midi_move: MidiMove) -> bool:
         """Whether automation follows an event."""
         return any(
-            channel in (None, move.channel)
-            and source.kind == move.kind
-            and (not source.numbers or move.number in source.numbers)
+            channel in (None, midi_move.channel)
+            and source.kind == midi_move.kind
+            and (not source.numbers or midi_move.number in source.numbers)
             for channel, source in self.followed
         )
 
@@ -56,14 +56,14 @@ class MidiUses:
     def __init__(self, files: Files) -> None:
         """Start with none."""
         self._files = files
-        self._uses: dict[Path, _Use] = {}
+        self._uses: dict[Path, _FileUse] = {}
 
     @property
     def paths(self) -> tuple[Path, ...]:
         """Every file that is used."""
         return tuple(self._uses)
 
-    def play(self, take: Values, *, has_lengths: bool) -> None:
+    def note_played(self, take: Values, *, has_lengths: bool) -> None:
         """Note that strikes, or a hand (then notes have no lengths), play a take."""
         path = self._files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
         if path is None:
@@ -77,7 +77,7 @@ class MidiUses:
         use.has_lengths |= has_lengths
         use.has_wheel |= has_lengths and take["bend"] is not None
 
-    def press(self, take: Values) -> None:
+    def note_pressures(self, take: Values) -> None:
         """Note that strikes which play a take play its pressures too."""
         path = self._files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
         if path in self._uses:
@@ -131,8 +131,8 @@ class MidiUses:
             )
         return ()
 
-    def _use(self, path: Path, name: str, place: Place) -> _Use:
-        return self._uses.setdefault(path, _Use(name, place))
+    def _use(self, path: Path, name: str, place: Place) -> _FileUse:
+        return self._uses.setdefault(path, _FileUse(name, place))
 
     def report(self, collector: Collector) -> None:
         """Report what is passed over in each file (N404), and bytes after its tracks (W335)."""
@@ -144,7 +144,7 @@ class MidiUses:
                 midi_survey = survey(path)
             except TakeError:  # whoever reads the file reports it
                 continue
-            _report([*_passed_over(midi_survey, use)], use, collector)
+            _report_unused([*_unused_contents(midi_survey, use)], use, collector)
             if n_unread_bytes := midi_survey.n_bytes_after + midi_survey.n_bytes_unread:
                 location = "its last track" if midi_survey.n_bytes_after else "the end of a track"
                 message = (
@@ -159,17 +159,17 @@ class MidiUses:
                 collector.error("W335", message, use.place)
 
 
-def _report(passed_words: Sequence[str], use: _Use, collector: Collector) -> None:
+def _report_unused(passed_words: Sequence[str], use: _FileUse, collector: Collector) -> None:
     """Report what is passed over in a file, as counts in words."""
     if not passed_words:
         return
     *words_before, last_word = passed_words
-    listed = f"{', '.join(words_before)} and {last_word}" if words_before else last_word
-    message = f"{use.name}: the score does not use {listed} of this file"
+    unused_list = f"{', '.join(words_before)} and {last_word}" if words_before else last_word
+    message = f"{use.name}: the score does not use {unused_list} of this file"
     collector.error("N404", message, use.place, help=_WHEN_UNUSED)
 
 
-def _report_musicxml(path: Path, use: _Use, collector: Collector) -> None:
+def _report_musicxml(path: Path, use: _FileUse, collector: Collector) -> None:
     try:
         score = read_score(path)
     except TakeError:  # whoever reads the file reports it
@@ -179,12 +179,18 @@ def _report_musicxml(path: Path, use: _Use, collector: Collector) -> None:
         counts["tempo"] = len(score.tempos)
     if not use.has_meter:
         counts["meter"] = len(score.meters) + counts.get("meter", 0)
-    _report([plural(n, (noun, f"{noun}s")) for noun, n in counts.items() if n], use, collector)
+    _report_unused(
+        [plural(n, (noun, f"{noun}s")) for noun, n in counts.items() if n], use, collector
+    )
 
 
-def _passed_over(midi_survey: MidiSurvey, use: _Use) -> Iterator[str]:
+def _unused_contents(midi_survey: MidiSurvey, use: _FileUse) -> Iterator[str]:
     """What a score does not use of a file, in words."""
-    unplayed = {c: n for c, n in midi_survey.notes.items() if not use.channels & {None, c}}
+    unplayed = {
+        midi_channel: n
+        for midi_channel, n in midi_survey.notes.items()
+        if not use.channels & {None, midi_channel}
+    }
     if unplayed:
         channels = [str(channel) for channel in sorted(unplayed)]
         noun = "channel" if len(channels) == 1 else "channels"
@@ -197,5 +203,5 @@ def _passed_over(midi_survey: MidiSurvey, use: _Use) -> Iterator[str]:
         has_meter=use.has_meter,
         has_wheel=use.has_wheel,
         has_pressure=use.has_pressure,
-        follows=use.follows,
+        is_followed=use.follows,
     )

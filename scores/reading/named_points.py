@@ -27,8 +27,8 @@ def named_point(piece: Piece, point_text: str) -> Target:
     )
     if point_target is None:
         mistake = collector.finish()[0]
-        close = mistake.suggestion
-        if close is None and mistake.code == "E301":
-            close = nearest(point_text.partition(".")[0], parts_by_name)
-        raise TextError(mistake.message, suggestion=close)
+        suggestion = mistake.suggestion
+        if suggestion is None and mistake.code == "E301":
+            suggestion = nearest(point_text.partition(".")[0], parts_by_name)
+        raise TextError(mistake.message, suggestion=suggestion)
     return point_target

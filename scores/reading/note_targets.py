@@ -18,54 +18,63 @@ from ergon.scores.reading.melody import Row
 
 @dataclass(frozen=True, slots=True)
 class NoteTargets:
-    """The targets of the words of a melody: notes of the instruments `to`, or modules by full
+    """The targets of the words of a melody: notes of `instruments`, or modules by full
     names.
     """
 
     part_names: PartNames
-    to: tuple[Name, ...]
+    instruments: tuple[Name, ...]
     _known: dict[str, list[Target]] = field(default_factory=dict, init=False, compare=False)
 
     def mirrored(self, phrase_row: Row, first_row: Row) -> Row:
         """A row mirrored in pitch about the first note of a phrase. Raises TextError."""
-        heights = (self._note(word) for word in first_row.what)
-        about = next((height for height in heights if height is not None), None)
-        if about is None:
-            raise TextError(f"{quote(' '.join(first_row.what))} has no note to mirror about")
+        note_heights = (self._note_height(word) for word in first_row.struck_names)
+        mirror_height = next((height for height in note_heights if height is not None), None)
+        if mirror_height is None:
+            raise TextError(
+                f"{quote(' '.join(first_row.struck_names))} has no note to mirror about"
+            )
         mirrored_names = [
-            self.moved(word, 2 * (about - (self._note(word) or 0))) for word in phrase_row.what
+            self.moved(word, 2 * (mirror_height - (self._note_height(word) or 0)))
+            for word in phrase_row.struck_names
         ]
         return self.renamed(phrase_row, mirrored_names)
 
     def renamed(self, row: Row, new_names: Sequence[Name]) -> Row:
         """A row with other notes; `before` keeps those that were written."""
-        return replace(row, what=tuple(new_names), before=row.before or row.what)
+        return replace(
+            row, struck_names=tuple(new_names), written_names=row.written_names or row.struck_names
+        )
 
     def moved(self, word: Name, semitones: float) -> Name:
         """A note, or a module of one, moved by semitones; in a tuning of keys an integer counts
         keys. Raises TextError.
         """
-        moved_note = self._note(word)
+        moved_note = self._note_height(word)
         if moved_note is None:
             raise TextError(f"{quote(word)} has no note that could be transposed")
         if not notes.LOWEST <= moved_note + semitones <= notes.HIGHEST:
             raise TextError(f"{quote(word)} lies outside the notes from C-1 to B9")
         note_words = tuning.spelled(word).split(".")
-        place = self._place(note_words)
+        place = self._note_word_index(note_words)
         with tuning.used(self._tuning(note_words)):
             note_words[place] = notes.moved(note_words[place], semitones)
         return Name(".".join(note_words), word.place)
 
     def has_act(self, act: str) -> bool:
         """Whether a note of the instruments has an act that lasts as long as a note."""
-        members = (member for name in self.to for member in self.part_names.member_names(name))
+        members = (
+            member for name in self.instruments for member in self.part_names.member_names(name)
+        )
         return any(True for member in members for _ in self.part_names.drawn_act_name(member, act))
 
     def targets(self, row: Row, label: str) -> tuple[Target, ...]:
         """The MATs that a row strikes; reports what cannot be reached."""
-        pairs = zip(row.what, row.before or row.what, strict=True)
+        name_pairs = zip(row.struck_names, row.written_names or row.struck_names, strict=True)
         member_names = [
-            name for word, name_before in pairs for name in self._names(word, name_before, label)
+            name
+            for word, name_before in name_pairs
+            for name in self._names(word, name_before, label)
         ]
         if row.act:
             member_names = [
@@ -73,15 +82,24 @@ class NoteTargets:
                 for struck_name in member_names
                 for name in self.part_names.drawn_act_name(struck_name, row.act)
             ]
-        return tuple(target for name in member_names for target in self._reached(name, label))
+        return tuple(
+            target for name in member_names for target in self._targets_of_name(name, label)
+        )
 
-    def _reached(self, target_name: Name, strikes_label: str) -> list[Target]:
+    def _targets_of_name(self, target_name: Name, strikes_label: str) -> list[Target]:
         """The targets of a name, kept for further rows, which differ only in their place."""
         known_targets = self._known.get(target_name)
         if known_targets is not None:
             return [
-                Target(t.part, t.module, t.first, t.count, t.text, target_name.place)
-                for t in known_targets
+                Target(
+                    target.part,
+                    target.module,
+                    target.first,
+                    target.count,
+                    target.text,
+                    target_name.place,
+                )
+                for target in known_targets
             ]
         targets_struck = self.part_names.struck_targets(target_name, strikes_label)
         if targets_struck:  # without targets each row reports them
@@ -90,31 +108,36 @@ class NoteTargets:
 
     def _names(self, word: Name, word_before: Name, label: str) -> list[Name]:
         if notes.word_of(word) is None:
-            slip = note_slip(word) if self.to else None
-            if slip is None or word.partition(".")[0] in self.part_names.parts:
+            spelling_mistake = note_slip(word) if self.instruments else None
+            if spelling_mistake is None or word.partition(".")[0] in self.part_names.parts:
                 return [word]
-            message = f"{label}: {slip.message}"
-            self.part_names.collector.error("E201", message, word.place, suggestion=slip.suggestion)
+            message = f"{label}: {spelling_mistake.message}"
+            self.part_names.collector.error(
+                "E201", message, word.place, suggestion=spelling_mistake.suggestion
+            )
             return []
-        if not self.to:
+        if not self.instruments:
             message = f"{label}: {quote(word)} is a note; write `to`, whose notes are struck"
             self.part_names.collector.error("E103", message, word.place)
             return []
         names_read = []
-        for to in self.to:
-            family = self.part_names.family_and_rest(to)
+        for instrument_name in self.instruments:
+            family = self.part_names.family_and_rest(instrument_name)
             if family is None:
-                message = f"{label}: {quote(to)} has no notes; write `notes` in the instrument"
-                if self.part_names.is_known(to):
-                    self.part_names.collector.error("E304", message, to.place)
+                message = (
+                    f"{label}: {quote(instrument_name)} has no notes; write `notes` in the "
+                    "instrument"
+                )
+                if self.part_names.is_known(instrument_name):
+                    self.part_names.collector.error("E304", message, instrument_name.place)
                 else:
-                    self.part_names.target(to, "mats", label)
+                    self.part_names.target(instrument_name, "mats", label)
                 continue
             instrument, name_rest = family
             word_note = instrument.note(word)
             if word_note is None:
                 known_notes = [part.rpartition(".")[2] for part in instrument.parts.values()]
-                message = f"{label}: {quote(to)} has no note {quote(word)}"
+                message = f"{label}: {quote(instrument_name)} has no note {quote(word)}"
                 note_range = (
                     f"; its notes are {known_notes[0]} to {known_notes[-1]}" if known_notes else ""
                 )
@@ -129,10 +152,10 @@ class NoteTargets:
             names_read.append(Name(".".join(filter(None, (word_note, name_rest))), word.place))
         return names_read
 
-    def _note(self, word: str) -> float | None:
+    def _note_height(self, word: str) -> float | None:
         """The note of a name in semitones or keys; None if it has none. Raises TextError."""
         note_words = tuning.spelled(word).split(".")
-        note_place = self._place(note_words)
+        note_place = self._note_word_index(note_words)
         if note_place is None:
             return None
         with tuning.used(self._tuning(note_words)):
@@ -142,7 +165,7 @@ class NoteTargets:
         """The tuning of the note of a name: of its instrument, or of those that a note is for."""
         return self.part_names.tuning_of(".".join(words)) if words[1:] else tuning.written()
 
-    def _place(self, words: list[str]) -> Any:
+    def _note_word_index(self, words: list[str]) -> Any:
         """The index of the word in a name that is its note; None if there is none."""
         if len(words) == 1:
             return 0 if tuning.is_pitch(words[0]) else None

@@ -37,18 +37,20 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
 
     An `f` of one's own is moved by one's own `transpose`; that of the base is moved already.
     """
-    hidden = _hidden_fields(member_values, member_values.record.noun) | {"transpose"}
+    hidden_names = _hidden_fields(member_values, member_values.record.noun) | {"transpose"}
     if member_values.written("notes"):  # members of the base have no meaning for other notes
-        hidden.add("members")
+        hidden_names.add("members")
     body = member_values.by_name.get(member_values.kind)
     if isinstance(body, Values):  # fields inside a generator precede those beside it
-        hidden.update(body.written("f", "t60", "M"))
+        hidden_names.update(body.written("f", "t60", "M"))
         if body.written("K", "Z"):
-            hidden.update(("f", "t60"))
+            hidden_names.update(("f", "t60"))
     module_fields = {
-        name: value for name, value in base_values.by_name.items() if name not in hidden
+        name: value for name, value in base_values.by_name.items() if name not in hidden_names
     }
-    module_nodes = {name: node for name, node in base_values.nodes.items() if name not in hidden}
+    module_nodes = {
+        name: node for name, node in base_values.nodes.items() if name not in hidden_names
+    }
     for field_name, field_value in member_values.by_name.items():
         if field_name == "modules" and isinstance(module_fields.get(field_name), dict):
             field_value = _merged_modules(module_fields[field_name], field_value)
@@ -107,16 +109,21 @@ def shifted_note(
         interval = interval_sum(interval, member_values.by_name.get("transpose"))
         member_values = replace(
             member_values,
-            by_name={n: value for n, value in member_values.by_name.items() if n != "transpose"},
+            by_name={
+                name: value for name, value in member_values.by_name.items() if name != "transpose"
+            },
         )
-        overlaid = overlay_fields(base_values, member_values)
+        overlaid_values = overlay_fields(base_values, member_values)
         base_values = replace(
-            overlaid, record=base_values.record, node=base_values.node, context=base_values.context
+            overlaid_values,
+            record=base_values.record,
+            node=base_values.node,
+            context=base_values.context,
         )
     if interval is None:
         return base_values
-    asking = replace(base_values, by_name={**base_values.by_name, "transpose": interval})
-    return base_at_pitch(base_values, asking, is_root=True)
+    transposed_base = replace(base_values, by_name={**base_values.by_name, "transpose": interval})
+    return base_at_pitch(base_values, transposed_base, is_root=True)
 
 
 def interval_sum(
@@ -129,13 +136,13 @@ def interval_sum(
 
 
 def _hidden_fields(member: Values, field_name: str) -> set[str]:
-    hidden: set[str] = set()
-    for groups in _EXCLUSIVE_FIELDS.get(field_name, ()):
-        if any(member.written(*group) for group in groups):
-            for group in groups:
+    hidden_names: set[str] = set()
+    for exclusive_groups in _EXCLUSIVE_FIELDS.get(field_name, ()):
+        if any(member.written(*group) for group in exclusive_groups):
+            for group in exclusive_groups:
                 if not member.written(*group):
-                    hidden.update(group)
-    return hidden
+                    hidden_names.update(group)
+    return hidden_names
 
 
 def _merged_modules(
@@ -163,16 +170,18 @@ def _merged_fields(module_kind: str, base_fields: Any, member_fields: Any) -> An
     """The fields of one module over those of a base module of the same kind."""
     if not isinstance(base_fields, Values) or not isinstance(member_fields, Values):
         return member_fields
-    hidden, free = (
+    hidden_names, loosened_names = (
         _hidden_fields(member_fields, module_kind),
         {**base_fields.free, **member_fields.free},
     )
     if module_kind == "PLATE":  # one of the fields that set its pitch is dropped
-        sets = "tension" if base_fields.written("tension") else "thickness"
-        hidden |= (
-            {sets} if member_fields.written("f") and not member_fields.written(sets) else set()
+        written_tension = "tension" if base_fields.written("tension") else "thickness"
+        hidden_names |= (
+            {written_tension}
+            if member_fields.written("f") and not member_fields.written(written_tension)
+            else set()
         )
-        hidden |= (
+        hidden_names |= (
             {"f"}
             if member_fields.written("tension", "thickness") and base_fields.written("material")
             else set()
@@ -180,16 +189,19 @@ def _merged_fields(module_kind: str, base_fields: Any, member_fields: Any) -> An
     if module_kind == "LNL" and member_fields.written(
         *_LAW_FIELDS
     ):  # another law has other constants
-        hidden, free = {*_LAW_FIELDS, *base_fields.free, "interval"}, dict(member_fields.free)
+        hidden_names, loosened_names = (
+            {*_LAW_FIELDS, *base_fields.free, "interval"},
+            dict(member_fields.free),
+        )
     if module_kind == "BUT" and member_fields["contact"] == "magic":
-        hidden = {"K", "Z", "clamp"}
+        hidden_names = {"K", "Z", "clamp"}
     merged_fields = {
-        name: value for name, value in base_fields.by_name.items() if name not in hidden
+        name: value for name, value in base_fields.by_name.items() if name not in hidden_names
     }
-    nodes = {name: node for name, node in base_fields.nodes.items() if name not in hidden}
+    nodes = {name: node for name, node in base_fields.nodes.items() if name not in hidden_names}
     return replace(
         member_fields,
         by_name={**merged_fields, **member_fields.by_name},
         nodes={**nodes, **member_fields.nodes},
-        free=free,
+        free=loosened_names,
     )

@@ -57,9 +57,9 @@ def _play_of_values(play_values: Values) -> Play:
         _unused_rate(play_values.context, play_values.place_of("rate"))
     until_place = play_values.place_of("until") if play_values.written("until") else None
     played: Played = play_values["play"] or Played("", None, play_values.place)
-    written = cast("_EntryValues", play_values.by_name)
+    written_options = cast("_EntryValues", play_values.by_name)
     return _play_of_entry(
-        written, play_values.context, played, play_values.place_of("at"), until_place
+        written_options, play_values.context, played, play_values.place_of("at"), until_place
     )
 
 
@@ -70,36 +70,36 @@ def _play_of_entry(
     place_of_at: Place,
     until_place: Place | None,
 ) -> Play:
-    do, turns = as_turns(entry_values.get("do", ()))
+    transform_chain, turns = as_turns(entry_values.get("do", ()))
     if turns:
         entry_values = {**entry_values, "nth": numbered((*entry_values.get("nth", ()), *turns))}
     pattern = pattern_of(entry_values, played.order or single_name_pattern(played.text))
-    if mistake := iteration_mistake(pattern):
-        context.error("E305", f"{quote(played.text)}: {mistake}", played.place)
-    only = next(pattern.leaves(), None) if pattern.is_plain else None
+    if iteration_error := iteration_mistake(pattern):
+        context.error("E305", f"{quote(played.text)}: {iteration_error}", played.place)
+    single_leaf = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,
-        what=played.text if only is None else only.name or "",
+        what=played.text if single_leaf is None else single_leaf.name or "",
         at=entry_values["at"],
-        every=_repetition_length(pattern, entry_values.get("every"), do),
+        every=_repetition_length(pattern, entry_values.get("every"), transform_chain),
         times=entry_values.get("times"),
         until=entry_values.get("until"),
-        do=do,
+        do=transform_chain,
         manner=playing_options(entry_values),
         place=played.place,
         begin_place=place_of_at,
         until_place=until_place,
-        pattern=pattern if only is None else None,
+        pattern=pattern if single_leaf is None else None,
     )
 
 
 def _repetition_length(
-    pattern: Pattern, step_length: Length | None, do: Iterable[Transform]
+    pattern: Pattern, step_length: Length | None, transform_chain: Iterable[Transform]
 ) -> Length | None:
     """The time between repetitions, which `fast` and `slow` change; None where a gesture's own
     length says it.
     """
-    factor = prod(change.spacing for change in do)
+    factor = prod(change.spacing for change in transform_chain)
     if factor != 1.0 and step_length is None and pattern.euclid is not None:
         step_length = Length(bars=1.0 / pattern.euclid.steps)  # a round lasts a bar
     return step_length if step_length is None or factor == 1.0 else step_length.times(factor)
@@ -124,11 +124,11 @@ class _PlayedShape(Reference):
         if table_text.strip().isidentifier():
             return Played(Name(table_text.strip(), node.place), None, node.place)
 
-        def called(word: str, offset: int) -> Name:
+        def name_at(word: str, offset: int) -> Name:
             return Name(name_of(word, offset), node.place_at(offset, len(word)))
 
         try:
-            play_order = parse(table_text, called)
+            play_order = parse(table_text, name_at)
         except TextError as error:
             context.text_error(error, node, name)
             return MISSING
@@ -223,19 +223,19 @@ def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -
         context.text_error(error, text_node, "")
         return None
     entry_fields: dict[str, object] = {}
-    broken = False
+    is_refused = False
     for option_name, word in (("at", parsed_row.at), *parsed_row.play.options.items()):
         option_value = _option(option_name, word, text_node, context)
         if option_value is MISSING:
-            broken = True
+            is_refused = True
         else:
             entry_fields[option_name] = option_value
-    if broken:
+    if is_refused:
         return None
-    entry_fields["do"] = parsed_row.play.do
+    entry_fields["do"] = parsed_row.play.transforms
     if "rate" in entry_fields:
         _unused_rate(context, _place(parsed_row.play.options["rate"], text_node))
-    what_words, until_word = parsed_row.play.what, parsed_row.play.options.get("until")
+    what_words, end_word = parsed_row.play.played, parsed_row.play.options.get("until")
     row_text = " ".join(what_words.text.split())
     row_place = _place(parsed_row.at, text_node)
     # In a literal block a row is one line of the file, so the column follows from that of
@@ -250,9 +250,9 @@ def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -
     return _play_of_entry(
         cast("_EntryValues", entry_fields),
         context,
-        Played(Name(row_text, place), parsed_row.play.order, place),
+        Played(Name(row_text, place), parsed_row.play.pattern, place),
         row_place,
-        _place(until_word, text_node) if until_word else None,
+        _place(end_word, text_node) if end_word else None,
     )
 
 

@@ -57,30 +57,36 @@ def transformed_rows(
     return rows_out, phrase_length
 
 
-def _scale_levels(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _scale_levels(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     for row in rows:
-        yield replace(row, level=row.level and row.level.scaled(t.amount))
+        yield replace(row, level=row.level and row.level.scaled(transform.amount))
 
 
-def _stretch_times(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _stretch_times(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     for row in rows:
-        lasting = row.lasting and row.lasting.times(t.amount)
-        yield replace(row, at=_row_length(row).times(t.amount), lasting=lasting)
+        stretched_length = row.length and row.length.times(transform.amount)
+        yield replace(row, at=_row_length(row).times(transform.amount), length=stretched_length)
 
 
-def _shift_times(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _shift_times(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     for phrase_row in rows:
         length = _row_length(phrase_row)
-        beats, seconds = length.beats + t.time.beats, length.seconds + t.time.seconds
+        beats, seconds = (
+            length.beats + transform.time.beats,
+            length.seconds + transform.time.seconds,
+        )
         yield replace(phrase_row, at=Length(length.bars, beats, seconds))
 
 
-def _reverse_rows(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _reverse_rows(phrase_rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     """The rows in reverse order, within the same time span."""
-    row_lengths = [(a.bars, a.beats, a.seconds) for a in map(_row_length, phrase_rows)]
+    row_lengths = [
+        (row_length.bars, row_length.beats, row_length.seconds)
+        for row_length in map(_row_length, phrase_rows)
+    ]
     if sum(any(unit) for unit in zip(*row_lengths, strict=True)) > 1:
         message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
-        raise TextError(message, offset=t.offset, length=t.length)
+        raise TextError(message, offset=transform.offset, length=transform.length)
     start_and_end = [
         low + high for low, high in zip(min(row_lengths), max(row_lengths), strict=True)
     ]
@@ -88,46 +94,53 @@ def _reverse_rows(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
         zip(phrase_rows, row_lengths, strict=True), key=lambda pair: pair[1], reverse=True
     ):
         yield replace(
-            row, at=Length(*(a - b for a, b in zip(start_and_end, phrase_length, strict=True)))
+            row,
+            at=Length(
+                *(
+                    row_length - b
+                    for row_length, b in zip(start_and_end, phrase_length, strict=True)
+                )
+            ),
         )
 
 
-def _quantise_times(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _quantise_times(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     for phrase_row in rows:
         row_length = _row_length(phrase_row)
         if row_length.bars or row_length.seconds:
             message = "'quantise' moves beats; the entries of this phrase are in bars or seconds"
-            raise TextError(message, offset=t.offset, length=t.length)
+            raise TextError(message, offset=transform.offset, length=transform.length)
         yield replace(
-            phrase_row, at=Length(beats=floor(row_length.beats / t.amount + 0.5) * t.amount)
+            phrase_row,
+            at=Length(beats=floor(row_length.beats / transform.amount + 0.5) * transform.amount),
         )
 
 
-def _start_from(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _start_from(phrase_rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     """Rows from an instant on, which becomes the beginning; every row has its own impulse
     already.
     """
     for phrase_row in phrase_rows:
-        later_length = _length_after(_row_length(phrase_row), t)
+        later_length = _length_after(_row_length(phrase_row), transform)
         if min(later_length.beats, later_length.seconds) >= 0.0:
             yield replace(phrase_row, at=later_length)
 
 
-def _length_after(length: Length, t: Transform) -> Length:
+def _length_after(length: Length, transform: Transform) -> Length:
     """A length minus the time of `from`, in the same unit."""
-    other_unit = length.seconds if t.time.beats else length.beats
+    other_unit = length.seconds if transform.time.beats else length.beats
     if length.bars or other_unit:
         message = "'from' needs entries and a length in its own unit: all in beats or in seconds"
-        raise TextError(message, offset=t.offset, length=t.length)
-    return Length(0.0, length.beats - t.time.beats, length.seconds - t.time.seconds)
+        raise TextError(message, offset=transform.offset, length=transform.length)
+    return Length(0.0, length.beats - transform.time.beats, length.seconds - transform.time.seconds)
 
 
-def _jitter_times(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
-    if t.x:
+def _jitter_times(phrase_rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
+    if transform.x:
         message = "a phrase has instants and no positions to move; write jitter 4ms 0mm"
-        raise TextError(message, offset=t.offset, length=t.length)
+        raise TextError(message, offset=transform.offset, length=transform.length)
     for row in phrase_rows:
-        yield replace(row, jitter=Length(0.0, t.time.beats, t.time.seconds))
+        yield replace(row, jitter=Length(0.0, transform.time.beats, transform.time.seconds))
 
 
 def _row_length(row: Row) -> Length:

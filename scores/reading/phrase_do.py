@@ -10,12 +10,12 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.named_values import parse_with_names
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_do
+from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_transform
 from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 
 
-def split_do(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Transform, ...], str]:
+def split_transforms(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Transform, ...], str]:
     """The transformations of entries in `stretch 2, every 4 rev`, and those of rhythms as a text.
 
     From the first that only rhythms have on (`is_rhythm`: from the beginning) all are of rhythms.
@@ -30,14 +30,14 @@ def split_do(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Transform,
         if is_rhythm or (word in FORM_BY_WORD and word not in ARITY):
             parse_transforms(chain_text[part_start:], part_start)
             return tuple(chain), chain_text[part_start:].strip()
-        chain.append(parse_do(part_text, part_start))
+        chain.append(parse_transform(part_text, part_start))
         part_start += len(part_text) + 1
     return tuple(chain), ""
 
 
-def _parse_entries_do(chain_text: str) -> tuple[Transform, ...]:
+def _parse_entries_transforms(chain_text: str) -> tuple[Transform, ...]:
     """The transformations of a phrase itself. Raises TextError for those of rhythms."""
-    chain, rhythm = split_do(chain_text)
+    chain, rhythm = split_transforms(chain_text)
     if rhythm:
         first_word = rhythm.split()[0]
         message = (
@@ -48,8 +48,8 @@ def _parse_entries_do(chain_text: str) -> tuple[Transform, ...]:
     return chain
 
 
-def _parse_entry_do(entry_text: str) -> Transform:
-    chain = _parse_entries_do(entry_text)
+def _parse_entry_transforms(entry_text: str) -> Transform:
+    chain = _parse_entries_transforms(entry_text)
     if len(chain) != 1:
         message = f"{quote(entry_text)} is not one transformation; write one in each item of a list"
         raise TextError(message, length=len(entry_text))
@@ -60,7 +60,7 @@ _EXAMPLE_TEXT = "such as stretch 2, reverse"
 # The `do` of a phrase.
 DO = Either(
     scalar=Text(
-        _parse_entries_do,
+        _parse_entries_transforms,
         f"transformations, {_EXAMPLE_TEXT}",
         types=("string",),
         has_values=True,
@@ -68,7 +68,7 @@ DO = Either(
     ),
     sequence=ListOf(
         Text(
-            _parse_entry_do,
+            _parse_entry_transforms,
             "a transformation, such as reverse",
             types=("string",),
             has_values=True,
@@ -78,22 +78,22 @@ DO = Either(
 )
 
 
-def phrase_do(phrase_values: Values) -> tuple[tuple[Transform, ...], str] | None:
-    """The transformations of strikes that play a phrase, as `split_do` returns them; None if an
-    error was reported.
+def phrase_transforms(phrase_values: Values) -> tuple[tuple[Transform, ...], str] | None:
+    """The transformations of strikes that play a phrase, as `split_transforms` returns them; None
+    if an error was reported.
     """
-    rhythms: list[str] = []
+    rhythm_texts: list[str] = []
 
     def parse(text: str) -> tuple[Transform, ...]:
-        chain, rhythm = split_do(text, is_rhythm=bool(rhythms))
-        rhythms.extend([rhythm] if rhythm else [])
+        chain, rhythm = split_transforms(text, is_rhythm=bool(rhythm_texts))
+        rhythm_texts.extend([rhythm] if rhythm else [])
         return chain
 
     chain = transforms(phrase_values, parse)
-    return None if chain is None else (tuple(chain), ", ".join(rhythms))
+    return None if chain is None else (tuple(chain), ", ".join(rhythm_texts))
 
 
-def rhythm_do(strike_values: Values) -> str | None:
+def rhythm_transforms(strike_values: Values) -> str | None:
     """The transformations of a rhythm as one text, without names of values; None if an error was
     reported.
     """

@@ -38,16 +38,17 @@ def phrase_rows(
     for row_written, phrase_row in zip(
         written_entries, with_levels(written_entries, levels or phrase["impulse"]), strict=True
     ):
-        phrase_name = phrase_row.what[0]
-        phrase_values = phrases.get(phrase_name) if len(phrase_row.what) == 1 else None
+        phrase_name = phrase_row.struck_names[0]
+        phrase_values = phrases.get(phrase_name) if len(phrase_row.struck_names) == 1 else None
         if not isinstance(phrase_values, Values) or phrase_values.record is not phrase.record:
             rows.append(phrase_row)
             continue
         path = (*phrases_above, phrase.context.name, str(phrase_name))
         if phrase_name in path[:-1]:
-            circle = ", which plays ".join(path)
+            name_circle = ", which plays ".join(path)
             message = (
-                f"{phrase.context.label('')}: {circle}: a circle without an end; remove one of "
+                f"{phrase.context.label('')}: {name_circle}: a circle without an end; remove "
+                "one of "
             )
             phrase.context.error("E302", f"{message}these entries", phrase_row.place)
             return None
@@ -105,14 +106,18 @@ def _row_within_phrase(
     """
     assert isinstance(phrase_row.at, Length)
     bars, beats = begin_beat.bars + phrase_row.at.bars, begin_beat.beats + phrase_row.at.beats
-    moved = replace(phrase_row, at=Length(bars, beats, begin_beat.seconds + phrase_row.at.seconds))
-    to = phrase["to"] or ()
-    if not to or tuple(to) == tuple(voices.to):
-        return moved
-    moved_names = tuple(
-        Name(f"{part}.{word}", word.place) for part in to for word in phrase_row.what
+    moved_row = replace(
+        phrase_row, at=Length(bars, beats, begin_beat.seconds + phrase_row.at.seconds)
     )
-    return replace(moved, what=moved_names, before=())
+    instrument_names = phrase["to"] or ()
+    if not instrument_names or tuple(instrument_names) == tuple(voices.instruments):
+        return moved_row
+    renamed_notes = tuple(
+        Name(f"{part}.{word}", word.place)
+        for part in instrument_names
+        for word in phrase_row.struck_names
+    )
+    return replace(moved_row, struck_names=renamed_notes, written_names=())
 
 
 def with_levels(rows: Sequence[Row], strike_levels: Levels | None) -> tuple[Row, ...]:
@@ -144,7 +149,9 @@ def _with_swells(rows_written: Sequence[Row], rows: Sequence[Row]) -> Iterator[R
         if rows_written[row_number].swells:
             swell_begin = row_number
             later_levels = (
-                n for n in range(row_number + 1, len(rows)) if rows_written[n].level is not None
+                row_index
+                for row_index in range(row_number + 1, len(rows))
+                if rows_written[row_index].level is not None
             )
             swell_end = next(later_levels, row_number)
         low_level, high_level = rows[swell_begin].level, rows[swell_end].level

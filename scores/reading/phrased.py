@@ -80,21 +80,25 @@ def _notes_of_round(
                 "repeats "
             )
             raise TextError(f"{message}a round that has all of its entries")
-        lasting = (
+        note_length = (
             None
             if phrase_hit.lasting is None
             else _exact_fraction(getattr(phrase_hit.lasting, length_unit))
         )
-        struck = dict.fromkeys(
+        struck_words = dict.fromkeys(
             _word_text(name, phrase_hit.level) for name in phrase_hit.what.split()
         )
-        notes_by_span.setdefault((note_begin, lasting), {}).update(struck)
-    begins = sorted({begin for begin, _ in notes_by_span})
-    following = dict(zip(begins, [*begins[1:], round_length], strict=True))
-    for (note_begin, lasting), note_words in sorted(
+        notes_by_span.setdefault((note_begin, note_length), {}).update(struck_words)
+    note_begins = sorted({begin for begin, _ in notes_by_span})
+    next_begin = dict(zip(note_begins, [*note_begins[1:], round_length], strict=True))
+    for (note_begin, note_length), note_words in sorted(
         notes_by_span.items(), key=lambda group: group[0][0]
     ):
-        end = following[note_begin] if lasting is None else min(note_begin + lasting, round_length)
+        end = (
+            next_begin[note_begin]
+            if note_length is None
+            else min(note_begin + note_length, round_length)
+        )
         if end > note_begin:
             yield _Notes(note_begin, end, tuple(note_words))
 

@@ -138,7 +138,7 @@ class Strikes:
         return bool(self.hits) or self.passing is not None
 
     @property
-    def who(self) -> str:
+    def draw_key(self) -> str:
         """The name that keys the random draws of the strikes."""
         return f"strikes/{self.name}"
 
@@ -160,12 +160,12 @@ class Strikes:
         """Beats on which rounds begin: one for each time a phrase is played. Raises TextError."""
         if self.length is None:
             return [0.0]
-        until = None if self.until is None else tempo.resolve(self.until)
-        begin, every, times = tempo.resolve(self.at), self.every, self.times
-        return starts(tempo, begin, self.length, every=every, times=times, until=until)
+        end_beat = None if self.until is None else tempo.resolve(self.until)
+        begin, period, times = tempo.resolve(self.at), self.every, self.times
+        return starts(tempo, begin, self.length, every=period, times=times, until=end_beat)
 
-    def falls(
-        self, piece: Piece, since: float = -inf, before: float = inf
+    def played_hits(
+        self, piece: Piece, since_beat: float = -inf, before_beat: float = inf
     ) -> Iterator[tuple[float, int, Hit]]:
         """The strikes of a melody or a rhythm: beat, number and hit. Raises TextError.
 
@@ -173,7 +173,7 @@ class Strikes:
         """
         tempo = piece.tempo_map
         if self.rhythm is not None:
-            yield from self._strokes(piece, self.rhythm, since, before)
+            yield from self._rhythm_hits(piece, self.rhythm, since_beat, before_beat)
             return
         until_beat = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
         for turn, round_start in enumerate(self.rounds(tempo)):
@@ -191,32 +191,46 @@ class Strikes:
         """The number of cycles of a rhythm that begin before a beat. Raises TextError."""
         assert self.rhythm is not None
         stop = self.stop(tempo)
-        n_cycles = self.rhythm.count(
+        n_cycles = self.rhythm.cycle_count(
             tempo, tempo.resolve(self.at), before_beat if stop is None else min(stop, before_beat)
         )
         return n_cycles if self.times is None else min(n_cycles, self.times)
 
-    def _strokes(
-        self, piece: Piece, rhythm: Rhythm, since: float, before: float
+    def _rhythm_hits(
+        self, piece: Piece, rhythm: Rhythm, since_beat: float, before_beat: float
     ) -> Iterator[tuple[float, int, Hit]]:
         tempo, stop = piece.tempo_map, self.stop(piece.tempo_map)
-        before = before if stop is None else min(stop, before)
+        before_beat = before_beat if stop is None else min(stop, before_beat)
         begin_beat = tempo.resolve(self.at)
         first_cycle = 0
-        if since != -inf:
-            cycles_late, seconds_late = rhythm.late()
-            early = tempo.after(since, Length(seconds=-seconds_late)) if seconds_late else since
-            first_cycle = max(0, rhythm.count(tempo, begin_beat, early) - 1 - cycles_late)
-        cycles = range(first_cycle, self.cycles(tempo, before))
+        if since_beat != -inf:
+            cycles_late, seconds_late = rhythm.latest_delay()
+            early_beat = (
+                tempo.after(since_beat, Length(seconds=-seconds_late))
+                if seconds_late
+                else since_beat
+            )
+            first_cycle = max(
+                0, rhythm.cycle_count(tempo, begin_beat, early_beat) - 1 - cycles_late
+            )
+        cycles = range(first_cycle, self.cycles(tempo, before_beat))
         levels = self.levels or Levels((MEZZO_FORTE,))
-        for stroke in rhythm.strokes(tempo, begin_beat, levels, (piece.seed, self.who), cycles):
-            if not since - SAME <= stroke.beat < before - SAME:
+        for stroke in rhythm.strokes(
+            tempo, begin_beat, levels, (piece.seed, self.draw_key), cycles
+        ):
+            if not since_beat - SAME <= stroke.beat < before_beat - SAME:
                 continue
-            for to, reach in rhythm.voices[stroke.word]:
+            for targets, impulse_range in rhythm.voices[stroke.word]:
                 lasting_length = Length(beats=stroke.lasting)
                 word, level = stroke.word, stroke.level
                 hit = Hit(
-                    Length(), to, level, self.place, word, reach=reach, lasting=lasting_length
+                    Length(),
+                    targets,
+                    level,
+                    self.place,
+                    word,
+                    reach=impulse_range,
+                    lasting=lasting_length,
                 )
                 yield stroke.beat, stroke.number, hit
 
@@ -225,9 +239,9 @@ class Strikes:
         assert self.pattern is not None
         tempo = piece.tempo_map
         begin, stop = tempo.resolve(self.at), self.stop(tempo)
-        place_sequence = PlaceSequence(self.pattern, Draws(piece.seed, self.who))
+        place_sequence = PlaceSequence(self.pattern, Draws(piece.seed, self.draw_key))
         return line_steps(
-            tempo, begin, place_sequence, every=self.every, times=self.times, until=stop
+            tempo, begin, place_sequence, step_length=self.every, times=self.times, end_beat=stop
         )
 
 
@@ -279,7 +293,7 @@ class Piece:
     tunings: Mapping[str, Tuning] = field(default_factory=dict, compare=False, repr=False)
 
     @property
-    def motion_every(self) -> int:
+    def motion_step_frames(self) -> int:
         """The number of frames from one step of parts that are only seen to the next."""
         return 1 if self.motion is None else max(1, floor(self.rate / self.motion + _ROUNDING))
 
@@ -315,7 +329,7 @@ class Piece:
                 )
         return tuple(routes)
 
-    def playable(self, name: str) -> Instrument | None:
+    def playable_instrument(self, name: str) -> Instrument | None:
         """The instrument of a name, or of its first note; also one that nothing plays yet."""
         first_part = self.families.get(name, (name,))[0]
         return self.instruments.get(first_part) or self.available.get(name)

@@ -57,13 +57,15 @@ class PlayingOptions:
     force_limit: float | None = None
     layer: bool | None = None
 
-    def over(self, base_options: PlayingOptions) -> PlayingOptions:
+    def with_defaults(self, base_options: PlayingOptions) -> PlayingOptions:
         """These options; those that are None are taken from `base_options`."""
         if self == NO_OPTIONS:
             return base_options
-        pairs = ((getattr(self, f.name), getattr(base_options, f.name)) for f in fields(self))
+        option_pairs = (
+            (getattr(self, f.name), getattr(base_options, f.name)) for f in fields(self)
+        )
         return PlayingOptions(
-            *(option if option is not None else default for option, default in pairs)
+            *(option if option is not None else default for option, default in option_pairs)
         )
 
 
@@ -215,7 +217,7 @@ class Play:
         turns = () if self.pattern is None else self.pattern.turns
         return (self.do, *((*self.do, *turn.transforms()) for turn in turns))
 
-    def course(self, seed: int) -> PlaceSequence:
+    def place_sequence(self, seed: int) -> PlaceSequence:
         """What a pattern plays in each of its places, with all chance derived from `seed`."""
         assert self.pattern is not None
         return PlaceSequence(self.pattern, Draws(seed, f"{self.player}/{self.what}"))

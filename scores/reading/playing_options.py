@@ -9,7 +9,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Text, choice
-from ergon.scores.gesture.transforms import MEANINGS, parse_chain, parse_do
+from ergon.scores.gesture.transforms import MEANINGS, parse_chain, parse_transform
 from ergon.scores.pattern import turn_chain
 from ergon.scores.reading.playing import NO_OPTIONS, Ergons, PlayingOptions, Touch
 
@@ -26,7 +26,7 @@ DO = Either(
     ),
     sequence=ListOf(
         Text(
-            parse_do,
+            parse_transform,
             "a transformation, such as scale 0.5",
             types=("string",),
             has_values=True,

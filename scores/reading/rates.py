@@ -22,8 +22,8 @@ class Rates:
         """
         rates = score["rates"]
         self.audio: float = rates["audio"] if rates else DEFAULT_RATE_HZ
-        is_said = rates is not None and rates.written("gesture")
-        self.gesture = _rate_divisor(self.audio, rates, "gesture") if is_said else 1
+        is_written = rates is not None and rates.written("gesture")
+        self.gesture = _rate_divisor(self.audio, rates, "gesture") if is_written else 1
         self.motion = _motion_rate(self.audio, rates) if rates else None
 
     def key_step_frames(self, values: Values) -> int:
@@ -38,30 +38,32 @@ class Rates:
         return _rate_divisor(self.audio, values, "rate") if values.written("rate") else None
 
 
-def _motion_rate(audio: float, rates: Values) -> float | None:
+def _motion_rate(audio_rate: float, rates: Values) -> float | None:
     """The lowest rate of parts that are only seen; None if none is written, or if an error was
     reported.
     """
     rate = rates["motion"] if rates.written("motion") else None
     if not isinstance(rate, float):
         return None
-    if rate > audio:
-        message = f"rates: motion: {rate:.10g} Hz is above the audio rate, {audio:.10g} Hz"
-        rates.error("E311", message, "motion", suggestion=f"{audio:.10g}Hz")
+    if rate > audio_rate:
+        message = f"rates: motion: {rate:.10g} Hz is above the audio rate, {audio_rate:.10g} Hz"
+        rates.error("E311", message, "motion", suggestion=f"{audio_rate:.10g}Hz")
         return None
     return rate
 
 
-def _rate_divisor(audio: float, rate_values: Values, rate_name: str) -> int:
+def _rate_divisor(audio_rate: float, rate_values: Values, rate_name: str) -> int:
     """The divisor of the audio rate; 1 if an error was reported."""
     rate = rate_values[rate_name]
     if not isinstance(rate, float):
         return 1  # reported already
-    divisor = max(1, round(audio / rate))
-    if abs(audio / rate - divisor) <= _TOLERANCE * divisor:
+    divisor = max(1, round(audio_rate / rate))
+    if abs(audio_rate / rate - divisor) <= _TOLERANCE * divisor:
         return divisor
-    subject = "rates: gesture" if rate_name == "gesture" else rate_values.context.label(rate_name)
-    relation = "above" if rate > audio else "not a divisor of"
-    message = f"{subject}: {rate:.10g} Hz is {relation} the audio rate, {audio:.10g} Hz"
-    rate_values.error("E311", message, rate_name, suggestion=f"{audio / divisor:.10g}Hz")
+    rate_label = (
+        "rates: gesture" if rate_name == "gesture" else rate_values.context.label(rate_name)
+    )
+    relation = "above" if rate > audio_rate else "not a divisor of"
+    message = f"{rate_label}: {rate:.10g} Hz is {relation} the audio rate, {audio_rate:.10g} Hz"
+    rate_values.error("E311", message, rate_name, suggestion=f"{audio_rate / divisor:.10g}Hz")
     return 1

@@ -20,7 +20,7 @@ from ergon.scores.reading import build
 from ergon.scores.reading.clocked import rhythm_of_clock
 from ergon.scores.reading.melody import Row
 from ergon.scores.reading.note_targets import NoteTargets
-from ergon.scores.reading.phrase_do import rhythm_do
+from ergon.scores.reading.phrase_do import rhythm_transforms
 from ergon.scores.reading.piece import Strikes
 from ergon.scores.reading.rhythms import (
     ANY_WORD,
@@ -42,19 +42,24 @@ def strikes_of_rhythm(strike_values: Values, part_names: PartNames) -> Strikes |
     cycle, first_cycle = strike_values["cycle"] or Length(bars=1.0), strike_values["skip"] or 0
     strikes = build.rhythm_strikes(strike_values, ())
     rhythm = Rhythm(strike_values["rhythm"], "", cycle, {}, first_cycle)
-    do = rhythm_do(strike_values)
-    if do is None:
+    transforms_text = rhythm_transforms(strike_values)
+    if transforms_text is None:
         return None
     strikes = replace(strikes, rhythm=rhythm)
     names = NoteTargets(part_names, strike_values["to"] or ())
-    return _with_words(strikes, do, strike_values, names, place)
+    return _with_words(strikes, transforms_text, strike_values, names, place)
 
 
 def transformed_strikes(
-    strikes: Strikes, do: str, strike_values: Values, part_names: PartNames, to: tuple[Name, ...]
+    strikes: Strikes,
+    transforms_text: str,
+    strike_values: Values,
+    part_names: PartNames,
+    target_names: tuple[Name, ...],
 ) -> Strikes | None:
-    """Strikes by the clock, of a pattern or a phrase, after the transformations `do` of rhythms: as
-    a rhythm of the same strokes. `to` are the instruments whose notes they name.
+    """Strikes by the clock, of a pattern or a phrase, after the transformations `transforms_text`
+    of rhythms: as a rhythm of the same strokes. `target_names` are the instruments whose notes they
+    name.
 
     None if an error was reported.
     """
@@ -65,7 +70,7 @@ def transformed_strikes(
         return None
     do_place = strike_values.place_of(next(iter(strike_values.written("play", "notes", "to"))))
     is_bounded = strike_values.written("times", "for", "until")
-    as_rhythm = replace(
+    rhythm_maker = replace(
         strikes,
         rhythm=rhythm,
         pattern=None,
@@ -77,13 +82,17 @@ def transformed_strikes(
         length=None,
     )
     return _with_words(
-        as_rhythm, do, strike_values, NoteTargets(part_names, to), lambda _: do_place
+        rhythm_maker,
+        transforms_text,
+        strike_values,
+        NoteTargets(part_names, target_names),
+        lambda _: do_place,
     )
 
 
 def _with_words(
     strikes: Strikes,
-    do: str,
+    transforms_text: str,
     strike_values: Values,
     note_targets: NoteTargets,
     place_of_word: Callable[[Struck], Place],
@@ -94,7 +103,7 @@ def _with_words(
     strikes_label, rhythm = f"strikes {quote(strike_values.context.name)}", strikes.rhythm
     assert rhythm is not None
     try:
-        leaves = compiled_rhythm(rhythm.text, do).leaves
+        leaves = compiled_rhythm(rhythm.text, transforms_text).leaves
     except TextError as error:  # the transformations make it too large
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
@@ -110,9 +119,11 @@ def _with_words(
         if voice is None:
             return None
         voices[key_of(leaf)] = voice
-    to = dict.fromkeys(t for voice in voices.values() for targets, _ in voice for t in targets)
-    rhythm = replace(rhythm, do=do, voices=voices, tuning=tuning.written())
-    return replace(strikes, to=tuple(to), levels=strike_levels, rhythm=rhythm)
+    struck_targets = dict.fromkeys(
+        target for voice in voices.values() for targets, _ in voice for target in targets
+    )
+    rhythm = replace(rhythm, do=transforms_text, voices=voices, tuning=tuning.written())
+    return replace(strikes, to=tuple(struck_targets), levels=strike_levels, rhythm=rhythm)
 
 
 def _voice_of_word(
@@ -139,11 +150,11 @@ def _voice_of_word(
         collector.error("E306", f"{strikes_label}: {error.message}", word_place)
         return None
     strike_targets: Iterable[Target]
-    if leaf_name == ANY_WORD and note_targets.to:
+    if leaf_name == ANY_WORD and note_targets.instruments:
         strike_targets = [
-            t
-            for name in note_targets.to
-            for t in note_targets.part_names.struck_targets(name, strikes_label)
+            reached
+            for name in note_targets.instruments
+            for reached in note_targets.part_names.struck_targets(name, strikes_label)
         ]
     else:
         strike_targets = note_targets.targets(
@@ -151,12 +162,12 @@ def _voice_of_word(
         )
     by_reach: dict[ImpulseRange | None, list[Target]] = {}
     for target in strike_targets:
-        reach = (
+        impulse_range = (
             note_targets.part_names.required_impulse_range(target, strikes_label)
             if is_strength
             else None
         )
-        by_reach.setdefault(reach, []).append(target)
+        by_reach.setdefault(impulse_range, []).append(target)
     if collector.n_reports > n_reports:
         return None
-    return tuple((tuple(to), reach) for reach, to in by_reach.items())
+    return tuple((tuple(targets), impulse_range) for impulse_range, targets in by_reach.items())

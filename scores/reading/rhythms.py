@@ -66,25 +66,25 @@ class Rhythm:
     first: int = 0  # the number of the cycle that is played first
     tuning: Tuning | None = None  # by which the notes of chords are named and ordered
 
-    def begin(self, tempo: TempoMap, at: float, number: int) -> float:
+    def cycle_begin(self, tempo: TempoMap, begin_beat: float, number: int) -> float:
         """The beat on which a cycle begins, of a rhythm that begins at a beat."""
-        return tempo.after(at, self.cycle.times(number))
+        return tempo.after(begin_beat, self.cycle.times(number))
 
-    def count(self, tempo: TempoMap, begin: float, before: float) -> int:
+    def cycle_count(self, tempo: TempoMap, begin: float, before_beat: float) -> int:
         """The number of cycles that begin before a beat."""
-        if before == inf:
+        if before_beat == inf:
             return MAX_CYCLES
         low, high = 0, 1
-        while high < MAX_CYCLES and self.begin(tempo, begin, high) < before - SAME:
+        while high < MAX_CYCLES and self.cycle_begin(tempo, begin, high) < before_beat - SAME:
             low, high = high, 2 * high
         high = min(high, MAX_CYCLES)
-        if self.begin(tempo, begin, low) >= before - SAME:
+        if self.cycle_begin(tempo, begin, low) >= before_beat - SAME:
             return low
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (
                 (middle, high)
-                if self.begin(tempo, begin, middle) < before - SAME
+                if self.cycle_begin(tempo, begin, middle) < before_beat - SAME
                 else (low, middle)
             )
         return high
@@ -100,15 +100,17 @@ class Rhythm:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
         cycles_source = _cycle_events(self.text, self.do, self.tuning, *draws)
         for turn in cycles:
-            cycle_begin, cycle_end = (self.begin(tempo, start, n) for n in (turn, turn + 1))
+            cycle_begin, cycle_end = (
+                self.cycle_begin(tempo, start, cycle_index) for cycle_index in (turn, turn + 1)
+            )
             cycle_number = self.first + turn
             events = cycles_source(cycle_number)
             strokes: list[_Placed] = []
-            for event, loud in zip(events, _levels_of_events(events, levels), strict=True):
-                share, span, lasting, struck_word = event
+            for event, level in zip(events, _levels_of_events(events, levels), strict=True):
+                share, span, stroke_length, struck_word = event
                 stroke_beat, duration = (
                     cycle_begin + share * (cycle_end - cycle_begin),
-                    lasting * (cycle_end - cycle_begin),
+                    stroke_length * (cycle_end - cycle_begin),
                 )
                 strokes += _placed_strokes(
                     tempo,
@@ -116,17 +118,17 @@ class Rhythm:
                     span * (cycle_end - cycle_begin),
                     duration,
                     struck_word,
-                    loud,
+                    level,
                 )
                 if len(strokes) > MAX_EVENTS:
                     raise TextError(_TOO_MANY_MESSAGE)
             strokes.sort(key=_BEAT_OF)
-            for index, (stroke_beat, duration, struck_word, loud) in enumerate(strokes):
+            for index, (stroke_beat, duration, struck_word, level) in enumerate(strokes):
                 yield Stroke(
                     stroke_beat,
                     cycle_number * MAX_EVENTS + index,
                     key_of(struck_word),
-                    loud,
+                    level,
                     duration,
                 )
 
@@ -138,10 +140,10 @@ class Rhythm:
         counts = [0] * _CYCLES_SAMPLED
         for stroke in self.strokes(tempo, begin_beat, _PLAIN_LEVELS, draws, range(_CYCLES_SAMPLED)):
             cycle = stroke.number // MAX_EVENTS - self.first
-            counts[cycle] += sum(len(to) for to, _ in self.voices[stroke.word])
+            counts[cycle] += sum(len(targets) for targets, _ in self.voices[stroke.word])
         return max(counts)
 
-    def late(self) -> tuple[int, float]:
+    def latest_delay(self) -> tuple[int, float]:
         """How much later than in its cycle a stroke may begin: in cycles and in seconds."""
         return _latest_delay(self.text, self.do, self.tuning)
 
@@ -161,26 +163,28 @@ def _levels_of_events(cycle_events: Sequence[_CycleEvent], levels: Levels) -> It
 
     What is part of a stroke has the stroke's level: of the nearest with its word before or after.
     """
-    mains = [number for number, (*_, struck) in enumerate(cycle_events) if struck.part_of is None]
-    turns = {number: turn for turn, number in enumerate(mains)}
+    main_numbers = [
+        number for number, (*_, struck) in enumerate(cycle_events) if struck.part_of is None
+    ]
+    turns = {number: turn for turn, number in enumerate(main_numbers)}
     by_word: dict[int, list[int]] = {}
-    for event_index in mains if len(mains) < len(cycle_events) else ():
+    for event_index in main_numbers if len(main_numbers) < len(cycle_events) else ():
         by_word.setdefault(cycle_events[event_index][-1].offset, []).append(event_index)
     for event_index, (*_, struck_word) in enumerate(cycle_events):
-        main = event_index
+        main_number = event_index
         if struck_word.part_of is not None:
-            numbers_of_word = by_word.get(struck_word.offset) or mains or [event_index]
+            numbers_of_word = by_word.get(struck_word.offset) or main_numbers or [event_index]
             place = bisect(numbers_of_word, event_index) - (struck_word.part_of == "before")
-            main = numbers_of_word[min(max(0, place), len(numbers_of_word) - 1)]
-        loud = level_of(struck_word) or levels.step(turns.get(main, 0), len(mains))
-        yield loud.scaled(struck_word.factor) if struck_word.factor != 1.0 else loud
+            main_number = numbers_of_word[min(max(0, place), len(numbers_of_word) - 1)]
+        level = level_of(struck_word) or levels.step(turns.get(main_number, 0), len(main_numbers))
+        yield level.scaled(struck_word.factor) if struck_word.factor != 1.0 else level
 
 
 def _placed_strokes(
     tempo: TempoMap,
     stroke_beat: float,
     stroke_span: float,
-    long: float,
+    stroke_length: float,
     struck_word: Struck,
     stroke_level: Level,
 ) -> Iterator[_Placed]:
@@ -188,7 +192,7 @@ def _placed_strokes(
     if struck_word.delay:
         stroke_beat = tempo.after(stroke_beat, Length(seconds=struck_word.delay))
     if struck_word.repeats is None:
-        yield stroke_beat, long, struck_word, stroke_level
+        yield stroke_beat, stroke_length, struck_word, stroke_level
         return
     rate, first_factor, last_factor = struck_word.repeats
     start, end = tempo.seconds(stroke_beat), tempo.seconds(stroke_beat + stroke_span)
@@ -202,21 +206,21 @@ def _placed_strokes(
             if turn + 1 < n_repeats
             else stroke_beat + stroke_span
         )
-        loud = stroke_level.scaled(
+        level = stroke_level.scaled(
             swell(first_factor, last_factor, turn / (n_repeats - 1) if n_repeats > 1 else 1.0)
         )
-        sounding = float(struck_word.length) * (stop - repeat_beat)
+        sounding_length = float(struck_word.length) * (stop - repeat_beat)
         yield (
             repeat_beat,
-            sounding,
+            sounding_length,
             struck_word,
-            loud if first_factor != 1.0 or last_factor != 1.0 else stroke_level,
+            level if first_factor != 1.0 or last_factor != 1.0 else stroke_level,
         )
 
 
 @lru_cache(256)
-def _latest_delay(text: str, do: str, tuned: Tuning | None) -> tuple[int, float]:
-    leaves = compiled_in_tuning(text, do, tuned).leaves
+def _latest_delay(text: str, transforms_text: str, tuned: Tuning | None) -> tuple[int, float]:
+    leaves = compiled_in_tuning(text, transforms_text, tuned).leaves
     cycles = int(LONGEST_CYCLES) if any(leaf.repeats for leaf in leaves) else 0
     return cycles, max((leaf.delay for leaf in leaves), default=0.0)
 
@@ -227,17 +231,19 @@ def level_of(struck: Struck) -> Level | None:
     return LEVEL.parse(text) if colon else None  # the parser keeps its results
 
 
-def compiled_rhythm(rhythm_text: str, do: str) -> Cycles[Struck]:
+def compiled_rhythm(rhythm_text: str, transforms_text: str) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in the tuning of the file that is read.
 
     Raises TextError, with offsets into the text, or into the transformations once the text itself
     has been read.
     """
-    return compiled_in_tuning(rhythm_text, do, tuning.written())
+    return compiled_in_tuning(rhythm_text, transforms_text, tuning.written())
 
 
 @lru_cache(_RHYTHMS_CACHED)
-def compiled_in_tuning(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycles[Struck]:
+def compiled_in_tuning(
+    rhythm_text: str, transforms_text: str, tuned: Tuning | None
+) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in a tuning. Raises TextError."""
     begins = line_begins(rhythm_text)
 
@@ -246,15 +252,18 @@ def compiled_in_tuning(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycle
 
     cycles = parse(rhythm_text, read)
     with tuning.used(tuned):
-        return apply(cycles, parse_transforms(do)) if do else cycles
+        return apply(cycles, parse_transforms(transforms_text)) if transforms_text else cycles
 
 
 @lru_cache(_RHYTHMS_CACHED)
 def _cycle_events(
-    rhythm_text: str, do: str, tuned: Tuning | None, seed: int, owner: str
+    rhythm_text: str, transforms_text: str, tuned: Tuning | None, seed: int, owner: str
 ) -> Callable[[int], list[_CycleEvent]]:
     """The events of a cycle by its number; those that were asked for are remembered."""
-    cycles, chance = compiled_in_tuning(rhythm_text, do, tuned), chance_from(seed, owner)
+    cycles, chance = (
+        compiled_in_tuning(rhythm_text, transforms_text, tuned),
+        chance_from(seed, owner),
+    )
     events_by_cycle: dict[int, list[_CycleEvent]] = {}
 
     def events(cycle_number: int) -> list[_CycleEvent]:
@@ -265,8 +274,8 @@ def _cycle_events(
                 (
                     float(event.begin - cycle_number),
                     min(float(event.end - event.begin), LONGEST_CYCLES),
-                    min(float((event.end - event.begin) * event.what.length), LONGEST_CYCLES),
-                    event.what,
+                    min(float((event.end - event.begin) * event.value.length), LONGEST_CYCLES),
+                    event.value,
                 )
                 for event in onsets
             ]
@@ -278,7 +287,9 @@ def _cycle_events(
 def retargeted(rhythm: Rhythm, retarget: Callable[[Target], Target]) -> Rhythm:
     """A rhythm with each of its targets changed."""
     voices = {
-        key: tuple((tuple(map(retarget, to)), reach) for to, reach in voice)
+        key: tuple(
+            (tuple(map(retarget, targets)), impulse_range) for targets, impulse_range in voice
+        )
         for key, voice in rhythm.voices.items()
     }
     return replace(rhythm, voices=voices)

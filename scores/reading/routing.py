@@ -51,9 +51,9 @@ def _checked_route(
     """A route from an instrument, or from one of its outputs; None if there is no such
     instrument.
     """
-    part_path, out = str(route.part), None
+    part_path, output_name = str(route.part), None
     if part_path not in parts_by_name and "." in part_path:
-        part_path, _, out = part_path.rpartition(".")
+        part_path, _, output_name = part_path.rpartition(".")
     instrument = parts_by_name.get(part_path)
     if not isinstance(instrument, Instrument):
         if part_path not in part_names.refused_parts:
@@ -69,16 +69,20 @@ def _checked_route(
     names = tuple(output.name for output in instrument.outputs)
     if part_path in part_names.refused_parts:
         return None
-    if not names or (out is not None and out not in names):
-        message = f"route: {quote(part_path)} has no output" + (f" {quote(out)}" if out else "")
+    if not names or (output_name is not None and output_name not in names):
+        message = f"route: {quote(part_path)} has no output" + (
+            f" {quote(output_name)}" if output_name else ""
+        )
         output_names = tuple(f"{part_path}.{name}" for name in names if name)
         part_names.collector.error(
             "E301", message, route.place, word=str(route.part), names=output_names
         )
     part_names.referenced_parts.add(part_path)
-    levelled = _route_with_level(replace(route, part=part_path, out=out), instrument, part_names)
-    _check_route(levelled, instrument, rooms, part_names)
-    return levelled
+    levelled_route = _route_with_level(
+        replace(route, part=part_path, out=output_name), instrument, part_names
+    )
+    _check_route(levelled_route, instrument, rooms, part_names)
+    return levelled_route
 
 
 def _route_with_level(route: Route, instrument: Instrument, part_names: PartNames) -> Route:
@@ -108,22 +112,26 @@ def _check_route(
             part_names.collector.error(
                 "E301", message, room_name.place, word=room_name, names=room_names
             )
-    outputs_routed = [out for out in instrument.outputs if route.out in (None, out.name)]
-    silent_output = next((out for out in outputs_routed if not out.kind_facts.radiates), None)
+    outputs_routed = [output for output in instrument.outputs if route.out in (None, output.name)]
+    silent_output = next(
+        (output for output in outputs_routed if not output.kind_facts.radiates), None
+    )
     if route.radiation is not None and silent_output is not None:
         message = (
             f"route: `radiate` takes an acceleration, and {route.part} gives {silent_output.kind}"
         )
-        help = "listen by SOA: the pressure of a small source is proportional to its acceleration"
-        part_names.collector.error("E304", message, route.place, help=help)
-    force_kinds = [out.kind for out in outputs_routed if not out.kind_facts.is_movement]
+        help_text = (
+            "listen by SOA: the pressure of a small source is proportional to its acceleration"
+        )
+        part_names.collector.error("E304", message, route.place, help=help_text)
+    force_kinds = [output.kind for output in outputs_routed if not output.kind_facts.is_movement]
     if route.to == "nearest" and any(
-        not out.is_movement and out.nearest is None for out in outputs_routed
+        not output.is_movement and output.nearest is None for output in outputs_routed
     ):
         quantity = force_kinds[0] if force_kinds else "a distance"
         message = (
             "route: `nearest` needs masses, which have positions, and "
             f"{route.part} gives {quantity}"
         )
-        help = f"name channels, `to: [1, 2]`, or listen to masses by {MOVEMENT_NAMES}"
-        part_names.collector.error("E304", message, route.place, help=help)
+        help_text = f"name channels, `to: [1, 2]`, or listen to masses by {MOVEMENT_NAMES}"
+        part_names.collector.error("E304", message, route.place, help=help_text)

@@ -19,8 +19,8 @@ from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.playing import Gesture, Play
 
 # The length of a gesture, and one sentence for each thing that its transformations lost.
-_LengthAndLosses = tuple[Length, tuple[str, ...]]
-_NO_LOSSES: tuple[str, ...] = ()
+_LengthAndDropped = tuple[Length, tuple[str, ...]]
+_NOTHING_DROPPED: tuple[str, ...] = ()
 
 MAX_STRIKES = 2_000_000  # strikes in a piece: some 340 MB
 
@@ -60,30 +60,30 @@ def _all_starts(
     known_starts = known_plays.starts(piece)
     if not known_starts.unknown:
         return known_plays.beats(known_starts)
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses] = {}
-    room = MAX_OCCURRENCES - sum(
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped] = {}
+    starts_left = MAX_OCCURRENCES - sum(
         starts_and_count[1]
         for starts_and_count in known_starts.values
         if starts_and_count is not None
     )
-    reported: dict[int, Sequence[float] | None] = {}
+    known_reported: dict[int, Sequence[float] | None] = {}
     for line_index in known_starts.unknown:
         n_reports = collector.n_reports
         line_beats = _line_beats(
-            piece, piece.parts[line_index], begins[line_index], lengths, room, collector
+            piece, piece.parts[line_index], begins[line_index], lengths, starts_left, collector
         )
         n_beats = 0 if line_beats is None else len(line_beats)
-        room -= n_beats
+        starts_left -= n_beats
         if collector.n_reports == n_reports:
             known_starts.values[line_index] = line_beats, n_beats
         else:
-            reported[line_index] = line_beats
+            known_reported[line_index] = line_beats
     known_plays.keep_starts(piece, known_starts)
-    if not reported:
+    if not known_reported:
         return known_plays.beats(known_starts)
     return tuple(
         [
-            starts_and_count[0] if starts_and_count else reported[number]
+            starts_and_count[0] if starts_and_count else known_reported[number]
             for number, starts_and_count in enumerate(known_starts.values)
         ]
     )
@@ -93,27 +93,27 @@ def _line_beats(
     piece: Piece,
     part_play: Play,
     begin_beat: float,
-    known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
-    room: int,
+    known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped],
+    starts_left: int,
     collector: Collector,
 ) -> Sequence[float] | None:
     """Beats on which a line is played; None if only a take's file can tell."""
     if part_play.pattern is not None:
-        return _pattern_beats(piece, part_play, begin_beat, known_lengths, room, collector)
+        return _pattern_beats(piece, part_play, begin_beat, known_lengths, starts_left, collector)
     line_beats = None
     gesture = piece.gestures.get(part_play.what)
-    gesture_length, losses = Length(), _NO_LOSSES
+    gesture_length, dropped_reasons = Length(), _NOTHING_DROPPED
     if gesture is not None:
-        gesture_length, losses = _gesture_length(
+        gesture_length, dropped_reasons = _gesture_length(
             piece, gesture, part_play, begin_beat, known_lengths
         )
-    for loss in losses:
-        collector.error("W315", f"{quote(part_play.what)}: {loss}", part_play.place)
+    for dropped_reason in dropped_reasons:
+        collector.error("W315", f"{quote(part_play.what)}: {dropped_reason}", part_play.place)
     if gesture is not None or (
         _check_take_transforms(part_play, collector) and part_play.every is not None
     ):
         line_beats = _repetition_beats(
-            piece, part_play, begin_beat, gesture_length, room, collector
+            piece, part_play, begin_beat, gesture_length, starts_left, collector
         )
     if gesture is not None and gesture.bar_checks and not part_play.do:
         _check_bar_lines(piece, gesture, line_beats[:1] if line_beats else [], collector)
@@ -124,8 +124,8 @@ def _pattern_beats(
     piece: Piece,
     part_play: Play,
     begin_beat: float,
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
-    room: int,
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped],
+    starts_left: int,
     collector: Collector,
 ) -> Sequence[float]:
     """Beats on which the places of a pattern begin."""
@@ -137,21 +137,21 @@ def _pattern_beats(
             for chain in part_play.chains:
                 _check_take_transforms(replace(part_play, what=gesture_name, do=chain), collector)
             continue
-        pattern_lengths[gesture_name], losses = _gesture_length(
+        pattern_lengths[gesture_name], dropped_reasons = _gesture_length(
             piece, gesture, part_play, begin_beat, lengths
         )
-        for loss in losses:
-            collector.error("W315", f"{quote(gesture_name)}: {loss}", part_play.place)
+        for dropped_reason in dropped_reasons:
+            collector.error("W315", f"{quote(gesture_name)}: {dropped_reason}", part_play.place)
     try:
         return line_steps(
             tempo,
             begin_beat,
-            part_play.course(piece.seed),
-            every=part_play.every,
+            part_play.place_sequence(piece.seed),
+            step_length=part_play.every,
             times=part_play.times,
-            until=None if part_play.until is None else tempo.resolve(part_play.until),
+            end_beat=None if part_play.until is None else tempo.resolve(part_play.until),
             length=pattern_lengths.get,
-            room=room,
+            room=starts_left,
         )
     except TextError as error:
         code = error.code if error.code != "E204" else "E305"
@@ -164,7 +164,7 @@ def _repetition_beats(
     part_play: Play,
     begin_beat: float,
     gesture_length: Length,
-    room: int,
+    starts_left: int,
     collector: Collector,
 ) -> list[float]:
     tempo = piece.tempo_map
@@ -177,7 +177,7 @@ def _repetition_beats(
             every=part_play.every,
             times=part_play.times,
             until=until_beat,
-            room=room,
+            room=starts_left,
         )
     except TextError as error:
         collector.error("E305", f"{quote(part_play.what)}: {error.message}", part_play.place)
@@ -198,7 +198,7 @@ def _strike_count(
         stop_beat = (
             tempo.after(start_beat, strikes.span) if strikes.span is not None else start_beat
         )
-    lasting = tempo.seconds(stop_beat) - tempo.seconds(start_beat)
+    striking_seconds = tempo.seconds(stop_beat) - tempo.seconds(start_beat)
     n_rounds = 1.0
     if strikes.rhythm is not None:
         if strikes.stop(tempo) is None and strikes.times is None:
@@ -206,7 +206,7 @@ def _strike_count(
             collector.error("E103", message + "or `until`", strikes.place)
             return 0.0
         try:
-            draws = piece.seed, strikes.who
+            draws = piece.seed, strikes.draw_key
             per_cycle = strikes.rhythm.strokes_per_cycle(tempo, start_beat, draws)
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
@@ -217,10 +217,13 @@ def _strike_count(
         )
     if strikes.has_rounds:
         try:
-            once = sum(target.count for hit in strikes.hits for target in hit.to)
+            n_targets = sum(target.count for hit in strikes.hits for target in hit.to)
             if strikes.passing is not None:
-                once = sum(t.count for t in strikes.to) * strikes.passing.visits_max
-            n_strikes = float(once * len(strikes.rounds(tempo)))
+                n_targets = (
+                    sum(passed_target.count for passed_target in strikes.to)
+                    * strikes.passing.visits_max
+                )
+            n_strikes = float(n_targets * len(strikes.rounds(tempo)))
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
@@ -234,14 +237,14 @@ def _strike_count(
             collector.error("E305", message, strikes.place)
             return 0.0
     elif strikes.rate is not None:
-        n_rounds = strikes.rate * lasting
+        n_rounds = strikes.rate * striking_seconds
     elif strikes.every is not None:
         step = tempo.seconds(tempo.after(start_beat, strikes.every)) - tempo.seconds(start_beat)
         if step <= 0.0:
             message = f"strikes {quote(strikes.name)}: 'every' must be above 0"
             collector.error("E305", message, strikes.place)
             return 0.0
-        n_rounds = float(strikes.times) if strikes.times is not None else lasting / step
+        n_rounds = float(strikes.times) if strikes.times is not None else striking_seconds / step
         if strikes.times is None and stop_beat == start_beat:
             message = (
                 f"strikes {quote(strikes.name)}: the number of strikes "
@@ -249,8 +252,8 @@ def _strike_count(
             )
             collector.error("E103", message, strikes.place)
     voices = strikes.voices.values() or (strikes.to,)
-    struck = max(sum(target.count for target in voice) for voice in voices)
-    return _count_within(strikes, n_rounds * struck, strikes_left, collector)
+    targets_per_step = max(sum(target.count for target in voice) for voice in voices)
+    return _count_within(strikes, n_rounds * targets_per_step, strikes_left, collector)
 
 
 def _count_within(
@@ -280,18 +283,18 @@ def _gesture_length(
     gesture: Gesture,
     part_play: Play,
     begin_beat: float,
-    known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
-) -> _LengthAndLosses:
+    known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped],
+) -> _LengthAndDropped:
     """The length of a gesture from beat `begin_beat` on, after its transformations."""
     chain = (*gesture.do, *part_play.do)
     if not chain:
         return gesture.length(gesture.points[-1].at), ()
     gesture_beat = gesture.beat(piece.tempo_map, begin_beat)
-    memo = gesture.name, part_play.do, gesture_beat
-    if memo not in known_lengths:
-        points, lost = apply(gesture.points, chain, MidpointChance(), gesture_beat)
-        known_lengths[memo] = gesture.length(points[-1].at), lost
-    return known_lengths[memo]
+    memo_key = gesture.name, part_play.do, gesture_beat
+    if memo_key not in known_lengths:
+        points, dropped_reasons = apply(gesture.points, chain, MidpointChance(), gesture_beat)
+        known_lengths[memo_key] = gesture.length(points[-1].at), dropped_reasons
+    return known_lengths[memo_key]
 
 
 def _check_bar_lines(
@@ -300,8 +303,8 @@ def _check_bar_lines(
     """Check that each '|' in a notation is on a bar line when the gesture is first played."""
     tempo = piece.tempo_map
     for start in start_beats:
-        for check in gesture.bar_checks:
-            beats = tempo.beats(tempo.instant(start, check.at))
+        for bar_check in gesture.bar_checks:
+            beats = tempo.beats(tempo.instant(start, bar_check.at))
             _, beat = tempo.bar_beat(beats)
             if abs(beat - 1.0) > 1e-6:
                 position_text = tempo.written(beats)
@@ -309,8 +312,8 @@ def _check_bar_lines(
                     f"'|' in gesture {quote(gesture.name)} is not on a bar line, but at "
                     f"{position_text}"
                 )
-                collector.error("W311", message, _check_place(gesture, check))
+                collector.error("W311", message, _bar_check_place(gesture, bar_check))
 
 
-def _check_place(gesture: Gesture, check: BarCheck) -> Place:
-    return gesture.written.place_at(check.offset) if gesture.written else gesture.place
+def _bar_check_place(gesture: Gesture, bar_check: BarCheck) -> Place:
+    return gesture.written.place_at(bar_check.offset) if gesture.written else gesture.place

@@ -129,7 +129,7 @@ USE_SHAPE = Either(
 )
 
 
-LETS = NamedValues()
+NAMED_VALUES = NamedValues()
 
 SCORE = Record(
     "score",
@@ -145,7 +145,7 @@ SCORE = Record(
             "other scores, played from a position on",
         ),
         Field("tuning", TUNING, "which frequencies notes have; {A4: 442Hz}, {edo: 31}, a scale"),
-        Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
+        Field("let", NAMED_VALUES, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
         Field("rates", RATES_RECORD, "sample rates"),
         Field("tempo", ListOf(TEMPO_RECORD, single=True), "the tempo map", shown="60 bpm in 4/4"),
         Field("meter", METERS_RECORD, "meters that a file of notes says; `tempo` may say others"),

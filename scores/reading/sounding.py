@@ -14,12 +14,12 @@ from ergon.scores.reading.playing import Coupling, Key, Player
 from ergon.scores.reading.rhythms import Rhythm, renamed
 
 # Types of which a field may hold a target or the name of a part.
-_HOLDING_KINDS = (
+_TYPES_WITH_NAMES = (
     *(Automation, Coupling, Hit, Instrument, Key, Mix, Module, Output, Player, Route, Strikes),
     *(Rhythm, Act, Hold),
 )
-_NAMED = {Target: ("part", "text"), Route: ("part",), Player: ("key",)}
-_NAMED |= {Key: ("name",), Instrument: ("name",)}
+_NAME_FIELDS = {Target: ("part", "text"), Route: ("part",), Player: ("key",)}
+_NAME_FIELDS |= {Key: ("name",), Instrument: ("name",)}
 
 
 class SoundingNames:
@@ -60,7 +60,7 @@ class SoundingNames:
             number, unique_name = number + 1, f"{part_name}-{number}"
         return unique_name
 
-    def shown(self, name: str, part_names: Iterable[str]) -> str:
+    def shown_name(self, name: str, part_names: Iterable[str]) -> str:
         """The own name, among `part_names`, of the part that sounds by `name`."""
         if not self.names:
             return name
@@ -68,10 +68,12 @@ class SoundingNames:
             (name_now for name_now in part_names if self.sounding_name(name_now) == name), name
         )
 
-    def renamed(self, old: str, new: str) -> SoundingNames:
+    def renamed(self, old_name: str, new_name: str) -> SoundingNames:
         """The names after a part was renamed."""
-        other_names = {name_now: name for name_now, name in self.names.items() if name_now != old}
-        return SoundingNames({**other_names, new: self._name_for(old)})
+        other_names = {
+            name_now: name for name_now, name in self.names.items() if name_now != old_name
+        }
+        return SoundingNames({**other_names, new_name: self._name_for(old_name)})
 
     def piece(self, piece: Piece) -> Piece:
         """The piece with all names replaced by those by which its parts sound."""
@@ -102,20 +104,20 @@ class SoundingNames:
         if isinstance(value, Mapping):
             entries = {name: self._renamed(entry, known_before) for name, entry in value.items()}
             return value if all(entries[name] is value[name] for name in value) else entries
-        if not isinstance(value, (Target, *_HOLDING_KINDS)):
+        if not isinstance(value, (Target, *_TYPES_WITH_NAMES)):
             return value
         value_and_renamed = (
             known_before.get(id(value))
             or self._known.get(id(value))
-            or (value, self._new(value, known_before))
+            or (value, self._with_new_names(value, known_before))
         )
         self._known[id(value)] = value_and_renamed
         return value_and_renamed[1]
 
-    def _new(self, value: Any, known_before: dict[int, tuple[Any, Any]]) -> Any:
+    def _with_new_names(self, value: Any, known_before: dict[int, tuple[Any, Any]]) -> Any:
         if isinstance(value, Rhythm):
             value = renamed(value, self.sounding_name)
-        name_fields = _NAMED.get(type(value), ())
+        name_fields = _NAME_FIELDS.get(type(value), ())
         changed_fields: dict[str, object] = {}
         for value_field in fields(value):
             field_value = getattr(value, value_field.name)

@@ -26,23 +26,23 @@ def in_tuning(
     if not part_names.tunings:
         return tuning.used(part_names.tuning)
     target_names = strike_values["to"] or ()
-    moving = [f"`{name}`" for name in strike_values.written(*_TUNED_FIELDS)]
+    tuned_fields = [f"`{name}`" for name in strike_values.written(*_TUNED_FIELDS)]
     if isinstance(phrase, Values):
         target_names = melodies.notes_in(phrase, strike_values)
         if melodies.is_midi(phrase) or phrase["do"]:
-            moving.append(f"phrase {quote(strike_values['play'])}")
+            tuned_fields.append(f"phrase {quote(strike_values['play'])}")
     tunings = {name: part_names.tuning_of(name) for name in target_names}
-    first_name, tuned = next(iter(tunings.items()), ("", part_names.tuning))
-    other_name = next((name for name in tunings if not _is_same(tunings[name], tuned)), None)
+    first_name, first_tuning = next(iter(tunings.items()), ("", part_names.tuning))
+    other_name = next((name for name in tunings if not _is_same(tunings[name], first_tuning)), None)
     if other_name is None:
-        return tuning.used(tuned)
-    if not moving:
+        return tuning.used(first_tuning)
+    if not tuned_fields:
         return tuning.used(part_names.tuning)
     message = (
         f"{strike_values.context.label('')}: {quote(first_name)} and {quote(other_name)} have "
         "different tunings, "
     )
-    message += f"and {moving[0]} is read in one tuning; write strikes for each of the two"
+    message += f"and {tuned_fields[0]} is read in one tuning; write strikes for each of the two"
     strike_values.error("E111", message, next(iter(strike_values.written(*_TUNED_FIELDS, "play"))))
     return None
 

@@ -27,16 +27,18 @@ class Times:
     """Tempo entries and marks of a score; `map` is a default one if they contain errors."""
 
     def __init__(
-        self, score: Values, collector: Collector, memory: Memory | None, midi: MidiUses
+        self, score: Values, collector: Collector, memory: Memory | None, midi_uses: MidiUses
     ) -> None:
         """Read them and make the map. `memory` keeps what was checked before at the same times."""
         self.collector = collector
-        tempo_lines = tuple([v for v in score["tempo"] or () if isinstance(v, Values)])
+        tempo_lines = tuple(
+            [line_values for line_values in score["tempo"] or () if isinstance(line_values, Values)]
+        )
         marks_node, score_file = score.nodes.get("marks"), score.node.document.file
         self._known = tuple(score["marks"] or {})
         self._lets = named_amounts(score.node.document).names
         marks_before = None if memory is None else memory.held(f"tempo {score_file}", self._lets)
-        self.file = _times_of_files(tempo_lines, score["meter"], midi)
+        self.file = _times_of_files(tempo_lines, score["meter"], midi_uses)
         if (
             marks_before is None
             or marks_before[0] is not marks_node
@@ -45,7 +47,11 @@ class Times:
         ):
             tempos = self.file.tempos
             self._lines = [
-                (v, build.tempo(v, tempos if v.written("from") else ())) for v in tempo_lines
+                (
+                    line_values,
+                    build.tempo(line_values, tempos if line_values.written("from") else ()),
+                )
+                for line_values in tempo_lines
             ]
             nodes = getattr(marks_node, "entries", {})
             valid_marks = tuple(
@@ -62,9 +68,18 @@ class Times:
         self._is_made = known_map is not None
         # With mistakes in tempo or marks no position is known; each mark is somewhere.
         self.map = known_map or TempoMap((), {name: Position() for name in self._known})
-        entries_key = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
-        places = [(mark.name, mark.at) for mark in self.marks]
-        self.known = KnownPlays(memory, score_file, (entries_key, self.file, places))
+        entries_key = [
+            (
+                tempo_entry.at,
+                tempo_entry.bpm,
+                tempo_entry.bpm_end,
+                tempo_entry.over,
+                tempo_entry.meter,
+            )
+            for tempo_entry in self.entries
+        ]
+        mark_positions = [(mark.name, mark.at) for mark in self.marks]
+        self.known = KnownPlays(memory, score_file, (entries_key, self.file, mark_positions))
 
     def _map(self) -> TempoMap | None:
         """The map; None if an error was reported."""
@@ -74,14 +89,17 @@ class Times:
             is_valid &= self._mark_exists(mark.at, mark.place)
         for line_number, (line_values, tempo_entry) in enumerate(self._lines):
             if line_values.written("from"):
-                is_valid &= self._is_alone(line_values, line_number)
+                is_valid &= self._is_single_file_line(line_values, line_number)
             is_valid &= self._mark_exists(tempo_entry.at, line_values.place_of("at"))
             is_valid &= all(
                 name in line_values.by_name for name in line_values.nodes
             )  # a missing one was reported
         if not is_valid or len(positions_by_mark) != len(self._known):
             return None
-        tempo_entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for _, e in self._lines]
+        tempo_entries = [
+            Entry(entry.at, entry.bpm, entry.bpm_end, entry.over, entry.meter)
+            for _, entry in self._lines
+        ]
         try:
             return TempoMap(tempo_entries, positions_by_mark, self.file)
         except TempoError as error:
@@ -96,7 +114,7 @@ class Times:
             self.collector.error("E305", f"tempo: {error.message}", line_values.place_of("at"))
         return None
 
-    def _is_alone(self, values: Values, number: int) -> bool:
+    def _is_single_file_line(self, values: Values, number: int) -> bool:
         """Whether a line with the tempos of a file is the first and says no more; reports an error
         if not.
         """
@@ -115,7 +133,7 @@ class Times:
     def _mark_exists(self, marked_position: Position, position_place: Place) -> bool:
         if marked_position.mark is None or marked_position.mark in self._known:
             return True
-        suggestion_text, help = self._difference(marked_position.mark)
+        suggestion_text, help_text = self._unknown_mark_advice(marked_position.mark)
         self.collector.error(
             "E301",
             f"no mark is called {quote(marked_position.mark)}",
@@ -126,13 +144,13 @@ class Times:
                 len(marked_position.mark),
             ),
             suggestion=suggestion_text,
-            help=help,
-            word=None if help else marked_position.mark,
+            help=help_text,
+            word=None if help_text else marked_position.mark,
             names=self._known,
         )
         return False
 
-    def _difference(self, position_word: str) -> tuple[str | None, str | None]:
+    def _unknown_mark_advice(self, position_word: str) -> tuple[str | None, str | None]:
         """A suggestion for an unknown mark such as `c-gap` if `c` is a mark, or else a help
         text.
         """
@@ -209,10 +227,10 @@ class Times:
             for entry_index in checked_values.unknown:
                 entry_values, n_reports = section_entries[entry_index], self.collector.n_reports
                 if isinstance(entry_values, Values):
-                    position, until = entry_values["at"], entry_values["until"]
+                    position, end_position = entry_values["at"], entry_values["until"]
                     start = self._beats(position, lambda v=entry_values: v.place_of("at"))  # type: ignore[misc]
-                    stop = self._beats(until, lambda v=entry_values: v.place_of("until"))  # type: ignore[misc]
-                    self._order(start, stop, entry_values.place_of("until"))
+                    stop = self._beats(end_position, lambda v=entry_values: v.place_of("until"))  # type: ignore[misc]
+                    self._check_order(start, stop, entry_values.place_of("until"))
                 if self.collector.n_reports == n_reports:
                     checked_values.values[entry_index] = True
             self.known.keep(f"checked {section_name}", checked_values)
@@ -226,7 +244,7 @@ class Times:
             start_beat = self._beats(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
-                self._order(start_beat, stop, play.until_place or play.place)
+                self._check_order(start_beat, stop, play.until_place or play.place)
             if self.collector.n_reports == n_reports:
                 begins[entry_index] = start_beat or 0.0
         self.known.keep("begins", known_begins)
@@ -234,16 +252,18 @@ class Times:
             return begins
         return [beat or 0.0 for beat in begins]
 
-    def _order(self, start: float | None, stop: float | None, place: Place) -> None:
+    def _check_order(self, start: float | None, stop: float | None, place: Place) -> None:
         if start is not None and stop is not None and stop <= start:
             self.collector.error("E305", "`until` must be later than `at`", place)
 
 
-def _times_of_files(lines: Sequence[Values], meter: Any, midi: MidiUses) -> FileTimes:
+def _times_of_files(lines: Sequence[Values], meter: Any, midi_uses: MidiUses) -> FileTimes:
     """What the MIDI files say that `tempo:` and `meter:` name; mistakes are reported."""
     file_values = next((values for values in lines if values.written("from")), None)
-    tempos = () if file_values is None else midi.times(file_values, tempos_of, is_tempo=True)
-    meters = () if not isinstance(meter, Values) else midi.times(meter, meters_of, is_tempo=False)
+    tempos = () if file_values is None else midi_uses.times(file_values, tempos_of, is_tempo=True)
+    meters = (
+        () if not isinstance(meter, Values) else midi_uses.times(meter, meters_of, is_tempo=False)
+    )
     return FileTimes(tempos or (), meters or ()) if tempos or meters else NO_FILE
 
 

@@ -33,7 +33,7 @@ def tuning_of(score: Document, files: Files) -> Tuning | None:
 
     Mistakes in the fields themselves are reported where the whole score is read.
     """
-    return _tuning(score.root, files, "tuning")
+    return _tuning_of_node(score.root, files, "tuning")
 
 
 def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
@@ -48,19 +48,22 @@ def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
     nodes_by_name = {name: node for name, (_, node) in instruments_node.entries.items()}
     tunings: dict[str, Tuning] = {}
     for instrument_name, node in nodes_by_name.items():
-        tuned = _tuning(node, files, f"tuning of instrument {quote(instrument_name)}")
-        if tuned is not None:
-            tunings[instrument_name] = tuned
+        tuning = _tuning_of_node(node, files, f"tuning of instrument {quote(instrument_name)}")
+        if tuning is not None:
+            tunings[instrument_name] = tuning
     for instrument_name in nodes_by_name if tunings else ():
         chain = [instrument_name]
-        while chain[-1] not in tunings and (base := _base(nodes_by_name, chain[-1])) not in chain:
-            chain.append(base)
+        while (
+            chain[-1] not in tunings
+            and (base_name := _base_name(nodes_by_name, chain[-1])) not in chain
+        ):
+            chain.append(base_name)
         if chain[-1] in tunings:
             tunings |= dict.fromkeys(chain, tunings[chain[-1]])
     return tunings
 
 
-def _base(nodes: Mapping[str, Node], instrument_name: str) -> str:
+def _base_name(nodes: Mapping[str, Node], instrument_name: str) -> str:
     """The name that `like` gives an instrument of this file; without `like`, the name itself."""
     node = nodes.get(instrument_name)
     base_name = node.get("like") if isinstance(node, document.Mapping) else None
@@ -68,7 +71,7 @@ def _base(nodes: Mapping[str, Node], instrument_name: str) -> str:
     return base_name.text.strip() if is_sure and isinstance(base_name, Scalar) else instrument_name
 
 
-def _tuning(tuning_node: Node | None, score_files: Files, field_name: str) -> Tuning | None:
+def _tuning_of_node(tuning_node: Node | None, score_files: Files, field_name: str) -> Tuning | None:
     """The tuning that a score or an instrument names; `field_name` begins messages."""
     if not isinstance(tuning_node, document.Mapping) or "tuning" not in tuning_node.entries:
         return None
@@ -89,29 +92,29 @@ def _tuning(tuning_node: Node | None, score_files: Files, field_name: str) -> Tu
             "E111", f"{field_name}: `keys` is the map of a scale; write `scale` beside it", "keys"
         )
         return None
-    tuned = Tuning(
+    tuning = Tuning(
         440.0 if tuning_values["A4"] is None else tuning_values["A4"],
         tuning_values["edo"] or 12,
         root=tuning_values["root"] or "C4",
     )
     if tuning_values["scale"] is not None:
-        scale = _file(tuning_values, "scale", parse_scale, score_files)
-        key_map: KeyMap | None = KeyMap(frequency=tuned.a4)
+        scale = _parsed_scala_file(tuning_values, "scale", parse_scale, score_files)
+        key_map: KeyMap | None = KeyMap(frequency=tuning.a4)
         if tuning_values["keys"] is not None:
-            key_map = _file(tuning_values, "keys", parse_key_map, score_files)
+            key_map = _parsed_scala_file(tuning_values, "keys", parse_key_map, score_files)
         if scale is None or key_map is None:
             return None
         assert isinstance(scale, Scale)
-        tuned = replace(tuned, scale=scale, keys=key_map)
+        tuning = replace(tuning, scale=scale, keys=key_map)
     try:
-        tuned.hertz(tuned.root)
+        tuning.hertz(tuning.root)
     except TextError as error:
         tuning_values.error("E202", f"{field_name}: {error.message}; write another `root`", "scale")
         return None
-    return tuned
+    return tuning
 
 
-def _file(
+def _parsed_scala_file(
     tuning_values: Values, field_name: str, parse: Callable[[str], _Read], score_files: Files
 ) -> _Read | None:
     """What a file of Scala says; None if an error was reported."""

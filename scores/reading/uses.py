@@ -19,7 +19,7 @@ from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.reading.families import library
-from ergon.scores.reading.include import YIELDING_SECTIONS, Include, includes, transposed_values
+from ergon.scores.reading.include import OVERRIDDEN_SECTIONS, Include, includes, transposed_values
 from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.overlay import overlay_fields
 from ergon.scores.reading.piece import Piece
@@ -45,14 +45,14 @@ class Entry:
     """
 
     values: Any  # Values or a finished object, or MISSING
-    home: Names
+    names: Names
     prefix: str = ""
-    brought: Place | None = None  # the `use:` that brought it
+    brought_place: Place | None = None  # the `use:` that brought it
 
     @property
     def place(self) -> Place | None:
         """Where it is written; for a finished object, where it is brought in."""
-        return self.values.place if isinstance(self.values, Values) else self.brought
+        return self.values.place if isinstance(self.values, Values) else self.brought_place
 
 
 @dataclass(slots=True)
@@ -152,17 +152,19 @@ class Uses:
         if document is None:
             self.collector.lacks_names = True
             return None
-        opened = [name for name, _ in self._open]
-        if document.file in opened:
-            chain = self._open[opened.index(document.file) + 1 :]
-            steps = [str(asked) for _, asked in chain if asked] + [str(written_place)]
+        open_files = [name for name, _ in self._open]
+        if document.file in open_files:
+            chain = self._open[open_files.index(document.file) + 1 :]
+            steps = [str(asking_place) for _, asking_place in chain if asking_place] + [
+                str(written_place)
+            ]
             message = f"{document.file} uses itself: {' -> '.join(steps)}"
             self.collector.error("E302", message, written_place)
             return None
         is_new = document.file not in self._read
         used_names = self.read(document, written_place)
         if is_new and used_names.score is not None:
-            self._tell_unplayed(
+            self._report_unplayed(
                 used_names.score, document.file, written_place, is_played=include is not None
             )
         n_names = sum(
@@ -185,41 +187,47 @@ class Uses:
                     entry_values = transposed_values(entry_values, include)
                 if entry_values is not named_entry.values:
                     named_entry = replace(named_entry, values=entry_values)
-                self._add(score_names, section_name, entry_word, named_entry, written_place, prefix)
+                self._add_entry(
+                    score_names, section_name, entry_word, named_entry, written_place, prefix
+                )
         return used_names if used_names.score is not None else None
 
-    def _tell_unplayed(
+    def _report_unplayed(
         self, score: Values, file_name: str, named_place: Place, *, is_played: bool
     ) -> None:
         """Report W330 if a file has sections that are not used, for it is not played by itself."""
-        unplayed = [
+        unplayed_sections = [
             section
-            for section in (YIELDING_SECTIONS if is_played else PLAYED_SECTIONS)
+            for section in (OVERRIDDEN_SECTIONS if is_played else PLAYED_SECTIONS)
             if score[section]
         ]
-        if unplayed:
-            message = f"left out of {file_name}: {_joined_words(unplayed)}"
-            help = (
+        if unplayed_sections:
+            message = f"left out of {file_name}: {_joined_words(unplayed_sections)}"
+            help_text = (
                 f"`use` brings in names of {_joined_words(SECTIONS)}; `include` brings in "
                 "what is played"
             )
             if is_played:
-                help = f"{_joined_words(YIELDING_SECTIONS)} of the score that includes it are used"
-            self.collector.error("W330", message, named_place, help=help)
+                help_text = (
+                    f"{_joined_words(OVERRIDDEN_SECTIONS)} of the score that includes it are used"
+                )
+            self.collector.error("W330", message, named_place, help=help_text)
 
-    def _add(
+    def _add_entry(
         self, names: Names, section: str, word: str, entry: Entry, place: Place, prefix: str
     ) -> None:
         full_name = f"{prefix}.{word}" if prefix else word
-        seen = ".".join(filter(None, (prefix, entry.prefix)))
+        full_prefix = ".".join(filter(None, (prefix, entry.prefix)))
         existing = names.tables[section].get(full_name)
         if existing is None:
-            names.tables[section][full_name] = Entry(entry.values, entry.home, seen, place)
+            names.tables[section][full_name] = Entry(entry.values, entry.names, full_prefix, place)
         elif existing.values is not entry.values:
             earlier_place = (
-                existing.values.place if isinstance(existing.values, Values) else existing.brought
+                existing.values.place
+                if isinstance(existing.values, Values)
+                else existing.brought_place
             )
-            message = f"{NOUNS[section]} {quote(full_name)} of {entry.home.document.file} "
+            message = f"{NOUNS[section]} {quote(full_name)} of {entry.names.document.file} "
             message += f"is already defined at {earlier_place}; give the file a prefix"
             self.collector.error("E303", message, place, help="use: {c: file} brings in c.name")
 
@@ -235,10 +243,17 @@ class Uses:
             if not isinstance(entry_values, Values):
                 return None, frozenset()
             if any(entry_values is seen for seen in chain):
-                lines = [f"{v.context.name} (line {v.place.line})" for v in chain]
-                circle = ", which begins with ".join([*lines[1:], entry_values.context.name])
+                lines = [
+                    f"{chain_value.context.name} (line {chain_value.place.line})"
+                    for chain_value in chain
+                ]
+                circular_names = ", which begins with ".join(
+                    [*lines[1:], entry_values.context.name]
+                )
                 message = f"{chain[0].context.label('like')}: {lines[0]} begins with the values of "
-                message += f"{circle}: a circle, in which nothing has values; write the values of "
+                message += (
+                    f"{circular_names}: a circle, in which nothing has values; write the values of "
+                )
                 message += "one of them out, without `like`"
                 self.collector.error("E302", message, chain[0].place_of("like"))
                 return None, frozenset()
@@ -251,11 +266,13 @@ class Uses:
                 return None, frozenset()
             if not entry_values.written("like", "from"):
                 break
-            base = self._base(section, entry_values, entry.home)
-            if base is None:
+            base_entry = self._base_entry(section, entry_values, entry.names)
+            if base_entry is None:
                 return None, frozenset()
-            entry = base
-        return self._merged(section, chain), frozenset(values.context.name for values in chain)
+            entry = base_entry
+        return self._merged_values(section, chain), frozenset(
+            values.context.name for values in chain
+        )
 
     def tuning_of(self, entry: Entry) -> Tuning | None:
         """The tuning of an instrument whose names are resolved: that which it has itself or by
@@ -265,22 +282,22 @@ class Uses:
             entry_values = entry.values
             if not isinstance(entry_values, Values):
                 return None
-            tuned = self._read[entry_values.node.document.file].tunings.get(
+            tuning = self._read[entry_values.node.document.file].tunings.get(
                 entry_values.context.name
             )
             if (
-                tuned is not None
+                tuning is not None
                 or not entry_values.written("like", "from")
                 or entry_values.written("notes")
             ):
-                return tuned
-            base = self._base("instruments", entry_values, entry.home)
-            if base is None:
+                return tuning
+            base_entry = self._base_entry("instruments", entry_values, entry.names)
+            if base_entry is None:
                 return None
-            entry = base
+            entry = base_entry
         return None
 
-    def _merged(self, section: str, chain: Sequence[Values]) -> Values:
+    def _merged_values(self, section: str, chain: Sequence[Values]) -> Values:
         """The last values of a chain, with those of the others over them; the same object as in the
         reading before if none of them has changed.
         """
@@ -302,7 +319,7 @@ class Uses:
             memory.hold(memory_key, chain, merged_values)
         return merged_values
 
-    def _base(self, section: str, values: Values, home: Names) -> Entry | None:
+    def _base_entry(self, section: str, values: Values, names_here: Names) -> Entry | None:
         has_from = "from" in values.record.by_name and isinstance(values["from"], Name)
         base_name = values["like"]
         if has_from and base_name is not None:
@@ -313,27 +330,27 @@ class Uses:
             )
             return None
         if has_from:
-            return self._from_file(section, values["from"], values, home)
+            return self._entry_from_file(section, values["from"], values, names_here)
         if base_name is None:
             return None
-        like_entry = home.tables[section].get(base_name)
+        like_entry = names_here.tables[section].get(base_name)
         if like_entry is None:
             message = (
                 f"{values.context.label('like')}: no {NOUNS[section]} is called {quote(base_name)}"
             )
-            names = [n for n in home.names(section) if n != values.context.name]
+            names = [n for n in names_here.names(section) if n != values.context.name]
             values.error("E301", message, "like", word=base_name, names=names)
         return like_entry
 
-    def _from_file(
-        self, section_name: str, source_name: Name, entry_values: Values, home: Names
+    def _entry_from_file(
+        self, section_name: str, source_name: Name, entry_values: Values, names_here: Names
     ) -> Entry | None:
         stem, slash, name_in_file = source_name.partition("/")
-        file_names = home.used.get(stem)
+        file_names = names_here.used.get(stem)
         if slash and file_names is None:  # the shipped instruments need no `use:`
             file_name = f"instruments/{stem}.yaml"
-            is_there = self.files.find(file_name, home.document.folder) is not None
-            folder = home.document.folder
+            is_there = self.files.find(file_name, names_here.document.folder) is not None
+            folder = names_here.document.folder
             document = (
                 self.files.required(file_name, folder, source_name.place) if is_there else None
             )
@@ -341,12 +358,12 @@ class Uses:
         if not slash or file_names is None or not file_names.tables[section_name]:
             message = f"{entry_values.context.label('from')}: `use:` names no file {quote(stem)}; "
             message += "write file/name, such as gong/plate"
-            used, help = (
-                tuple(home.used),
+            used_files, help_text = (
+                tuple(names_here.used),
                 _family_help(section_name, name_in_file if slash else stem),
             )
             self.collector.error(
-                "E301", message, source_name.place, word=stem, names=used, help=help
+                "E301", message, source_name.place, word=stem, names=used_files, help=help_text
             )
             return None
         file_entry = file_names.tables[section_name].get(name_in_file)
@@ -356,9 +373,14 @@ class Uses:
                 f"{quote(name_in_file)}"
             )
             known_names = file_names.names(section_name)
-            help = _family_help(section_name, name_in_file)
+            help_text = _family_help(section_name, name_in_file)
             self.collector.error(
-                "E301", message, source_name.place, word=name_in_file, names=known_names, help=help
+                "E301",
+                message,
+                source_name.place,
+                word=name_in_file,
+                names=known_names,
+                help=help_text,
             )
         return file_entry
 

@@ -18,7 +18,7 @@ from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Place
 from ergon.scores.reading.automatable import transposed_modules
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.known_automation import KnownAutomation, Tracks
+from ergon.scores.staging.known_automation import KnownAutomation, ModuleTracks
 from ergon.scores.staging.parameter_curves import (
     GLIDE_DURATION,
     GRID_FRAMES,
@@ -41,7 +41,7 @@ class AutomatedPoints(NamedTuple):
     """
 
     points: dict[ModuleKey, Points]
-    moved: frozenset[ModuleKey] = frozenset()
+    moved_for_good: frozenset[ModuleKey] = frozenset()
 
 
 def automation_points(
@@ -60,80 +60,80 @@ def automation_points(
     tempo, known_automation = piece.tempo_map, known_automation or KnownAutomation()
     track_by_module = known_automation.tracks(piece)
     start_beat = tempo.beats(begins) if begins > -math.inf else -math.inf
-    led_by_module: dict[ModuleKey, AutomatedModule] = {}
+    module_by_key: dict[ModuleKey, AutomatedModule] = {}
     points_by_module: dict[ModuleKey, Points] = {}
-    unsettled: dict[ModuleKey, Tracks] = {}
+    moving: dict[ModuleKey, ModuleTracks] = {}
     for module_key, track in track_by_module.items():
-        led = known_automation.led(piece, module_key)
-        if led is None:
+        target = known_automation.target_of(piece, module_key)
+        if target is None:
             continue  # a gesture is rehearsed without instruments
-        led_by_module[module_key] = led
-        settled_points = known_automation.settled(module_key, track, led, start_beat)
+        module_by_key[module_key] = target
+        settled_points = known_automation.constant_points(module_key, track, target, start_beat)
         if settled_points is None:
-            unsettled[module_key] = track
+            moving[module_key] = track
         else:
             points_by_module[module_key] = settled_points
     if begins > -math.inf:
         begins -= point_margin(
-            piece, (o for track in unsettled.values() for o in track.entries.values()), begins
+            piece, (group for track in moving.values() for group in track.entries.values()), begins
         )
         since = min(since, tempo.beats(begins))
     extent = Extent(since, until_beat, begins)
-    moving = {
+    moving_curves = {
         module_key
-        for module_key in led_by_module
+        for module_key in module_by_key
         if track_by_module[module_key].moves_from < start_beat
     }
     chord_curves: dict[str, Curve] = {}
     for module_key in [
-        module_key
-        for module_key in unsettled
-        if led_by_module[module_key].module.kind == "INSTRUMENT"
+        module_key for module_key in moving if module_by_key[module_key].module.kind == "INSTRUMENT"
     ]:
         entries, written_value = (
-            unsettled.pop(module_key).entries["f"],
-            led_by_module[module_key].numbers_written["f"],
+            moving.pop(module_key).entries["f"],
+            module_by_key[module_key].numbers_written["f"],
         )
         chord_curves[module_key[0]] = _parameter_curve(
             piece, entries, written_value, extent, collector
         )
         for module in transposed_modules(piece.instruments[module_key[0]]):
             member = module_key[0], module.name
-            unsettled.setdefault(member, track_by_module.get(member) or Tracks({}, math.inf))
-            if module_key in moving:
-                moving.add(member)
-    for module_key, track in unsettled.items():
-        led = led_by_module.get(module_key) or known_automation.led(piece, module_key)
-        assert led is not None
+            moving.setdefault(member, track_by_module.get(member) or ModuleTracks({}, math.inf))
+            if module_key in moving_curves:
+                moving_curves.add(member)
+    for module_key, track in moving.items():
+        target = module_by_key.get(module_key) or known_automation.target_of(piece, module_key)
+        assert target is not None
         curves = {
-            name: _parameter_curve(piece, order, led.numbers_written[name], extent, collector)
-            for name, order in track.entries.items()
+            name: _parameter_curve(piece, group, target.numbers_written[name], extent, collector)
+            for name, group in track.entries.items()
         }
         chord_curve = chord_curves.get(module_key[0])
-        if chord_curve is not None and led.module not in transposed_modules(
+        if chord_curve is not None and target.module not in transposed_modules(
             piece.instruments[module_key[0]]
         ):
             chord_curve = None
-        points = _module_points(led, curves, chord_curve)
-        if led.cost * len(points) > MAX_POINTS:
-            message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
+        points = _module_points(target, curves, chord_curve)
+        if target.cost * len(points) > MAX_POINTS:
+            message = f"automation: a {target.module.kind} changes more than {MAX_POINTS:,} times"
             collector.error("E105", message, _automation_place(piece, module_key[0]))
         elif points:
             points_by_module[module_key] = points
-            if chord_curve is None and _is_settled(track, curves, start_beat, begins):
+            if chord_curve is None and _is_constant(track, curves, start_beat, begins):
                 points_by_module[module_key] = points[-1:]
-                known_automation.settle(module_key, track, led, start_beat, points[-1:])
-    return AutomatedPoints(points_by_module, frozenset(moving))
+                known_automation.keep_constant_points(
+                    module_key, track, target, start_beat, points[-1:]
+                )
+    return AutomatedPoints(points_by_module, frozenset(moving_curves))
 
 
-def _is_settled(
-    tracks: Tracks, curves: Mapping[str, Curve], point_beat: float, instant: float
+def _is_constant(
+    tracks: ModuleTracks, curves: Mapping[str, Curve], point_beat: float, instant: float
 ) -> bool:
     """Whether nothing moves a module after a beat, which is at an instant [s]: the last entry of
     each parameter is over, or is a glide whose value stays.
     """
-    for name, order in tracks.entries.items():
-        last_entry, curve_times = order[-1], curves[name].t
+    for name, parameter_entries in tracks.entries.items():
+        last_entry, curve_times = parameter_entries[-1], curves[name].t
         holds_value = last_entry.stop <= point_beat or (
             last_entry.stop == math.inf and bool(last_entry.automation.points)
         )
@@ -155,16 +155,16 @@ def _automation_place(piece: Piece, instrument_name: str) -> Place:
         if any(name == instrument_name for name, _ in line.modules)
     )
     strikes_with_notes = (
-        s.place
-        for s in piece.strikes
-        for target in s.to
-        if s.moves_pitches and target.part == instrument_name
+        strikes.place
+        for strikes in piece.strikes
+        for target in strikes.to
+        if strikes.moves_pitches and target.part == instrument_name
     )
     return next(chain(automation_lines, strikes_with_notes))
 
 
 def _module_points(
-    led: AutomatedModule, curves: Mapping[str, Curve], chord_curve: Curve | None
+    automated_module: AutomatedModule, curves: Mapping[str, Curve], chord_curve: Curve | None
 ) -> Points:
     """The points of a module with automated parameters, which may also follow the automation of a
     `chord_curve` instrument.
@@ -172,17 +172,17 @@ def _module_points(
     all_curves = [*curves.values(), *([] if chord_curve is None else [chord_curve])]
     numbers_by_values: dict[tuple[float, ...], tuple[float, ...]] = {}
     path_points = []
-    for t, curve_values in _curve_values(all_curves):
+    for instant, curve_values in _curve_values(all_curves):
         if curve_values not in numbers_by_values:  # a swing has the same values in every period
-            module_numbers = led.numbers(dict(zip(curves, curve_values, strict=False)))
+            module_numbers = automated_module.numbers(dict(zip(curves, curve_values, strict=False)))
             if chord_curve is not None:
-                module_numbers = led.transposed(
+                module_numbers = automated_module.transposed(
                     module_numbers, curve_values[-1] / chord_curve.initial
                 )
             numbers_by_values[curve_values] = module_numbers
-        path_points.append((max(0.0, t), *numbers_by_values[curve_values]))
-    within = set().union(*(curve.within for curve in all_curves))
-    return _with_chord_means(path_points, within) if within else path_points
+        path_points.append((max(0.0, instant), *numbers_by_values[curve_values]))
+    fixed_instants = set().union(*(curve.fixed_instants for curve in all_curves))
+    return _with_chord_means(path_points, fixed_instants) if fixed_instants else path_points
 
 
 def _curve_values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]]:
@@ -212,33 +212,46 @@ def _with_chord_means(path_points: Points, curved_instants: Container[float]) ->
             instant in curved_instants
             and abs((instant - last_instant) - (instant_after - instant)) < 1e-9
         ):
-            bends = (
-                a - 2.0 * x + b
-                for a, x, b in zip(low_values, values_here, high_values, strict=True)
+            corrections = (
+                value_before - 2.0 * value_here + value_after
+                for value_before, value_here, value_after in zip(
+                    low_values, values_here, high_values, strict=True
+                )
             )
             with_chords[point_index] = (
                 instant,
-                *(x - bend / 12.0 for x, bend in zip(values_here, bends, strict=True)),
+                *(
+                    value_here - correction / 12.0
+                    for value_here, correction in zip(values_here, corrections, strict=True)
+                ),
             )
     return with_chords
 
 
 def value_on(piece: Piece, module_key: ModuleKey, parameter_name: str, value_beat: float) -> float:
     """The value of a parameter on a beat, with automation applied."""
-    led = AutomatedModule.from_piece(piece, module_key)
-    assert led is not None
+    automated_module = AutomatedModule.from_piece(piece, module_key)
+    assert automated_module is not None
     automation_lines = [
         line
         for line in piece.automation
         if module_key in line.modules and line.parameter == parameter_name
     ]
     instant = piece.tempo_map.seconds(value_beat)
-    extent = Extent(value_beat, value_beat, instant)
-    tracks = KnownAutomation().tracks(
+    point_extent = Extent(value_beat, value_beat, instant)
+    track_by_module = KnownAutomation().tracks(
         replace(piece, automation=tuple(automation_lines), strikes=())
     )
-    order = tracks[module_key].entries[parameter_name] if automation_lines else []
-    curve = _parameter_curve(piece, order, led.numbers_written[parameter_name], extent, Collector())
+    parameter_entries = (
+        track_by_module[module_key].entries[parameter_name] if automation_lines else []
+    )
+    curve = _parameter_curve(
+        piece,
+        parameter_entries,
+        automated_module.numbers_written[parameter_name],
+        point_extent,
+        Collector(),
+    )
     return curve.evaluate(instant)
 
 
@@ -255,7 +268,7 @@ def takeover_points(
     piece: Piece,
     start: float,
     complete_to: float,
-    moved: Container[ModuleKey] = (),
+    moved_modules: Container[ModuleKey] = (),
     memory: KnownAutomation | None = None,
 ) -> dict[ModuleKey, Points]:
     """The points of a stage that takes over at `start` [s] from one with the points
@@ -263,29 +276,29 @@ def takeover_points(
 
     Points that do not change continue bit by bit; others are reached within `GLIDE`. The points
     `points_before` are complete up to the instant `complete_to` [s], and compared up to there.
-    Modules with their own values alone have no points, except those that have `moved`.
+    Modules with their own values alone have no points, except those that are among `moved_modules`.
     """
     points_by_module: dict[ModuleKey, Points] = {}
     memory = memory or KnownAutomation()
     for module_key in {**points_before, **points_after}:
-        if (settled := points_after.get(module_key)) is not None and settled is points_before.get(
-            module_key
-        ):
-            moves = memory.settled_moves(module_key, settled)
-            if moves or (moves is not None and module_key in moved):
-                points_by_module[module_key] = settled
-            if moves is not None:
+        if (
+            constant_points := points_after.get(module_key)
+        ) is not None and constant_points is points_before.get(module_key):
+            has_moved = memory.has_moved(module_key, constant_points)
+            if has_moved or (has_moved is not None and module_key in moved_modules):
+                points_by_module[module_key] = constant_points
+            if has_moved is not None:
                 continue
-        led = memory.led(piece, module_key)
-        if led is None:
+        automated_module = memory.target_of(piece, module_key)
+        if automated_module is None:
             continue  # the module is gone
-        unled_point = (0.0, *led.numbers_alone)
+        written_point = (0.0, *automated_module.numbers_alone)
         old_points, new_points = (
-            points_before.get(module_key) or [unled_point],
-            points_after.get(module_key) or [unled_point],
+            points_before.get(module_key) or [written_point],
+            points_after.get(module_key) or [written_point],
         )
         if len(old_points[0]) != len(new_points[0]):
-            old_points = [unled_point]  # the module had another kind before
+            old_points = [written_point]  # the module had another kind before
         is_same = _is_same(old_points, new_points, start, complete_to)
         if not is_same:
             glide_stop = start + GLIDE_DURATION
@@ -295,8 +308,8 @@ def takeover_points(
                 (glide_stop, *value_at(new_points, glide_stop)),
                 *later_points,
             ]
-        if (is_same and module_key in moved) or any(
-            point[1:] != unled_point[1:] for point in new_points
+        if (is_same and module_key in moved_modules) or any(
+            point[1:] != written_point[1:] for point in new_points
         ):
             points_by_module[module_key] = new_points
     return points_by_module
@@ -323,47 +336,54 @@ def _is_same(old_points: Points, new_points: Points, start: float, complete_to: 
 
 def value_at(points: Points, instant: float) -> tuple[float, ...]:
     """The numbers at an instant [s], interpolated linearly."""
-    after = bisect_right(points, instant, key=lambda point: point[0])
-    if after in (0, len(points)):
-        return points[0 if after == 0 else -1][1:]
-    (begin, *low), (end, *high) = points[after - 1], points[after]
+    index_after = bisect_right(points, instant, key=lambda point: point[0])
+    if index_after in (0, len(points)):
+        return points[0 if index_after == 0 else -1][1:]
+    (begin, *low), (end, *high) = points[index_after - 1], points[index_after]
     fraction = (instant - begin) / (end - begin)
-    return tuple(a + (b - a) * fraction for a, b in zip(low, high, strict=True))
+    return tuple(
+        low_number + (high_number - low_number) * fraction
+        for low_number, high_number in zip(low, high, strict=True)
+    )
 
 
 def _parameter_curve(
     piece: Piece,
     entries: Sequence[Entry],
     written_value: float,
-    extent: Extent,
+    curve_extent: Extent,
     collector: Collector,
 ) -> Curve:
     """The curve of one parameter: its automation entries one after another, its own value in
     between.
     """
-    tempo, until = piece.tempo_map, extent.until
-    first_entry, curve = needed_entries(piece, entries, written_value, extent)
-    ended = math.inf if curve.t else -math.inf
+    tempo, until_beat = piece.tempo_map, curve_extent.until
+    first_entry, curve = needed_entries(piece, entries, written_value, curve_extent)
+    end_beat = math.inf if curve.t else -math.inf
     for index in range(first_entry, len(entries)):
-        entry, extent_here = entries[index], extent
+        entry, extent_here = entries[index], curve_extent
         automation_entry, begin_beat, stop_beat = entry
-        if begin_beat > until:
+        if begin_beat > until_beat:
             break
-        if curve.t and begin_beat > ended + SAME:
-            curve.add_step(tempo.seconds(ended), written_value, tempo.seconds(begin_beat))
-        if extent.begins > -math.inf and index + 1 < len(entries):  # some spans need only their end
-            begins = min(extent.begins, tempo.seconds(entries[index + 1].begin))
-            extent_here = Extent(min(extent.since, stop_beat), until, begins)
+        if curve.t and begin_beat > end_beat + SAME:
+            curve.add_step(tempo.seconds(end_beat), written_value, tempo.seconds(begin_beat))
+        if curve_extent.begin_instant > -math.inf and index + 1 < len(
+            entries
+        ):  # some spans need only their end
+            begins = min(curve_extent.begin_instant, tempo.seconds(entries[index + 1].begin))
+            extent_here = Extent(min(curve_extent.since, stop_beat), until_beat, begins)
         try:
             if automation_entry.swing is not None:
                 add_swing(piece, entry, curve, extent_here)
-                ended = stop_beat
+                end_beat = stop_beat
             elif automation_entry.points:
-                add_glide(piece, entry, curve, extent_here.begins)
-                ended = stop_beat
+                add_glide(piece, entry, curve, extent_here.begin_instant)
+                end_beat = stop_beat
             else:
-                ended = min(stop_beat, add_pattern(piece, entry, curve, extent_here))
-                ended = math.inf if automation_entry.struck and index + 1 == len(entries) else ended
+                end_beat = min(stop_beat, add_pattern(piece, entry, curve, extent_here))
+                end_beat = (
+                    math.inf if automation_entry.struck and index + 1 == len(entries) else end_beat
+                )
         except TextError as error:
             collector.error(
                 "E305",
@@ -371,6 +391,6 @@ def _parameter_curve(
                 automation_entry.place,
             )
             return curve
-    if curve.t and ended <= until and tempo.seconds(ended) < NEVER:
-        curve.add_step(tempo.seconds(ended), written_value)
+    if curve.t and end_beat <= until_beat and tempo.seconds(end_beat) < NEVER:
+        curve.add_step(tempo.seconds(end_beat), written_value)
     return curve

@@ -10,7 +10,7 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.module_kinds import member_count
 from ergon.notation.clock.shifted import OffsetTempoMap
-from ergon.scores.reading.digest import is_same_matter
+from ergon.scores.reading.digest import is_same_network
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.late_keys import links_on_keys
 from ergon.scores.staging.listening import Listening, fades, listen
@@ -36,10 +36,10 @@ class BuiltNetwork:
         """The coordinates of each point in space, as MATs, axis by axis."""
         for name, instrument in self.piece.instruments.items():
             for part_module in instrument.modules:
-                firsts = self.assembly.points.get((name, part_module.name))
-                if firsts is not None:
-                    for i in range(member_count(part_module.kind, part_module.fields)):
-                        yield [first_mat + i for first_mat in firsts]
+                first_mats = self.assembly.points.get((name, part_module.name))
+                if first_mats is not None:
+                    for member_index in range(member_count(part_module.kind, part_module.fields)):
+                        yield [first_mat + member_index for first_mat in first_mats]
 
     def for_piece(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
         """This network for another piece, if its modules and how they are heard are the same; else
@@ -47,9 +47,9 @@ class BuiltNetwork:
 
         `silent` are the instruments that are not listened to.
         """
-        if silent != self.listening.silent:
+        if silent != self.listening.silent_instruments:
             return None
-        if not is_same_matter(self.piece, piece) or fades(self.piece) != fades(piece):
+        if not is_same_network(self.piece, piece) or fades(self.piece) != fades(piece):
             return None  # fades depend on the tempo
         return replace(self, piece=piece)
 
@@ -60,14 +60,14 @@ def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
     Raises EngineError for the first refused module; if several are refused, its `refusals` has
     one error for each.
     """
-    refused: list[_core.EngineError] = []
-    assembly = Assembly(seed=piece.seed, refusals=refused)
+    refusals: list[_core.EngineError] = []
+    assembly = Assembly(seed=piece.seed, refusals=refusals)
     couplings = add_parts(piece, assembly)
-    if len(refused) == 1:
-        raise refused[0]
-    if refused:
-        error = _core.EngineError("\n".join(map(str, refused)))
-        error.module, error.refusals = None, refused
+    if len(refusals) == 1:
+        raise refusals[0]
+    if refusals:
+        error = _core.EngineError("\n".join(map(str, refusals)))
+        error.module, error.refusals = None, refusals
         raise error
     return BuiltNetwork(piece, assembly, couplings, listen(piece, assembly, silent))
 
@@ -106,7 +106,9 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
         return []  # the ends of a coupling may be left out
     if piece.duet:
         assembly.network.part("duet")
-    return [assembly.add_link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
+    return [
+        assembly.add_link("duet", coupling.link, coupling.a, coupling.b) for coupling in piece.duet
+    ]
 
 
 def coupling_spans(piece: Piece) -> Iterator[tuple[float, float | None]]:
@@ -120,7 +122,7 @@ def coupling_spans(piece: Piece) -> Iterator[tuple[float, float | None]]:
             None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
         )
         begin = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
-        is_over = (
+        has_ended = (
             until_beat is not None and until_beat <= begin and isinstance(tempo, OffsetTempoMap)
         )
-        yield begin, COUPLING_ENDED_SECONDS if is_over else until_beat
+        yield begin, COUPLING_ENDED_SECONDS if has_ended else until_beat

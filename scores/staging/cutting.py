@@ -26,24 +26,26 @@ _Paths = Mapping[ModuleKey, Points]
 
 @without_gc
 def cut_stage(
-    stage: Stage, frame: int, *, ends_gestures: bool, stops: bool, resets: bool = False
+    stage: Stage, frame: int, *, ends_gestures: bool, is_stopped: bool, resets: bool = False
 ) -> Stage:
     """The stage that takes over from `stage` at `frame`, and begins nothing from there on.
 
     Gestures in flight go on to their end, or end too if it `ends_gestures`. Notes that draw or
-    press end, unless it `resets` all masses. If it `stops`, the piece stands on the beat of the
-    frame: automation and couplings stay as they are there.
+    press end, unless it `resets` all masses. If it is stopped (`is_stopped`), the piece stands on
+    the beat of the frame: automation and couplings stay as they are there.
     Glides of typed values and drives go on in any case; frozen parts end. Raises EngineError and
     StoppedError.
     """
     assert stage.timeline is not None
     cut_instant = frame / stage.rate
     in_flight = [] if ends_gestures else _gestures_in_flight(stage, cut_instant)
-    timeline = stage.timeline.cut(frame, in_flight, stops=stops)
+    timeline = stage.timeline.cut(frame, in_flight, stops=is_stopped)
     mat_of, rate = stage.built.assembly.mats.get, stage.rate
-    DrawnNotes(timeline, () if resets else stage.drawn, cut_instant, rate).end_others(mat_of, 0)
-    piece = _piece_at_instant(stage.piece, cut_instant) if stops else stage.piece
-    paths, paths_until = _paths_from(stage, piece, cut_instant, stops=stops)
+    DrawnNotes(timeline, () if resets else stage.drawn_notes, cut_instant, rate).end_others(
+        mat_of, 0
+    )
+    piece = _piece_at_instant(stage.piece, cut_instant) if is_stopped else stage.piece
+    paths, paths_until = _paths_from(stage, piece, cut_instant, is_stopped=is_stopped)
     _replace_paths(piece, stage.built.assembly, timeline, stage.paths, paths)
     plan = None
     if stage.plan is not None:
@@ -58,14 +60,14 @@ def cut_stage(
             stage.network, timeline, plan=plan, start=frame, on_fault="mute"
         ),
         n_frames=0,
-        drawn=(),
+        drawn_notes=(),
         gestures=[stage.gestures[index] for index in in_flight],
         diagnostics=[],
         plan=plan,
         is_plan_kept=False,
         paths=paths,
         paths_until=paths_until,
-        placed=(),
+        recalled_outputs=(),
         timeline=timeline,
     )
 
@@ -88,18 +90,20 @@ def _piece_at_instant(piece: Piece, instant: float) -> Piece:
 def _watched_parts(piece: Piece, plan: _core.Plan) -> Watched:
     """The parts that are computed to be seen, as in an earlier plan."""
     all_parts = (*piece.keys, *piece.instruments) if plan.seen() else ()
-    return Watched(seen=all_parts, seen_every=piece.motion_every)
+    return Watched(seen=all_parts, seen_every=piece.motion_step_frames)
 
 
-def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> tuple[_Paths, float]:
+def _paths_from(
+    stage: Stage, piece: Piece, instant: float, *, is_stopped: bool
+) -> tuple[_Paths, float]:
     """The points of automation from an instant [s] on, and the instant up to which they are
     complete [s].
     """
     collector = Collector()  # a piece that plays has no mistakes in its automation
-    if stops:
+    if is_stopped:
         start_beat = piece.tempo_map.beats(0.0)
-        automated = automation_points(piece, start_beat, start_beat, collector)
-        return _paths_continued(stage, stage.paths, automated, piece, instant), float("inf")
+        automated_points = automation_points(piece, start_beat, start_beat, collector)
+        return _paths_continued(stage, stage.paths, automated_points, piece, instant), float("inf")
     struck_parts = {
         target.part for strikes in piece.strikes if strikes.moves_pitches for target in strikes.to
     }
@@ -119,30 +123,41 @@ def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> t
     )
     last_instant = stage.paths_until + 2 * GRID_FRAMES / stage.rate
     until_beat = tempo.beats(last_instant) if last_instant < float("inf") else cut_beat
-    automated = automation_points(piece_of_notes, cut_beat, max(cut_beat, until_beat), collector)
+    automated_points = automation_points(
+        piece_of_notes, cut_beat, max(cut_beat, until_beat), collector
+    )
     struck_paths = {
-        module_key: old for module_key, old in stage.paths.items() if module_key[0] in struck_parts
+        module_key: old_points
+        for module_key, old_points in stage.paths.items()
+        if module_key[0] in struck_parts
     }
     other_paths = {
-        module_key: old
-        for module_key, old in stage.paths.items()
+        module_key: old_points
+        for module_key, old_points in stage.paths.items()
         if module_key[0] not in struck_parts
     }
     return {
         **other_paths,
-        **_paths_continued(stage, struck_paths, automated, piece, instant),
+        **_paths_continued(stage, struck_paths, automated_points, piece, instant),
     }, stage.paths_until
 
 
 def _paths_continued(
     stage: Stage,
     old_paths: _Paths,
-    automated: AutomatedPoints,
+    automated_points: AutomatedPoints,
     piece: Piece,
     cut_instant: float,
 ) -> _Paths:
     until = stage.paths_until
-    return takeover_points(old_paths, automated.points, piece, cut_instant, until, automated.moved)
+    return takeover_points(
+        old_paths,
+        automated_points.points,
+        piece,
+        cut_instant,
+        until,
+        automated_points.moved_for_good,
+    )
 
 
 def _strikes_before(piece: Piece, cut_beat: float) -> Iterator[Strikes]:
@@ -168,18 +183,18 @@ def _replace_paths(
     new_paths: _Paths,
 ) -> None:
     """Replace the points of automation on a timeline. Raises EngineError."""
-    mats: list[tuple[int, int]] = []
+    mat_ranges: list[tuple[int, int]] = []
     link_ranges: list[tuple[int, int]] = []
     for module_key in old_paths:
-        led = AutomatedModule.from_piece(piece, module_key)
-        if led is None:
+        automated_module = AutomatedModule.from_piece(piece, module_key)
+        if automated_module is None:
             continue
-        if led.module.kind in ("CEL", "BANK"):
-            mats.append((assembly.mats[module_key], led.cost))
+        if automated_module.module.kind in ("CEL", "BANK"):
+            mat_ranges.append((assembly.mats[module_key], automated_module.cost))
         else:
             links = assembly.links_of(module_key)
             link_ranges.append((links.start, len(links)))
-    timeline.release(mats, link_ranges)
+    timeline.release(mat_ranges, link_ranges)
     for module_key, points in new_paths.items():
-        if led := AutomatedModule.from_piece(piece, module_key):
-            led.put(timeline, assembly, module_key, points)
+        if automated_module := AutomatedModule.from_piece(piece, module_key):
+            automated_module.put(timeline, assembly, module_key, points)

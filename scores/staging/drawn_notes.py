@@ -48,28 +48,30 @@ class DrawnNotes:
         self,
         timeline: _core.Timeline,
         old_notes: Sequence[DrawnNote] = (),
-        since: float = -inf,
+        since_instant: float = -inf,
         rate: float = inf,
     ) -> None:
         """Take the notes of the stage before, and the instant [s] from which on this one plays."""
-        self._timeline, self._since = timeline, since + 1.0 / rate
-        self._before = {note.key: note for note in old_notes if note.begin < since < note.end}
+        self._timeline, self._since = timeline, since_instant + 1.0 / rate
+        self._before = {
+            note.key: note for note in old_notes if note.begin < since_instant < note.end
+        }
         self._counts: Counter[tuple[NoteKey, tuple[float, float]]] = Counter()
         self.notes: list[DrawnNote] = []
 
-    def play(self, note: DrawnNote, mat: int, source: int, within: tuple[float, float]) -> None:
+    def play(self, note: DrawnNote, mat: int, source: int, interval: tuple[float, float]) -> None:
         """Play a note that begins within an interval of instants [s]; or one that the stage before
         has begun, if this interval follows it.
         """
-        number = self._counts[note.key, within]
-        self._counts[note.key, within] += 1
+        number = self._counts[note.key, interval]
+        self._counts[note.key, interval] += 1
         note = replace(note, number=number)
-        begins, follows = (
-            within[0] <= note.begin < within[1],
-            within[0] > self._since - _TAKEOVER_MARGIN,
+        is_begun, is_continued = (
+            interval[0] <= note.begin < interval[1],
+            interval[0] > self._since - _TAKEOVER_MARGIN,
         )
-        old_note = self._before.pop(note.key, None) if follows and not begins else None
-        if begins:
+        old_note = self._before.pop(note.key, None) if is_continued and not is_begun else None
+        if is_begun:
             self._push(mat, note.begin, note.impulse, source)
         elif old_note is None:
             return

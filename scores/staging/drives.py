@@ -48,7 +48,9 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
     """Impose positions (ENX) and forces (ENF) by a constant, a take or an input."""
     tempo = piece.tempo_map
     keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
-    instruments = [(name, i.modules, 1.0) for name, i in piece.instruments.items()]
+    instruments = [
+        (name, instrument.modules, 1.0) for name, instrument in piece.instruments.items()
+    ]
     for part_name, modules, ratio in (*keys, *instruments):
         for module in modules:
             if module.kind not in ("ENX", "ENF"):

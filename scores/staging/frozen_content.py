@@ -21,12 +21,12 @@ def connected_parts(piece: Piece, instrument_name: str) -> set[str]:
     for first_part, second_part in _linked_pairs(piece):
         neighbours.setdefault(first_part, set()).add(second_part)
         neighbours.setdefault(second_part, set()).add(first_part)
-    connected, unvisited = {instrument_name}, [instrument_name]
-    while unvisited:
-        further = neighbours.get(unvisited.pop(), set()) - connected
-        connected |= further
-        unvisited += further
-    return connected
+    connected_names, unvisited_names = {instrument_name}, [instrument_name]
+    while unvisited_names:
+        next_parts = neighbours.get(unvisited_names.pop(), set()) - connected_names
+        connected_names |= next_parts
+        unvisited_names += next_parts
+    return connected_names
 
 
 def frozen_content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
@@ -36,12 +36,12 @@ def frozen_content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
     """
     joined_parts = connected_parts(piece, instrument_name)
     players = {name: entry for name, entry in piece.players.items() if entry.key in joined_parts}
-    played_parts = tuple(play for play in piece.parts if play.player in players)
+    played_parts = tuple(part_play for part_play in piece.parts if part_play.player in players)
     strikes = tuple(entry for entry in piece.strikes if _strikes_any(entry, joined_parts))
     part_modules = [
         module for module_part, module in piece.modules() if module_part in joined_parts
     ]
-    played_names = {name for play in played_parts for name in play.names}
+    played_names = {name for part_play in played_parts for name in part_play.names}
     played_names |= {player.standin for player in players.values() if player.standin}
     played_names |= {
         str(module.fields["from"]) for module in part_modules if "from" in module.fields

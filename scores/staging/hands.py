@@ -29,10 +29,10 @@ from ergon.scores.reading.playing import (
     Player,
     PlayingOptions,
 )
-from ergon.scores.staging.not_over import NotOver
+from ergon.scores.staging.not_over import LinesNotOver
 from ergon.scores.staging.takes import Takes
 
-_DRAWN_TRANSFORMS = ("jitter",)  # transformations that each occurrence draws anew
+_RANDOM_TRANSFORMS = ("jitter",)  # transformations that each occurrence draws anew
 
 # The most that is put on a timeline: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
 MAX_PLAYED = 200_000
@@ -60,7 +60,7 @@ class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four
     player: str
     key: str
     key_index: int
-    struck: int
+    struck_mat: int
     start: float
     stop: float
     place: Place
@@ -113,7 +113,7 @@ class _ShapedGesture:
 
     key: str
     times: list[Time]
-    x: Sequence[float]
+    positions: Sequence[float]
     curves: tuple[Curve, ...]
     sources: list[int]
     options: _Options
@@ -132,14 +132,14 @@ class Window(NamedTuple):
 ALL = Window()
 
 
-Played = tuple[Play, Sequence[float] | None]  # a line, and the beats on which it plays
+LineAndBeats = tuple[Play, Sequence[float] | None]  # a line, and the beats on which it plays
 
 
 def _key(piece: Piece, play: Play) -> str:
     return piece.players[play.player].key
 
 
-def _last_beat(line: Played) -> float:
+def _last_beat(line: LineAndBeats) -> float:
     """The last beat on which a line plays; infinite if that is not known."""
     _, beats = line
     if isinstance(beats, Steps):
@@ -147,7 +147,7 @@ def _last_beat(line: Played) -> float:
     return beats[-1] if type(beats) is list and beats else math.inf
 
 
-def _names_and_count(line: Played) -> tuple[tuple[str, str], int] | None:
+def _names_and_count(line: LineAndBeats) -> tuple[tuple[str, str], int] | None:
     """What a line plays, and how often; None for patterns, which draw by place."""
     play, beats = line
     if isinstance(beats, Steps):
@@ -170,14 +170,14 @@ class Hands:
     _occurrences: Counter[tuple[str, str]] = field(default_factory=Counter)
     _point_sources: dict[tuple[str, int], int] = field(default_factory=dict)
     _shapes: dict[tuple[object, ...], _ShapedGesture] = field(default_factory=dict)
-    _manners: dict[tuple[str, str], _Options] = field(default_factory=dict)
-    _played: Counter[str] = field(default_factory=Counter)
+    _known_options: dict[tuple[str, str], _Options] = field(default_factory=dict)
+    _played_counts: Counter[str] = field(default_factory=Counter)
 
     def key(self, name: str, struck: int) -> None:
         """Add a key, by the MAT that ergons strike."""
         self._keys[name] = self.timeline.key(name, struck), struck
 
-    def other(self, piece: Piece, window: Window) -> Hands:
+    def for_piece(self, piece: Piece, window: Window) -> Hands:
         """Hands that put what another piece plays on the same timeline and keys."""
         return Hands(
             piece,
@@ -188,14 +188,14 @@ class Hands:
             self.sources,
             self.gestures,
             self._keys,
-            _played=self._played,
+            _played_counts=self._played_counts,
         )
 
     def play_parts(
         self,
         piece: Piece,
         still_keys: Container[str] = (),
-        known_lines: NotOver[Played] | None = None,
+        known_lines: LinesNotOver[LineAndBeats] | None = None,
     ) -> None:
         """Put all occurrences of the lines of a piece on the timeline, except on the keys
         `still_keys`.
@@ -206,14 +206,17 @@ class Hands:
         since = self.window.since - SAME
         player_parts, starts = piece.parts, piece.starts
         if still_keys:
-            moving = [
-                p
-                for p in zip(player_parts, starts, strict=True)
-                if _key(piece, p[0]) not in still_keys
+            moving_lines = [
+                line_and_beats
+                for line_and_beats in zip(player_parts, starts, strict=True)
+                if _key(piece, line_and_beats[0]) not in still_keys
             ]
-            player_parts, starts = tuple(p for p, _ in moving), tuple(beats for _, beats in moving)
-        lines_not_over = known_lines or NotOver[Played]()
-        lines_left, counts = lines_not_over.look(
+            player_parts, starts = (
+                tuple(line_and_beats for line_and_beats, _ in moving_lines),
+                tuple(beats for _, beats in moving_lines),
+            )
+        lines_not_over = known_lines or LinesNotOver[LineAndBeats]()
+        lines_left, counts = lines_not_over.select(
             (player_parts, starts), since, lambda line: _last_beat(line) < since, _names_and_count
         )
         self._occurrences.update(cast(dict[tuple[str, str], int], counts))
@@ -231,30 +234,34 @@ class Hands:
             self._play_pattern(play, starts.with_seed(self.piece.seed))
         elif (gesture := self.piece.gestures.get(play.what)) is not None:
             chain = (*gesture.do, *play.do)
-            for start_beat in self._room(play, self._due(play, starts or ()), len(gesture.points)):
+            for start_beat in self._starts_with_room(
+                play, self._starts_within(play, starts or ()), len(gesture.points)
+            ):
                 self._put_gesture(play, gesture, chain, start_beat)
         elif (take := self.takes.get(play.what)) is not None:
-            begins = self._due(play, self._ends(play, take) if starts is None else starts)
-            for start_beat in self._room(play, begins):
+            begins = self._starts_within(
+                play, self._take_beats(play, take) if starts is None else starts
+            )
+            for start_beat in self._starts_with_room(play, begins):
                 self._put_take(play, take, start_beat)
 
     def _play_pattern(self, line: Play, steps: Steps) -> None:
         """Put what a pattern plays in its places within the window on the timeline."""
-        course = steps.course
-        since, until = self.window.since - SAME, self.window.until - SAME
-        if steps.last < since:
+        places = steps.places
+        since_beat, until_beat = self.window.since - SAME, self.window.until - SAME
+        if steps.last < since_beat:
             return
-        first, stop = (
-            n_before(steps, since),
-            n_before(steps, until),
+        first_place, stop_place = (
+            n_before(steps, since_beat),
+            n_before(steps, until_beat),
         )
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         plays_due: list[tuple[Play, float, int]] = []
-        for place_index in range(first, stop):
+        for place_index in range(first_place, stop_place):
             if not place_index % 1024:
                 _core.poll(_PLACE_STEPS * 1024)
-            if (played_name := course.played(place_index)) is not None:
-                play_key = played_name, course.do(place_index)
+            if (played_name := places.played_name(place_index)) is not None:
+                play_key = played_name, places.transforms(place_index)
                 if play_key not in plays_by_key:
                     plays_by_key[play_key] = replace(
                         line, what=played_name, do=(*line.do, *play_key[1]), pattern=None
@@ -263,17 +270,20 @@ class Hands:
         for play in plays_by_key.values():
             begins = [start for play_of_place, start, _ in plays_due if play_of_place is play]
             gesture = self.piece.gestures.get(play.what)
-            if not self._room(play, begins, len(gesture.points) if gesture else 1) and begins:
+            if (
+                not self._starts_with_room(play, begins, len(gesture.points) if gesture else 1)
+                and begins
+            ):
                 return
         for play, start_beat, place_index in plays_due:
             if (gesture := self.piece.gestures.get(play.what)) is not None:
                 chain = (*gesture.do, *play.do)
-                chance = course.draws.transforms(place_index + course.pattern.skip)
+                chance = places.draws.transforms(place_index + places.pattern.skip)
                 self._put_gesture(play, gesture, chain, start_beat, chance)
             elif (take := self.takes.get(play.what)) is not None:
                 self._put_take(play, take, start_beat)
 
-    def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
+    def _starts_within(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
         """The starts within the window; those before it are counted, because chance draws by
         number.
         """
@@ -283,25 +293,27 @@ class Hands:
         self._occurrences[play.player, play.what] += n_before
         return starts[n_before : bisect_left(starts, self.window.until - SAME)]
 
-    def _room(self, play: Play, starts: Sequence[float], points: int = 1) -> Sequence[float]:
+    def _starts_with_room(
+        self, play: Play, starts: Sequence[float], points: int = 1
+    ) -> Sequence[float]:
         """The starts, if the timeline has room for them; none if an error was reported."""
         _core.poll(len(starts) * (_OCCURRENCE_STEPS + _POINT_STEPS * points))
-        self._played["occurrences"] += len(starts)
-        self._played["points"] += len(starts) * points
-        for noun, n_max in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
-            if self._played[noun] > n_max:
-                if self._played["reports"]:
+        self._played_counts["occurrences"] += len(starts)
+        self._played_counts["points"] += len(starts) * points
+        for counted_noun, n_max in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
+            if self._played_counts[counted_noun] > n_max:
+                if self._played_counts["reports"]:
                     return ()
-                self._played["reports"] += 1
+                self._played_counts["reports"] += 1
                 message = (
                     f"{quote(play.what)}: with these {len(starts):,} × {points:,} points the "
-                    f"piece plays more than {n_max:,} {noun}"
+                    f"piece plays more than {n_max:,} {counted_noun}"
                     if points > 1
                     else f"{quote(play.what)}: with these {len(starts):,} occurrences the piece "
-                    f"plays more than {n_max:,} {noun}"
+                    f"plays more than {n_max:,} {counted_noun}"
                 )
-                help = "play the gesture less often, or write a long movement as a take"
-                self.collector.error("E105", message, play.place, help=help)
+                help_text = "play the gesture less often, or write a long movement as a take"
+                self.collector.error("E105", message, play.place, help=help_text)
                 return ()
         return starts
 
@@ -313,14 +325,14 @@ class Hands:
         )
         self.play(play, (0.0,))
 
-    def _ends(self, play: Play, take: _core.Take) -> list[float]:
+    def _take_beats(self, play: Play, take: _core.Take) -> list[float]:
         """Beats on which a take begins if it repeats end to end."""
         tempo = self.piece.tempo_map
         begin_beat = tempo.resolve(play.at)
         until_beat = None if play.until is None else tempo.resolve(play.until)
-        shape = apply_to_take(play.do, 60.0 / tempo.bpm(begin_beat))
-        lasting = (take.duration - shape.front - shape.back) * shape.stretch
-        length = Length(0.0, shape.shift.beats, shape.shift.seconds + lasting)
+        take_shape = apply_to_take(play.do, 60.0 / tempo.bpm(begin_beat))
+        take_seconds = (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
+        length = Length(0.0, take_shape.shift.beats, take_shape.shift.seconds + take_seconds)
         try:
             return starts(tempo, begin_beat, length, times=play.times, until=until_beat)
         except TextError as error:
@@ -335,17 +347,17 @@ class Hands:
         start_beat: float,
         chance: Chance | None = None,
     ) -> None:
-        gesture_shape = self._shape(part_play, gesture, chain, start_beat, chance)
+        gesture_shape = self._known_shape(part_play, gesture, chain, start_beat, chance)
         tempo = self.piece.tempo_map
-        t = [gesture.instant(tempo, start_beat, time) for time in gesture_shape.times]
-        if t[-1] <= self.window.after:
+        instants = [gesture.instant(tempo, start_beat, time) for time in gesture_shape.times]
+        if instants[-1] <= self.window.after:
             return
         key, struck_mat = self._keys[gesture_shape.key]
         try:
             self.timeline.gesture(
                 key,
-                t,
-                gesture_shape.x,
+                instants,
+                gesture_shape.positions,
                 gesture_shape.curves,
                 sources=gesture_shape.sources,
                 **gesture_shape.options,
@@ -366,11 +378,11 @@ class Hands:
                 gesture_shape.key,
                 key,
                 struck_mat,
-                t[0],
-                t[-1],
+                instants[0],
+                instants[-1],
                 part_play.place,
-                array("d", t),  # a quarter of the memory of a list
-                gesture_shape.x,
+                array("d", instants),  # a quarter of the memory of a list
+                gesture_shape.positions,
                 gesture_shape.curves,
                 gesture_shape.options["layer"],
                 gesture_shape.options["touch"] == "tracked",
@@ -378,7 +390,7 @@ class Hands:
             )
         )
 
-    def _shape(
+    def _known_shape(
         self,
         play: Play,
         gesture: Gesture,
@@ -392,21 +404,23 @@ class Hands:
         Without a `chance` of its own it draws by the number of its occurrence.
         """
         player_and_gesture = play.player, play.what
-        occurrence = self._occurrences[player_and_gesture]
+        occurrence_number = self._occurrences[player_and_gesture]
         self._occurrences[player_and_gesture] += chance is None
-        if chain and any(transform.word in _DRAWN_TRANSFORMS for transform in chain):
+        if chain and any(transform.word in _RANDOM_TRANSFORMS for transform in chain):
             if chance is None:
                 name = f"{play.player}/{play.what}"
-                chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
-            return self._shaped(play, gesture, chain, start, chance)
+                chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence_number)
+            return self._shape_on_key(play, gesture, chain, start, chance)
         playing_options = None if play.manner is NO_OPTIONS else play.manner
         beat = gesture.beat(self.piece.tempo_map, start) if chain else 0.0
         shape_key = (*player_and_gesture, play.do, playing_options, beat)
         if shape_key not in self._shapes:
-            self._shapes[shape_key] = self._shaped(play, gesture, chain, start, MidpointChance())
+            self._shapes[shape_key] = self._shape_on_key(
+                play, gesture, chain, start, MidpointChance()
+            )
         return self._shapes[shape_key]
 
-    def _shaped(
+    def _shape_on_key(
         self,
         part_play: Play,
         gesture: Gesture,
@@ -419,30 +433,31 @@ class Hands:
             gesture_points, _ = apply(
                 gesture_points, chain, chance, gesture.beat(self.piece.tempo_map, start_beat)
             )
-        reach = self._reach(part_play)
+        key_reach = self._key_reach(part_play)
         return _ShapedGesture(
             self._key_of(part_play),
             [point.at for point in gesture_points],
-            array("d", [point.x * reach for point in gesture_points]),
+            array("d", [point.x * key_reach for point in gesture_points]),
             tuple(cast(Curve, point.curve) for point in gesture_points),
             [self._source(gesture, point) for point in gesture_points],
-            self._options_of(part_play, gesture),
+            self._options_of_line(part_play, gesture),
         )
 
-    def _options_of(self, part_play: Play, gesture: Gesture) -> _Options:
+    def _options_of_line(self, part_play: Play, gesture: Gesture) -> _Options:
         """The options by which a line plays a gesture; lines without options of their own share one
         object.
         """
         if part_play.manner is not NO_OPTIONS:
-            return self._options(
-                part_play, part_play.manner.over(gesture.manner).over(DEFAULT_OPTIONS)
+            return self._merged_options(
+                part_play,
+                part_play.manner.with_defaults(gesture.manner).with_defaults(DEFAULT_OPTIONS),
             )
         options_key = part_play.player, gesture.name
-        if options_key not in self._manners:
-            self._manners[options_key] = self._options(
-                part_play, gesture.manner.over(DEFAULT_OPTIONS)
+        if options_key not in self._known_options:
+            self._known_options[options_key] = self._merged_options(
+                part_play, gesture.manner.with_defaults(DEFAULT_OPTIONS)
             )
-        return self._manners[options_key]
+        return self._known_options[options_key]
 
     def _put_take(self, part_play: Play, take: _core.Take, start_beat: float) -> None:
         tempo = self.piece.tempo_map
@@ -451,7 +466,9 @@ class Hands:
         stop = begin + (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
         if stop <= self.window.after:
             return
-        take_options = self._options(part_play, part_play.manner.over(DEFAULT_OPTIONS))
+        take_options = self._merged_options(
+            part_play, part_play.manner.with_defaults(DEFAULT_OPTIONS)
+        )
         key_index, struck_mat = self._keys[self._key_of(part_play)]
         try:
             if take_shape.front or take_shape.back:
@@ -460,7 +477,7 @@ class Hands:
                 key_index,
                 take,
                 begin,
-                scale=take_shape.scale * self._reach(part_play),
+                scale=take_shape.scale * self._key_reach(part_play),
                 stretch=take_shape.stretch,
                 reverse=take_shape.reverse,
                 source=self.sources.add(lambda: part_play.place),
@@ -487,16 +504,16 @@ class Hands:
             )
         )
 
-    def _options(self, play: Play, manner: PlayingOptions) -> _Options:
-        force_limit = manner.force_limit
+    def _merged_options(self, play: Play, gesture_options: PlayingOptions) -> _Options:
+        force_limit = gesture_options.force_limit
         option_values = {
-            "touch": manner.touch,
-            "ergons": manner.ergons,
-            "grain": manner.grain,
-            "join": manner.join,
+            "touch": gesture_options.touch,
+            "ergons": gesture_options.ergons,
+            "grain": gesture_options.grain,
+            "join": gesture_options.join,
             # Behind a lever the piece sees s·x, and forces divided by s.
-            "force_limit": None if force_limit is None else force_limit / self._reach(play),
-            "layer": manner.layer,
+            "force_limit": None if force_limit is None else force_limit / self._key_reach(play),
+            "layer": gesture_options.layer,
         }
         return cast(_Options, option_values)  # DEFAULT_OPTIONS has all options
 
@@ -509,5 +526,5 @@ class Hands:
     def _key_of(self, play: Play) -> str:
         return self.piece.players[play.player].key
 
-    def _reach(self, play: Play) -> float:
+    def _key_reach(self, play: Play) -> float:
         return self.piece.keys[self._key_of(play)].reach

@@ -28,7 +28,7 @@ class HighestMode:
 
     name: str
     module: Module
-    hertz: float
+    frequency: float
 
 
 def highest_modes(piece: Piece, built: BuiltNetwork) -> list[HighestMode]:
@@ -64,21 +64,25 @@ def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
     Each place in a file is reported once, because notes and copies share it; the library is not
     reported.
     """
-    lowest: dict[Place, HighestMode] = {}
+    lowest_by_place: dict[Place, HighestMode] = {}
     for highest_mode in modes:
-        lowest_mode = lowest.setdefault(highest_mode.module.place, highest_mode)
-        if highest_mode.hertz < lowest_mode.hertz:
-            lowest[highest_mode.module.place] = highest_mode
+        lowest_mode = lowest_by_place.setdefault(highest_mode.module.place, highest_mode)
+        if highest_mode.frequency < lowest_mode.frequency:
+            lowest_by_place[highest_mode.module.place] = highest_mode
     warnings = []
-    for highest_mode in lowest.values():
-        if highest_mode.hertz >= FULL_BANDWIDTH_HZ or is_shipped(
+    for highest_mode in lowest_by_place.values():
+        if highest_mode.frequency >= FULL_BANDWIDTH_HZ or is_shipped(
             Path(highest_mode.module.place.file)
         ):
             continue
-        message = f"{quote(highest_mode.name)} has no mode above {highest_mode.hertz / 1e3:.3g} kHz"
-        help = f"{_count_advice(highest_mode)} would reach about {FULL_BANDWIDTH_HZ / 1e3:g} kHz"
+        message = (
+            f"{quote(highest_mode.name)} has no mode above {highest_mode.frequency / 1e3:.3g} kHz"
+        )
+        help_text = (
+            f"{_count_advice(highest_mode)} would reach about {FULL_BANDWIDTH_HZ / 1e3:g} kHz"
+        )
         place = highest_mode.module.place
-        warnings.append(Diagnostic("W331", message, place, None, help))
+        warnings.append(Diagnostic("W331", message, place, None, help_text))
     return warnings
 
 
@@ -98,8 +102,8 @@ def warn_over_limit(
         path_points = paths.get(module_key, ())
         factor_max = max((factor for _, factor, _ in path_points), default=1.0)
         if (
-            highest_mode.hertz >= frequency_limit
-            or highest_mode.hertz * sqrt(factor_max) < frequency_limit
+            highest_mode.frequency >= frequency_limit
+            or highest_mode.frequency * sqrt(factor_max) < frequency_limit
         ):
             continue
         automation_lines = [line for line in piece.automation if module_key in line.modules]
@@ -107,29 +111,31 @@ def warn_over_limit(
             (line.place for line in automation_lines if line.parameter == "f"),
             highest_mode.module.place,
         )
-        limit_instant = _instant_of_factor(path_points, (frequency_limit / highest_mode.hertz) ** 2)
+        limit_instant = _instant_of_factor(
+            path_points, (frequency_limit / highest_mode.frequency) ** 2
+        )
         tempo = piece.tempo_map
-        n_steps = ceil(highest_mode.hertz * sqrt(factor_max) / frequency_limit)
+        n_steps = ceil(highest_mode.frequency * sqrt(factor_max) / frequency_limit)
         message = (
             f"from {tempo.written(tempo.beats(limit_instant))} ({limit_instant:.2f} s) on the "
             f"highest mode of {quote(highest_mode.name)} is above {frequency_limit / 1e3:.3g} kHz, "
             "the limit at one step a frame; it reaches "
-            f"{highest_mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
+            f"{highest_mode.frequency * sqrt(factor_max) / 1e3:.3g} kHz"
         )
-        help = (
+        help_text = (
             f"a plan takes {n_steps} steps a frame or another method there, unless the score "
             f"has `method: ca`; a rate of {n_steps * piece.rate:,.0f} Hz or fewer masses cost "
             "less"
         )
-        warnings.append(Diagnostic("W332", message, body_place, None, help))
+        warnings.append(Diagnostic("W332", message, body_place, None, help_text))
     return warnings
 
 
 def _instant_of_factor(path_points: Points, factor: float) -> float:
     """The instant at which the first number of the points first reaches a factor [s]."""
-    for (t0, low, _), (t1, high, _) in pairwise(path_points):
+    for (begin_instant, low, _), (end_instant, high, _) in pairwise(path_points):
         if low < factor <= high:
-            return t0 + (t1 - t0) * (factor - low) / (high - low)
+            return begin_instant + (end_instant - begin_instant) * (factor - low) / (high - low)
     return path_points[0][0]
 
 
@@ -138,17 +144,17 @@ def _count_advice(mode: HighestMode) -> str:
     part_module, module_fields = mode.module, mode.module.fields
     masses, factor_needed = (
         member_count(part_module.kind, module_fields),
-        FULL_BANDWIDTH_HZ / mode.hertz,
+        FULL_BANDWIDTH_HZ / mode.frequency,
     )
     if part_module.kind == "STRING":
         return f"`masses: {ceil(masses * factor_needed)}`"
     # The highest mode of a lattice is inversely proportional to its spacing; if the plate bends, to
     # the square of it.
-    side = sqrt(factor_needed) if module_fields["bending"] is not None else factor_needed
+    masses_factor = sqrt(factor_needed) if module_fields["bending"] is not None else factor_needed
     if module_fields["shape"] == "rectangle":
-        n_across, n_up = (ceil(count * side) for count in module_fields["sides"])
+        n_across, n_up = (ceil(count * masses_factor) for count in module_fields["sides"])
         return f"{n_across * n_up:,} masses ({n_across} by {n_up})"
-    radius = ceil(module_fields["radius"] * side)
+    radius = ceil(module_fields["radius"] * masses_factor)
     if radius > _RADIUS_MAX:
         return f"more than the {_RADIUS_MAX} rings that a plate may have"
     wider_fields = {**module_fields, "radius": radius}

@@ -28,7 +28,7 @@ _REACH_SECONDS = 0.01  # [s] in which a value of a MIDI file is reached, so that
 
 
 @dataclass(frozen=True, slots=True)
-class Tracks:
+class ModuleTracks:
     """The entries of each parameter of a module, in order; `moves_from` is the beat on which the
     first one begins that is no swing.
     """
@@ -37,14 +37,14 @@ class Tracks:
     moves_from: float
 
 
-class _SettledPoints(NamedTuple):
+class _ConstantPoints(NamedTuple):
     """The points of a module with these entries, on which nothing acts from beat `since` on."""
 
-    tracks: Tracks
-    led: AutomatedModule
+    tracks: ModuleTracks
+    automated_module: AutomatedModule
     since: float
     points: Points
-    moves: bool  # whether they are other values than the module's own
+    has_moved: bool  # whether they are other values than the module's own
 
 
 @dataclass(slots=True)
@@ -59,18 +59,18 @@ class KnownAutomation:
     _strikes: tuple[Strikes, ...] = ()  # those that have notes
     # The lines of each module, and those of strikes with notes.
     _lines_of: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
-    _noted: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
-    _tracks: dict[ModuleKey, Tracks] = field(default_factory=dict)
+    _note_lines_of: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
+    _tracks: dict[ModuleKey, ModuleTracks] = field(default_factory=dict)
     # By the id of what they are made of, which is kept with them so that no other has its id.
     _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
     # With the module and its part, of which a key has a reach of its own.
-    _leds: dict[ModuleKey, tuple[Module | None, object, AutomatedModule]] = field(
+    _automated_modules: dict[ModuleKey, tuple[Module | None, object, AutomatedModule]] = field(
         default_factory=dict
     )
     _modules: dict[str, tuple[object, dict[str, Module]]] = field(default_factory=dict)
-    _settled: dict[ModuleKey, _SettledPoints] = field(default_factory=dict)
+    _constant_points: dict[ModuleKey, _ConstantPoints] = field(default_factory=dict)
 
-    def tracks(self, piece: Piece) -> Mapping[ModuleKey, Tracks]:
+    def tracks(self, piece: Piece) -> Mapping[ModuleKey, ModuleTracks]:
         """The entries of a piece by module; those of a module that did not change are the same
         object as before.
         """
@@ -79,10 +79,10 @@ class KnownAutomation:
             return self._tracks
         self._all_strikes = piece.strikes
         strikes = tuple([line for line in piece.strikes if line.moves_pitches])
-        touched: set[ModuleKey] = set()
+        changed_modules: set[ModuleKey] = set()
         if not is_same_tempo:
             self._lines, self._strikes, self._notes = (), (), {}
-            touched |= self._tracks.keys()
+            changed_modules |= self._tracks.keys()
         self._tempo = piece.tempo_map
         automation_lines = changed_part(self._lines, piece.automation)
         struck_strikes = changed_part(self._strikes, strikes)
@@ -93,29 +93,29 @@ class KnownAutomation:
         ]
         self._notes |= {id(line): (line, notes) for line, notes in new_notes}
         notes = (notes for _, notes in (*gone_notes, *new_notes))
-        changed = chain(automation_lines.before, automation_lines.now, *notes)
-        touched |= {module_key for line in changed for module_key in line.modules}
+        changed_lines = chain(automation_lines.before, automation_lines.now, *notes)
+        changed_modules |= {module_key for line in changed_lines for module_key in line.modules}
         is_at_end = automation_lines.start + len(automation_lines.now) == len(piece.automation)
         if is_same_tempo and is_at_end:
             self._set_last_lines(automation_lines)
-        elif touched:
-            self._set_lines(touched)
+        elif changed_modules:
+            self._set_lines(changed_modules)
         if struck_strikes or not is_same_tempo:
-            self._noted = {}
+            self._note_lines_of = {}
             for automation_line in chain.from_iterable(
                 self._notes[id(strikes_line)][1] for strikes_line in strikes
             ):
                 for module_key in automation_line.modules:
-                    self._noted.setdefault(module_key, []).append(automation_line)
-        if touched:
-            self._set_tracks(piece.tempo_map, touched)
+                    self._note_lines_of.setdefault(module_key, []).append(automation_line)
+        if changed_modules:
+            self._set_tracks(piece.tempo_map, changed_modules)
         return self._tracks
 
-    def _set_last_lines(self, changed: Changed[Automation]) -> None:
+    def _set_last_lines(self, changed_range: Changed[Automation]) -> None:
         """Set the lines of modules of which only the last ones have changed."""
-        n_removed = Counter(chain.from_iterable(line.modules for line in changed.before))
+        n_removed = Counter(chain.from_iterable(line.modules for line in changed_range.before))
         new_lines: dict[ModuleKey, list[Automation]] = {}
-        for line in changed.now:
+        for line in changed_range.now:
             for module_key in line.modules:
                 new_lines.setdefault(module_key, []).append(line)
         for module_key in {*n_removed, *new_lines}:
@@ -124,21 +124,24 @@ class KnownAutomation:
                 : len(old_lines) - n_removed[module_key]
             ] + new_lines.get(module_key, [])
 
-    def _set_lines(self, touched: set[ModuleKey]) -> None:
+    def _set_lines(self, changed_modules: set[ModuleKey]) -> None:
         """Set the lines of modules whose automation has changed."""
         lines_by_module: dict[ModuleKey, list[Automation]] = {
-            module_key: [] for module_key in touched
+            module_key: [] for module_key in changed_modules
         }
         for line in self._lines:
-            for module_key in touched.intersection(line.modules):
+            for module_key in changed_modules.intersection(line.modules):
                 lines_by_module[module_key].append(line)
         self._lines_of |= lines_by_module
 
-    def _set_tracks(self, tempo: TempoMap, touched: set[ModuleKey]) -> None:
+    def _set_tracks(self, tempo: TempoMap, changed_modules: set[ModuleKey]) -> None:
         """Set the entries of modules whose lines have changed."""
         old_tracks, self._tracks = self._tracks, dict(self._tracks)
-        for module_key in touched:
-            module_lines = [*self._lines_of.get(module_key, ()), *self._noted.get(module_key, ())]
+        for module_key in changed_modules:
+            module_lines = [
+                *self._lines_of.get(module_key, ()),
+                *self._note_lines_of.get(module_key, ()),
+            ]
             if not module_lines:
                 self._tracks.pop(module_key, None)
                 continue
@@ -151,38 +154,43 @@ class KnownAutomation:
                 old_track if old_track is not None and old_track == track else track
             )
 
-    def _track(self, tempo: TempoMap, parameters: Mapping[str, list[Automation]]) -> Tracks:
+    def _track(self, tempo: TempoMap, parameters: Mapping[str, list[Automation]]) -> ModuleTracks:
         """The entries of a module: of each parameter one lasts until the next one begins."""
-        by_name: dict[str, list[Entry]] = {}
+        entries_by_name: dict[str, list[Entry]] = {}
         moves_from = math.inf
         for name, lines in parameters.items():
             spans = sorted([_entry_span(tempo, line) for line in lines], key=lambda span: span[1])
-            entries = by_name[name] = []
-            for place, (automation_line, begin_beat, until) in enumerate(spans):
+            entries = entries_by_name[name] = []
+            for place, (automation_line, begin_beat, end_beat) in enumerate(spans):
                 is_last = place + 1 == len(spans)
-                stop = until if is_last else min(until, spans[place + 1][1])
+                stop = end_beat if is_last else min(end_beat, spans[place + 1][1])
                 entries += _timed_entries(tempo, Entry(automation_line, begin_beat, stop))
                 if automation_line.swing is None:
                     moves_from = min(moves_from, begin_beat)
-        return Tracks(by_name, moves_from)
+        return ModuleTracks(entries_by_name, moves_from)
 
-    def led(self, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
+    def target_of(self, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
         """A module of a piece; None if it does not exist."""
         owning_part = piece.keys.get(module_key[0]) or piece.instruments.get(module_key[0])
-        led_module, known_led = self._module(owning_part, module_key), self._leds.get(module_key)
-        if known_led is not None:
+        module_now, known_automated = (
+            self._module(owning_part, module_key),
+            self._automated_modules.get(module_key),
+        )
+        if known_automated is not None:
             # The values of a key's module depend on its reach too.
-            is_same = known_led[0] is led_module is not None and isinstance(owning_part, Instrument)
-            if is_same or known_led[1] is owning_part:
-                return known_led[2]
-        led = AutomatedModule.from_piece(piece, module_key)
-        if led is None:
-            self._leds.pop(module_key, None)
+            is_same = known_automated[0] is module_now is not None and isinstance(
+                owning_part, Instrument
+            )
+            if is_same or known_automated[1] is owning_part:
+                return known_automated[2]
+        automated = AutomatedModule.from_piece(piece, module_key)
+        if automated is None:
+            self._automated_modules.pop(module_key, None)
         else:
-            if known_led is not None and known_led[2].is_same(led):
-                led = known_led[2]
-            self._leds[module_key] = led_module, owning_part, led
-        return led
+            if known_automated is not None and known_automated[2].is_same(automated):
+                automated = known_automated[2]
+            self._automated_modules[module_key] = module_now, owning_part, automated
+        return automated
 
     def _module(self, part: Key | Instrument | None, module_key: ModuleKey) -> Module | None:
         """A module of a part by name; None for a part as a whole."""
@@ -195,41 +203,47 @@ class KnownAutomation:
             )
         return part_modules[1].get(module_key[1])
 
-    def settled(
-        self, module_key: ModuleKey, tracks: Tracks, led: AutomatedModule, beat: float
+    def constant_points(
+        self,
+        module_key: ModuleKey,
+        tracks: ModuleTracks,
+        automated_module: AutomatedModule,
+        beat: float,
     ) -> Points | None:
         """The constant points of a module on which nothing acts from a beat on; None if that is not
         known.
         """
-        settled_module = self._settled.get(module_key)
+        known_points = self._constant_points.get(module_key)
         if (
-            settled_module is None
-            or settled_module.tracks is not tracks
-            or settled_module.led is not led
+            known_points is None
+            or known_points.tracks is not tracks
+            or known_points.automated_module is not automated_module
         ):
             return None
-        return settled_module.points if settled_module.since <= beat else None
+        return known_points.points if known_points.since <= beat else None
 
-    def settle(
+    def keep_constant_points(
         self,
         module_key: ModuleKey,
-        tracks: Tracks,
-        led: AutomatedModule,
-        since: float,
+        tracks: ModuleTracks,
+        automated_module: AutomatedModule,
+        since_beat: float,
         points: Points,
     ) -> None:
-        """Keep the constant points of a module on which nothing acts from beat `since` on."""
-        moves = any(point[1:] != led.numbers_alone for point in points)
-        self._settled[module_key] = _SettledPoints(tracks, led, since, points, moves)
+        """Keep the constant points of a module on which nothing acts from beat `since_beat` on."""
+        is_moved = any(point[1:] != automated_module.numbers_alone for point in points)
+        self._constant_points[module_key] = _ConstantPoints(
+            tracks, automated_module, since_beat, points, is_moved
+        )
 
-    def settled_moves(self, module_key: ModuleKey, path_points: Points) -> bool | None:
+    def has_moved(self, module_key: ModuleKey, path_points: Points) -> bool | None:
         """Whether these settled points are other values than the module's own; None if they are not
         settled.
         """
-        settled_module = self._settled.get(module_key)
+        known_points = self._constant_points.get(module_key)
         return (
-            settled_module.moves
-            if settled_module is not None and settled_module.points is path_points
+            known_points.has_moved
+            if known_points is not None and known_points.points is path_points
             else None
         )
 
@@ -254,8 +268,8 @@ def _timed_entries(tempo: TempoMap, automation_entry: Entry) -> Iterator[Entry]:
         for glide in _file_glides(tempo, automation_line, begin_beat)
     ]
     beats = [beat for _, beat in glides if beat < stop_beat]
-    for (glide, beat), following in zip(glides, [*beats[1:], stop_beat], strict=False):
-        yield Entry(glide, beat, following)
+    for (glide, beat), next_beat in zip(glides, [*beats[1:], stop_beat], strict=False):
+        yield Entry(glide, beat, next_beat)
 
 
 def _file_glides(
@@ -267,12 +281,14 @@ def _file_glides(
     last_instant = tempo.seconds(start_beat)
     for length, amount in automation_line.moves:
         instant_seconds = tempo.seconds(tempo.after(start_beat, length))
-        since = max(last_instant, instant_seconds - _REACH_SECONDS)
+        glide_begin = max(last_instant, instant_seconds - _REACH_SECONDS)
         yield replace(
             automation_line,
-            at=Position(plus=Length(beats=tempo.beats(since))),
+            at=Position(plus=Length(beats=tempo.beats(glide_begin))),
             points=(CurvePoint(Time(), amount, "line"),),
-            over=Length(seconds=instant_seconds - since) if instant_seconds > since else None,
+            over=Length(seconds=instant_seconds - glide_begin)
+            if instant_seconds > glide_begin
+            else None,
             moves=(),
         )
         last_instant = instant_seconds
@@ -291,7 +307,7 @@ def _wheel_automation(
     tempo: TempoMap, strikes_line: Strikes, glide: NoteGlide, start_beat: float
 ) -> Iterator[Automation]:
     """Automation by a pitch wheel in a phrase that begins on beat `start_beat`."""
-    wheel = Automation(
+    wheel_entry = Automation(
         glide.target,
         "f",
         Position(),
@@ -303,10 +319,10 @@ def _wheel_automation(
         swing=None,
         place=glide.target.place,
         begin_place=glide.target.place,
-        struck=strikes_line.who,
+        struck=strikes_line.draw_key,
         moves=tuple((length, Amount(factor, is_factor=True)) for length, factor in glide.points),
     )
-    yield from _file_glides(tempo, wheel, start_beat)
+    yield from _file_glides(tempo, wheel_entry, start_beat)
 
 
 def _note_automation(tempo: TempoMap, automation_line: Strikes) -> Iterator[Automation]:
@@ -334,5 +350,5 @@ def _note_automation(tempo: TempoMap, automation_line: Strikes) -> Iterator[Auto
             None,
             automation_line.place,
             automation_line.place,
-            automation_line.who,
+            automation_line.draw_key,
         )

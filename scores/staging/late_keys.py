@@ -31,15 +31,15 @@ def check_delays(piece: Piece, collector: Collector) -> None:
     """Warn of keys that a spring K on them can make swing (W336): by a delay it takes K·delay of
     their damping (J. E. Colgate and J. M. Brown, ICRA 1994).
     """
-    stiffest: dict[str, tuple[float, str]] = {}
+    stiffest_by_key: dict[str, tuple[float, str]] = {}
     for part_name, end, part_module in links_on_keys(piece):
         delayed_key, stiffness = piece.keys[end.part], part_module.fields.get("K")
         if delayed_key.delay and end.module == delayed_key.struck and isinstance(stiffness, float):
             stiffness_and_name = stiffness * delayed_key.reach**2, f"{part_name}.{part_module.name}"
-            stiffest[delayed_key.name] = max(
-                stiffness_and_name, stiffest.get(delayed_key.name, stiffness_and_name)
+            stiffest_by_key[delayed_key.name] = max(
+                stiffness_and_name, stiffest_by_key.get(delayed_key.name, stiffness_and_name)
             )
-    for key_name, (stiffness, stiffest_link) in stiffest.items():
+    for key_name, (stiffness, stiffest_link) in stiffest_by_key.items():
         delayed_key = piece.keys[key_name]
         damping = _ground_damping(delayed_key)
         if damping is None or stiffness * delayed_key.delay <= damping:
@@ -51,13 +51,16 @@ def check_delays(piece: Piece, collector: Collector) -> None:
             f"{stiffness * delayed_key.delay:.2g} Ns/m of the damping of the key, {damping:.2g} "
             "Ns/m, and the key may begin to swing by itself"
         )
-        bound = damping / delayed_key.delay
-        help = f"keep K below {bound:,.0f} N/m, raise Z of the key, or write `delay: 0s` there"
-        collector.error("W336", message, delayed_key.place, help=help)
+        stiffness_bound = damping / delayed_key.delay
+        help_text = (
+            f"keep K below {stiffness_bound:,.0f} N/m, raise Z of the key, or write `delay: "
+            "0s` there"
+        )
+        collector.error("W336", message, delayed_key.place, help=help_text)
 
 
 def _ground_damping(key: Key) -> float | None:
     """The damping of the struck mass to the ground [N·s/m], if it is written."""
-    struck = next(module for module in key.modules if module.name == key.struck)
-    damping = struck.fields.get("Z")
+    struck_module = next(module for module in key.modules if module.name == key.struck)
+    damping = struck_module.fields.get("Z")
     return damping if isinstance(damping, float) else None

@@ -65,26 +65,32 @@ class Listening:
 
     n_channels: int
     outputs: list[str] = field(default_factory=list)
-    ways: list[TapRoute] = field(default_factory=list)
+    tap_routes: list[TapRoute] = field(default_factory=list)
     rooms: tuple[Room, ...] = ()
     fade: Curve = ()  # of all channels
     # Instruments whose taps give silence, because their sound is known from elsewhere (frozen
     # parts).
-    silent: Container[str] = ()
+    silent_instruments: Container[str] = ()
 
     def taps(self, part: str) -> list[int]:
         """The taps of an instrument, rising."""
-        return sorted({way.tap for way in self.ways if way.part == part})
+        return sorted({tap_route.tap for tap_route in self.tap_routes if tap_route.part == part})
 
     def parts(self) -> list[str]:
         """Instruments that reach a loudspeaker, in order."""
-        return list(dict.fromkeys(way.part for way in self.ways))
+        return list(dict.fromkeys(tap_route.part for tap_route in self.tap_routes))
 
-    def unit(self, parts: Collection[str]) -> float:
+    def largest_ratio(self, parts: Collection[str]) -> float:
         """The largest ratio of the ways of some parts: what they give in units of it stays what it
         is where the gain of a route, or of all, is another.
         """
-        return max((abs(way.ratio) for way in self.ways if way.part in parts), default=0.0) or 1.0
+        return (
+            max(
+                (abs(tap_route.ratio) for tap_route in self.tap_routes if tap_route.part in parts),
+                default=0.0,
+            )
+            or 1.0
+        )
 
     def mixer(
         self,
@@ -107,13 +113,13 @@ class Listening:
         """
         mixer = _core.Mixer(rate, n_out, self.n_channels)
         for room in self.rooms:
-            channels = [c - 1 for c in room.to] or range(self.n_channels)
+            channels = [channel - 1 for channel in room.to] or range(self.n_channels)
             mixer.room(room.name, channels, size=room.size, t60=room.t60, gain=room.gain)
         if self.fade:
             mixer.fade(self.fade)
         # The routes of an instrument form a group, whose gain may change while it sounds.
         group_by_part = {name: group for group, name in enumerate(self.parts())}
-        for path in self.ways:
+        for path in self.tap_routes:
             is_chosen = is_wet is None or is_wet == (path.room is not None)
             if is_chosen and (parts is None or path.part in parts):
                 cutoff = highpass if path.highpass is None else path.highpass
@@ -162,7 +168,7 @@ class Listening:
                 path.pan,
                 *(("squared",) if path.is_squared else ()),
             )
-            for path in self.ways
+            for path in self.tap_routes
             if (taps[path.tap] or with_silent) and (parts is None or path.part in parts)
         ]
         return sha256(repr((self.n_channels, rooms, self.fade, route_keys)).encode()).hexdigest()
@@ -170,7 +176,7 @@ class Listening:
     @property
     def cost(self) -> float:
         """About how long mixing a frame takes [ns]."""
-        return _ROUTE_NS * len(self.ways) + _ROOM_NS * len(self.rooms)
+        return _ROUTE_NS * len(self.tap_routes) + _ROOM_NS * len(self.rooms)
 
 
 def check_mix(piece: Piece, collector: Collector) -> None:
@@ -209,7 +215,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
         max(1, piece.mix.channels),
         rooms=piece.mix.rooms,
         fade=_fade_frames(piece, master.fade) if master else (),
-        silent=silent,
+        silent_instruments=silent,
     )
     taps: dict[tuple[str, str], list[int]] = {}
     n_outputs_by_route = Counter(route for route, *_ in routed_outputs)
@@ -227,8 +233,15 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
             is_one_each = n_outputs_by_route[route] == len(route.to) and not route.is_panned
             channels = route.to[output_index : output_index + 1] if is_one_each else route.to
             for tap in taps[output_key]:
-                _tap_routes(listening, piece, tap, [c - 1 for c in channels], route, output)
-    channels_used = [way.channel + 1 for way in listening.ways]
+                _add_tap_routes(
+                    listening,
+                    piece,
+                    tap,
+                    [channel_index - 1 for channel_index in channels],
+                    route,
+                    output,
+                )
+    channels_used = [tap_route.channel + 1 for tap_route in listening.tap_routes]
     channels_used += [channel for room in listening.rooms for channel in room.to]
     listening.n_channels = max(listening.n_channels, *channels_used, 1)
     return listening
@@ -241,7 +254,7 @@ def _outputs_of(piece: Piece, route: Route) -> Iterator[tuple[Instrument, Output
             yield instrument, routed_output
 
 
-def _tap_routes(
+def _add_tap_routes(
     listening: Listening,
     piece: Piece,
     tap: int,
@@ -282,11 +295,11 @@ def _tap_routes(
         zip(channels, route.pan or repeat(1.0), strict=False)
     ):
         pan = (pan_curve, channel_index == 1) if pan_curve else None
-        listening.ways.append(replace(path, channel=channel, share=share, pan=pan))
+        listening.tap_routes.append(replace(path, channel=channel, share=share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
     for name, share in route.sends:
         room_index = rooms.index(name)
-        listening.ways.append(replace(path, room=room_index, share=share))
+        listening.tap_routes.append(replace(path, room=room_index, share=share))
 
 
 def fades(piece: Piece) -> list[Curve]:
@@ -296,8 +309,8 @@ def fades(piece: Piece) -> list[Curve]:
     master = piece.mix.master
     return [
         _fade_frames(piece, master.fade if master else ()),
-        *(_fade_frames(piece, r.fade) for r in piece.mix.routes if r.fade),
-        *(_pan_frames(piece, r.pan_path) for r in piece.mix.routes if r.pan_path),
+        *(_fade_frames(piece, route.fade) for route in piece.mix.routes if route.fade),
+        *(_pan_frames(piece, route.pan_path) for route in piece.mix.routes if route.pan_path),
     ]
 
 
@@ -331,8 +344,8 @@ def _add_taps(
     taps: list[int] = []
     for mat in (mat for target in output.targets for mat in assembly.members(target)):
         listening.outputs.append(".".join(filter(None, (*output_name, str(len(taps) + 1)))))
-        weighted = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))
-        positions = [] if output_name[0] in listening.silent else [weighted]
+        weighted_range = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))
+        positions = [] if output_name[0] in listening.silent_instruments else [weighted_range]
         tap_name, order = listening.outputs[-1], output.kind_facts.order
         taps.append(assembly.network.listen(tap_name, positions=positions, order=order))
     return taps
@@ -344,11 +357,11 @@ def _add_tap(
     """Add a tap for an output: the sum of its targets."""
     positions: list[_Range] = []
     forces: list[_Range] = []
-    ground: list[_Range] = []
+    ground_range: list[_Range] = []
     lengths: list[_Range] = []
-    is_silent = output_name[0] in listening.silent
+    is_silent = output_name[0] in listening.silent_instruments
     if output.is_distance and not is_silent:
-        lengths.append((_add_gauge(assembly, output_name, output.targets), 1, 1.0))
+        lengths.append((_add_length_link(assembly, output_name, output.targets), 1, 1.0))
     for target in output.targets if not (is_silent or output.is_distance) else ():
         if output.is_movement:
             positions.append(_mat_range(assembly, target))
@@ -363,24 +376,28 @@ def _add_tap(
             springs = assembly.generator_links[target.part, target.module]
             forces.append((springs.start, len(springs), 1.0))
         else:
-            ground.append(_mat_range(assembly, target))
+            ground_range.append(_mat_range(assembly, target))
     listening.outputs.append(".".join(filter(None, output_name)))
     return assembly.network.listen(
         listening.outputs[-1],
         positions=positions,
         forces=forces,
-        ground_forces=ground,
+        ground_forces=ground_range,
         lengths=lengths,
         order=output.kind_facts.order,
     )
 
 
-def _add_gauge(assembly: Assembly, name: tuple[str, str], end_targets: Sequence[Target]) -> int:
+def _add_length_link(
+    assembly: Assembly, name: tuple[str, str], end_targets: Sequence[Target]
+) -> int:
     """Add a link without a force, whose length is the distance that is heard; returns its index."""
     part, listener_name = name
     assembly.network.part(part)
-    a, b = (assembly.coordinates(end) for end in end_targets)
-    return assembly.network.gauge(" ".join(filter(None, (listener_name, "distance"))), a, b)
+    first_mats, second_mats = (assembly.coordinates(end) for end in end_targets)
+    return assembly.network.gauge(
+        " ".join(filter(None, (listener_name, "distance"))), first_mats, second_mats
+    )
 
 
 def _mat_range(assembly: Assembly, target: Target) -> _Range:
@@ -410,14 +427,18 @@ def _add_nearest_taps(
                 ranges[-1] = ranges[-1][0], ranges[-1][1] + 1, 1.0
             else:
                 ranges.append((mat, 1, 1.0))
-    for speaker in sorted(ranges_by_speaker):
-        channel_index = room.channels[speaker]
+    for loudspeaker in sorted(ranges_by_speaker):
+        channel_index = room.channels[loudspeaker]
         output_name = ".".join(filter(None, (instrument.name, output.name, str(channel_index + 1))))
-        ranges = ranges_by_speaker[speaker] if instrument.name not in listening.silent else []
+        ranges = (
+            ranges_by_speaker[loudspeaker]
+            if instrument.name not in listening.silent_instruments
+            else []
+        )
         tap_arguments = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(output_name)
         tap = assembly.network.listen(output_name, **tap_arguments, order=output.kind_facts.order)
-        _tap_routes(listening, piece, tap, (channel_index,), route, output)
+        _add_tap_routes(listening, piece, tap, (channel_index,), route, output)
 
 
 def targets_of(instrument: Instrument, routed_output: Output) -> Sequence[Target]:

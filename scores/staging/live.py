@@ -85,10 +85,10 @@ def join(
     timeline: _core.Timeline,
     collector: Collector,
     *,
-    rests: bool = False,
+    is_resting: bool = False,
 ) -> Iterator[LiveHand]:
     """Put every real hand on its key; without a person the player's part plays, or the key
-    `rests`.
+    `is_resting`.
     """
     import numpy as np
 
@@ -98,7 +98,9 @@ def join(
         player_key = piece.keys[player.key]
         if not _is_alone(piece, player, real_hands, collector):
             continue
-        standin_path = np.zeros(2) if rests else standin(piece, player, tick_frames, collector)
+        standin_path = (
+            np.zeros(2) if is_resting else standin_positions(piece, player, tick_frames, collector)
+        )
         hand_positions = _with_standin(positions_known, standin_path)
         mat = assembly.mats[player_key.name, player_key.struck]
         hand_index = timeline.hand(mat, tick_frames, positions=hand_positions * player_key.reach)
@@ -124,11 +126,14 @@ def _with_standin(
 
     if recorded is None:
         return standin_path
-    unknown = np.flatnonzero(np.isnan(recorded))
-    if not len(unknown):
+    missing_ticks = np.flatnonzero(np.isnan(recorded))
+    if not len(missing_ticks):
         return recorded
     return np.concatenate(
-        [standin_path[np.minimum(unknown, len(standin_path) - 1)], recorded[len(unknown) :]]
+        [
+            standin_path[np.minimum(missing_ticks, len(standin_path) - 1)],
+            recorded[len(missing_ticks) :],
+        ]
     )
 
 
@@ -173,9 +178,9 @@ def _tick_frames(piece: Piece, real_hands: Real, collector: Collector) -> int:
 
 
 def _is_alone(piece: Piece, player: Player, real_hands: Real, collector: Collector) -> bool:
-    playing = {play.player for play in piece.parts}
+    playing_players = {play.player for play in piece.parts}
     for other_player in piece.players.values():
-        is_playing = other_player.name in playing
+        is_playing = other_player.name in playing_players
         if (
             other_player is player
             or other_player.key != player.key
@@ -191,7 +196,7 @@ def _is_alone(piece: Piece, player: Player, real_hands: Real, collector: Collect
     return True
 
 
-def standin(
+def standin_positions(
     piece: Piece, player: Player, tick_frames: int, collector: Collector
 ) -> NDArray[np.float64]:
     """Positions of the key at every tick if the player's part, or its stand-in, plays alone [m]."""
@@ -202,14 +207,14 @@ def standin(
     end = max([0.0, *(gesture.stop for gesture in hands.gestures)])
     n_ticks = int(end * piece.rate) // tick_frames + 2
     if n_ticks > MAX_TICKS:
-        longest = MAX_TICKS * tick_frames / piece.rate
+        duration_max = MAX_TICKS * tick_frames / piece.rate
         message = (
             f"{quote(player.name)}: the part that plays in place "
             f"of a real hand lasts {end:,.0f} s; "
-            f"with ticks of {piece.rate / tick_frames:g} Hz the maximum is {longest:,.0f} s"
+            f"with ticks of {piece.rate / tick_frames:g} Hz the maximum is {duration_max:,.0f} s"
         )
-        help = "write a lower `tick` or a shorter part"
-        collector.error("E308", message, player.place, help=help)
+        help_text = "write a lower `tick` or a shorter part"
+        collector.error("E308", message, player.place, help=help_text)
         return np.zeros(2)
     path = _sparse_tick_positions(network, hands, tick_frames, n_ticks)
     if path is None:
@@ -226,7 +231,7 @@ def standin(
 def played_alone(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
     """The network of a player's key, its position as output, and the part or stand-in on it."""
     piece_alone = _solo_piece(piece, player)
-    network, hands = _key(piece_alone, player, collector)
+    network, hands = _network_and_hands(piece_alone, player, collector)
     hands.play_parts(piece_alone)
     if not piece_alone.parts and player.standin:
         hands.standin(player)
@@ -248,7 +253,7 @@ def leading_positions(
     """
     collector = Collector()
     settling_tick = max(0, ticks.start - int(_SETTLED_SECONDS * piece.rate) // tick_frames)
-    network, hands = _key(
+    network, hands = _network_and_hands(
         _solo_piece(piece, piece.players[player_name]), piece.players[player_name], collector
     )
     hands.timeline.open()
@@ -257,8 +262,10 @@ def leading_positions(
         if player_name not in piece_of_span.players:
             continue
         piece_alone = _solo_piece(piece_of_span, piece_of_span.players[player_name])
-        until = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
-        span_hands = hands.other(piece_alone, window._replace(until=until, after=settling_start))
+        until_beat = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
+        span_hands = hands.for_piece(
+            piece_alone, window._replace(until=until_beat, after=settling_start)
+        )
         span_hands.play_parts(piece_alone)
     start = settling_tick * tick_frames
     simulation = _core.Simulation(
@@ -273,18 +280,20 @@ def leading_positions(
     return path, [(gesture.start, gesture.stop) for gesture in hands.gestures]
 
 
-def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
+def _network_and_hands(
+    piece: Piece, player: Player, collector: Collector
+) -> tuple[_core.Network, Hands]:
     """The network of a player's key, with its position as output, and hands on it."""
     key = piece.keys[player.key]
     assembly = Assembly(seed=piece.seed)
-    for add in (assembly.add_part, assembly.add_links):
-        add(key.name, key.modules, ca_rate=None, reach=1.0)
-    struck = assembly.mats[key.name, key.struck]
-    assembly.network.listen("key", positions=[(struck, 1, 1.0)])
+    for add_all in (assembly.add_part, assembly.add_links):
+        add_all(key.name, key.modules, ca_rate=None, reach=1.0)
+    struck_mat = assembly.mats[key.name, key.struck]
+    assembly.network.listen("key", positions=[(struck_mat, 1, 1.0)])
     timeline = _core.Timeline(assembly.network, piece.rate)
     hands = Hands(piece, timeline, Takes(piece, collector), collector)
     drive(replace(piece, instruments={}), assembly, hands, {})
-    hands.key(key.name, struck)
+    hands.key(key.name, struck_mat)
     return assembly.network, hands
 
 
@@ -327,8 +336,10 @@ def _sparse_tick_positions(
             simulation, tick_frames, busy_until - first_tick
         )
         first_tick, resumed_tick = busy_until, begins - round(rate) // tick_frames
-        anew = _core.Simulation(network, hands.timeline, start=resumed_tick * tick_frames)
-        resting_path = _tick_positions(anew, tick_frames, 2)
+        later_simulation = _core.Simulation(
+            network, hands.timeline, start=resumed_tick * tick_frames
+        )
+        resting_path = _tick_positions(later_simulation, tick_frames, 2)
         # A new simulation that does not start at rest cannot replace the one that has come to rest.
         if np.ptp(resting_path) > _REST_MOVEMENT_MAX:
             n_moving += begins - busy_until
@@ -343,7 +354,7 @@ def _sparse_tick_positions(
             first_tick += n_block_ticks
             if np.abs(computed_path - resting_path[0]).max() <= _REST_MOVEMENT_MAX:
                 tick_positions[first_tick : resumed_tick + 2] = resting_path[0]
-                simulation, first_tick = anew, resumed_tick + 2
+                simulation, first_tick = later_simulation, resumed_tick + 2
     if n_moving > moving_max:
         return None
     tick_positions[first_tick:] = _tick_positions(simulation, tick_frames, n_ticks - first_tick)
@@ -366,9 +377,9 @@ def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int,
 def _solo_piece(piece: Piece, player: Player) -> Piece:
     """The piece reduced to one player's part, on a key without a lever."""
     hand_plays = [
-        pair
-        for pair in zip(piece.parts, piece.starts, strict=True)
-        if pair[0].player == player.name
+        play_and_starts
+        for play_and_starts in zip(piece.parts, piece.starts, strict=True)
+        if play_and_starts[0].player == player.name
     ]
     reached_key: Key = replace(piece.keys[player.key], reach=1.0)
     return replace(

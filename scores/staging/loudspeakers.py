@@ -22,13 +22,13 @@ class Loudspeakers:
 
     def nearest(self, place: tuple[float, float]) -> int:
         """The index of the nearest loudspeaker, from 0; the first if several are equally near."""
-        placing = self._placing
-        x = placing.across * place[0] + placing.at[0]
-        y = placing.across * place[1] + placing.at[1]
-        z = placing.height or 0.0
+        bench_placing = self._placing
+        x = bench_placing.across * place[0] + bench_placing.at[0]
+        y = bench_placing.across * place[1] + bench_placing.at[1]
+        z = bench_placing.height or 0.0
 
-        def distance(i: int) -> float:
-            sx, sy, sz = self._speakers[i]
+        def distance(speaker_index: int) -> float:
+            sx, sy, sz = self._speakers[speaker_index]
             return (sx - x) * (sx - x) + (sy - y) * (sy - y) + (sz - z) * (sz - z)
 
         return min(range(len(self._speakers)), key=distance)

@@ -15,43 +15,43 @@ from ergon.common.changed import changed_part
 
 _Line = TypeVar("_Line", bound=tuple[Any, ...])
 _Columns = tuple[Sequence[Any], ...]
-_LOOKS_REMEMBERED = 4  # looks; some are at earlier versions that still play
-Plays = tuple[Hashable, int]  # an item that a line plays, with its count
+_SELECTIONS_KEPT = 4  # looks; some are at earlier versions that still play
+NamesAndCount = tuple[Hashable, int]  # an item that a line plays, with its count
 
 
-class _RememberedLook(NamedTuple):
+class _KnownSelection(NamedTuple):
     """The indices of the lines that are not over on beat `since`, in order.
 
-    `counts` says how often those that are over have played what they play, `counted` the index of
-    the last of them.
+    `counts` says how often those that are over have played what they play, `counted_lines` the
+    index of the last of them.
     """
 
     columns: _Columns
     since: float
-    left: list[int]
+    line_indices: list[int]
     counts: dict[Hashable, int]
-    counted: dict[Hashable, int]
+    counted_lines: dict[Hashable, int]
 
 
-class NotOver(Generic[_Line]):
+class LinesNotOver(Generic[_Line]):
     """Remembers the last looks: only lines that were not over then, or that have changed, are
     looked at.
     """
 
     def __init__(self) -> None:
         """Start without a look."""
-        self._looks: list[_RememberedLook] = []
+        self._selections: list[_KnownSelection] = []
 
     def forget(self) -> None:
         """Forget all looks."""
-        self._looks.clear()
+        self._selections.clear()
 
-    def look(
+    def select(
         self,
         columns: _Columns,
         since: float,
         is_over: Callable[[_Line], bool],
-        plays: Callable[[_Line], Plays | None],
+        names_and_count: Callable[[_Line], NamesAndCount | None],
     ) -> tuple[list[_Line], dict[Hashable, int]]:
         """The lines that are not over on beat `since`, and how often the others have played what
         they play. A line behind another one that plays the same and is not over stays too:
@@ -60,79 +60,88 @@ class NotOver(Generic[_Line]):
         A line is an item of each of the `columns`, which keep the items that do not change. A line
         that is over must be over on all later beats.
         """
-        look = self._last(columns, since, plays)
-        play_counts, counted = dict(look.counts), dict(look.counted)
+        selection = self._last_selection(columns, since, names_and_count)
+        play_counts, counted_lines = dict(selection.counts), dict(selection.counted_lines)
         numbers_left: list[int] = []
-        waiting: set[Hashable] = set()
-        for line_number in look.left if look.since < since else ():
+        uncounted_names: set[Hashable] = set()
+        for line_number in selection.line_indices if selection.since < since else ():
             line = _line(columns, line_number)
-            played_name, n_played = plays(line) or (None, 0)
-            if played_name in waiting or not is_over(line):
+            played_name, n_played = names_and_count(line) or (None, 0)
+            if played_name in uncounted_names or not is_over(line):
                 numbers_left.append(line_number)
                 if played_name is not None:
-                    waiting.add(played_name)
+                    uncounted_names.add(played_name)
             elif played_name is not None:
                 play_counts[played_name] = play_counts.get(played_name, 0) + n_played
-                counted[played_name] = line_number
-        if look.since < since:
-            look = _RememberedLook(columns, since, numbers_left, play_counts, counted)
-            self._looks = [*self._looks[1 - _LOOKS_REMEMBERED :], look]
-        return [_line(columns, number) for number in look.left], look.counts
+                counted_lines[played_name] = line_number
+        if selection.since < since:
+            selection = _KnownSelection(columns, since, numbers_left, play_counts, counted_lines)
+            self._selections = [*self._selections[1 - _SELECTIONS_KEPT :], selection]
+        return [_line(columns, number) for number in selection.line_indices], selection.counts
 
-    def _last(
+    def _last_selection(
         self,
         columns: _Columns,
         since: float,
-        plays: Callable[[_Line], Plays | None],
-    ) -> _RememberedLook:
+        names_and_count: Callable[[_Line], NamesAndCount | None],
+    ) -> _KnownSelection:
         """The last look at these lines at `since` or before, of which changed lines are left."""
-        for look in sorted(self._looks, key=lambda look: look.since, reverse=True):
+        for selection in sorted(
+            self._selections, key=lambda selection: selection.since, reverse=True
+        ):
             if (
-                look.since <= since
-                and (carried_look := _carried_over(look, columns, plays)) is not None
+                selection.since <= since
+                and (carried_look := _selection_for_lines(selection, columns, names_and_count))
+                is not None
             ):
                 return carried_look
-        return _RememberedLook(columns, -math.inf, [*range(len(columns[0]))], {}, {})
+        return _KnownSelection(columns, -math.inf, [*range(len(columns[0]))], {}, {})
 
 
 def _line(columns: _Columns, number: int) -> Any:
     return tuple([column[number] for column in columns])
 
 
-def _carried_over(
-    look: _RememberedLook, table_columns: _Columns, plays: Callable[..., Plays | None]
-) -> _RememberedLook | None:
+def _selection_for_lines(
+    selection: _KnownSelection,
+    table_columns: _Columns,
+    names_and_count: Callable[..., NamesAndCount | None],
+) -> _KnownSelection | None:
     """A look for nearly the same lines: changed lines are left. None if one of them was over, or
     changes the count of one that was.
     """
-    pairs = zip(look.columns, table_columns, strict=True)
-    changes = [change for pair in pairs if (change := changed_part(*pair))]
+    column_pairs = zip(selection.columns, table_columns, strict=True)
+    changes = [change for column_pair in column_pairs if (change := changed_part(*column_pair))]
     if not changes:
-        return look
-    n_old, n_new = len(look.columns[0]), len(table_columns[0])
+        return selection
+    n_old, n_new = len(selection.columns[0]), len(table_columns[0])
     change_start = min(change.start for change in changes)
     n_after = min(n_old - change.start - len(change.before) for change in changes)
     first_changed, stop_changed = (
-        bisect_left(look.left, index) for index in (change_start, n_old - n_after)
+        bisect_left(selection.line_indices, index) for index in (change_start, n_old - n_after)
     )
     if stop_changed - first_changed < n_old - n_after - change_start:
         return None
     new_numbers = range(change_start, n_new - n_after)
     for number in new_numbers:
-        played_name, _ = plays(_line(table_columns, number)) or (None, 0)
-        if look.counted.get(played_name, -1) >= change_start:
+        played_name, _ = names_and_count(_line(table_columns, number)) or (None, 0)
+        if selection.counted_lines.get(played_name, -1) >= change_start:
             return None
     line_shift = n_new - n_old
     numbers_left = [
-        *look.left[:first_changed],
+        *selection.line_indices[:first_changed],
         *new_numbers,
-        *(number + line_shift for number in look.left[stop_changed:]),
+        *(number + line_shift for number in selection.line_indices[stop_changed:]),
     ]
-    counted = {
+    counted_lines = {
         old_line: number_counted if number_counted < change_start else number_counted + line_shift
-        for old_line, number_counted in look.counted.items()
+        for old_line, number_counted in selection.counted_lines.items()
     }
     # The changed lines are looked at again, on the same beat too.
-    return _RememberedLook(
-        table_columns, math.nextafter(look.since, -math.inf), numbers_left, look.counts, counted
+    return _KnownSelection(
+        table_columns,
+        math.nextafter(selection.since, -math.inf),
+        numbers_left,
+        selection.counts,
+        counted_lines,
     )

@@ -51,7 +51,7 @@ class Curve:
     initial: float
     t: list[float] = field(default_factory=list)
     x: list[float] = field(default_factory=list)
-    within: set[float] = field(default_factory=set)  # instants inside glides
+    fixed_instants: set[float] = field(default_factory=set)  # instants inside glides
 
     def add_point(self, instant: float, value: float) -> None:
         """Add a value, reached linearly from the last point."""
@@ -65,12 +65,12 @@ class Curve:
 
     def evaluate(self, instant: float) -> float:
         """The value at an instant."""
-        after = bisect_right(self.t, instant)
-        if after in (0, len(self.t)):
-            return self.x[0 if after == 0 else -1] if self.x else self.initial
-        begin, end = self.t[after - 1], self.t[after]
+        index_after = bisect_right(self.t, instant)
+        if index_after in (0, len(self.t)):
+            return self.x[0 if index_after == 0 else -1] if self.x else self.initial
+        begin, end = self.t[index_after - 1], self.t[index_after]
         fraction = (instant - begin) / (end - begin)
-        return self.x[after - 1] + (self.x[after] - self.x[after - 1]) * fraction
+        return self.x[index_after - 1] + (self.x[index_after] - self.x[index_after - 1]) * fraction
 
 
 class Entry(NamedTuple):
@@ -83,59 +83,59 @@ class Entry(NamedTuple):
 
 class Extent(NamedTuple):
     """What of a curve is needed: the beats from `since` to `until`, of them the points from the
-    last one at or before the instant `begins` [s] on.
+    last one at or before the instant `begin_instant` [s] on.
     """
 
     since: float
     until: float
-    begins: float = -math.inf
+    begin_instant: float = -math.inf
 
 
 def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> float:
     """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
     tempo, line = piece.tempo_map, entry.automation
     steps = line.steps(tempo, piece.seed)
-    course = steps.course
-    first, stop = held_places(steps, extent.since, min(entry.stop, extent.until))
-    for place in range(first, stop):
+    places = steps.places
+    first_place, stop = places_still_needed(steps, extent.since, min(entry.stop, extent.until))
+    for place in range(first_place, stop):
         if not place % 1024:
             _core.poll(_PLACE_STEPS * 1024)
         value_name, instant = (
-            course.played(place),
+            places.played_name(place),
             tempo.seconds(steps[place]),
         )
         if instant >= NEVER:
             break
         if value_name is not None and line.struck:
             # The pitch of a note is reached one step of the grid before its strike.
-            early = GRID_FRAMES / piece.rate
+            lead_seconds = GRID_FRAMES / piece.rate
             curve.add_step(
-                instant - 2 * early,
+                instant - 2 * lead_seconds,
                 line.amounts[value_name].value,
-                instant - early,
+                instant - lead_seconds,
             )
         elif value_name is not None:
-            following = tempo.seconds(steps.beat(place + 1))
+            next_instant = tempo.seconds(steps.beat(place + 1))
             curve.add_step(
                 instant,
                 line.amounts[value_name].applied_to(curve.initial),
-                max(following, instant),
+                max(next_instant, instant),
             )
     return steps.beat(len(steps))
 
 
-def held_places(steps: Steps, since: float, stop_beat: float) -> tuple[int, int]:
+def places_still_needed(steps: Steps, since: float, stop_beat: float) -> tuple[int, int]:
     """The places before beat `stop_beat` from the value on that holds at `since` and the one that
     it comes from: the first, and the one behind the last.
     """
     stop = n_before(steps, stop_beat - SAME)
-    first, n_values_missing = min(stop, n_before(steps, since - SAME)), 2
+    first_place, n_values_missing = min(stop, n_before(steps, since - SAME)), 2
     for _ in range(_PLACES_BACK_MAX):
-        if first == 0 or n_values_missing == 0:
+        if first_place == 0 or n_values_missing == 0:
             break
-        first -= 1
-        n_values_missing -= steps.course.played(first) is not None
-    return first, stop
+        first_place -= 1
+        n_values_missing -= steps.places.played_name(first_place) is not None
+    return first_place, stop
 
 
 class GlidePath(NamedTuple):
@@ -194,13 +194,15 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
     if isinstance(tempo, StoppedTempoMap):
         if start_instant < NEVER:  # the value on the present beat
             tempo_map = ShiftedTempoMap(tempo, 0.0)
-            moving = Curve(
+            scaled_curve = Curve(
                 curve.initial,
                 [tempo_map.seconds(entry.begin)],
                 [curve.evaluate(start_instant)],
             )
-            add_glide(replace(piece, tempo_map=tempo_map), entry, moving)
-            curve.add_point(start_instant, moving.evaluate(tempo_map.seconds(tempo.stop_beat)))
+            add_glide(replace(piece, tempo_map=tempo_map), entry, scaled_curve)
+            curve.add_point(
+                start_instant, scaled_curve.evaluate(tempo_map.seconds(tempo.stop_beat))
+            )
         return
     to_path, from_scale = _SCALES.get(line.parameter, (_identity, _identity))
     instants, values, approaches, stop_instant = glide_path(piece, entry, curve.initial)
@@ -221,15 +223,17 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
         )
     path = list(zip(instants, values, approaches, strict=True))
     if len(path) > 1 and not is_over:
-        times, spacing = _glide_instants(piece, curve, start_instant, stop_instant)
+        times, grid_spacing = _glide_instants(piece, curve, start_instant, stop_instant)
         times = times[max(0, bisect_right(times, begins) - 1) :]
         # Points near a corner are not corrected for curvature.
-        corner_reach = spacing * (1.0 + SAME)
-        curve.within.update(
-            t for t in times if all(abs(t - corner) > corner_reach for corner in instants)
+        corner_reach = grid_spacing * (1.0 + SAME)
+        curve.fixed_instants.update(
+            grid_instant
+            for grid_instant in times
+            if all(abs(grid_instant - corner) > corner_reach for corner in instants)
         )
-        for t, value in zip(times, _core.path_values(path, times), strict=True):
-            curve.add_point(t, from_scale(value))
+        for grid_instant, value in zip(times, _core.path_values(path, times), strict=True):
+            curve.add_point(grid_instant, from_scale(value))
     (end,) = _core.path_values(path, [stop_instant])
     curve.add_point(stop_instant, from_scale(end))
 
@@ -278,8 +282,10 @@ def swing_beats(tempo: TempoMap, entry: Entry, swing: Swing) -> Callable[[int], 
     def beat_of(point_number: int) -> float:
         n_periods = point_number / SWING_SEGMENTS
         # Nothing is added in number 0, as `after` adds no bars then.
-        base = start_beat(bar + n_bars * n_periods) + beats_in_bar if point_number else begin_beat
-        return base + period_beats * n_periods
+        base_beat = (
+            start_beat(bar + n_bars * n_periods) + beats_in_bar if point_number else begin_beat
+        )
+        return base_beat + period_beats * n_periods
 
     return beat_of
 
@@ -296,12 +302,12 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     tempo, curve_value = piece.tempo_map, curve.initial
     low, high = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
     beat_of = swing_beats(tempo, entry, swing)
-    first = 0
+    first_point = 0
     if extent.since > entry.begin:
-        first = max(0, n_swing_points_before(beat_of, extent.since) - SWING_SEGMENTS)
+        first_point = max(0, n_swing_points_before(beat_of, extent.since) - SWING_SEGMENTS)
     phase_offset = round(swing.phase * SWING_SEGMENTS)
-    edges = {"square": (0, SWING_SEGMENTS // 2), "ramp": (0,)}.get(swing.shape, ())
-    for number in range(first, first + _POINTS_MAX):
+    edge_segments = {"square": (0, SWING_SEGMENTS // 2), "ramp": (0,)}.get(swing.shape, ())
+    for number in range(first_point, first_point + _POINTS_MAX):
         point_beat, segment_index = (
             beat_of(number),
             (number + phase_offset) % SWING_SEGMENTS,
@@ -309,7 +315,7 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
         if point_beat > entry.stop or (instant := tempo.seconds(point_beat)) >= NEVER:
             break
         swing_value = low + (high - low) * _swing_share(swing.shape, segment_index)
-        if number == 0 or segment_index in edges:
+        if number == 0 or segment_index in edge_segments:
             curve.add_step(instant, swing_value, tempo.seconds(beat_of(number + 1)))
         elif swing.shape != "square" or not curve.t:
             curve.add_point(instant, swing_value)

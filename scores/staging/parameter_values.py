@@ -59,9 +59,9 @@ class AutomatedModule:
             part_module, 1.0 if named_key is None else 1.0 / (named_key.reach * named_key.reach)
         )
 
-    def is_same(self, other_led: AutomatedModule) -> bool:
+    def is_same(self, other_module: AutomatedModule) -> bool:
         """Whether another module has the same numbers for all values."""
-        return self.scale == other_led.scale and self.module == other_led.module
+        return self.scale == other_module.scale and self.module == other_module.module
 
     @property
     def cost(self) -> int:
@@ -77,16 +77,16 @@ class AutomatedModule:
         if module_kind == "INSTRUMENT":
             return ()  # its modules have numbers
         if module_kind == "BANK":
-            f, t60 = values_by_name.get("f", 1.0), values_by_name.get("t60", 1.0)
-            return f * f, 1.0 / t60
+            frequency, t60 = values_by_name.get("f", 1.0), values_by_name.get("t60", 1.0)
+            return frequency * frequency, 1.0 / t60
         if module_kind in BODY_KINDS:
-            k, sigma = _square_and_sigma(self.numbers_written)
-            new_k, new_sigma = _square_and_sigma({**self.numbers_written, **values_by_name})
-            return new_k / k, new_sigma / sigma if sigma else 1.0
-        scaled = KINDS[module_kind].scaled
+            stiffness_number, decay_rate = _square_and_decay_rate(self.numbers_written)
+            new_k, new_sigma = _square_and_decay_rate({**self.numbers_written, **values_by_name})
+            return new_k / stiffness_number, new_sigma / decay_rate if decay_rate else 1.0
+        scaled_count = KINDS[module_kind].scaled
         return tuple(
             values_by_name[name] / self.numbers_written[name] if name in values_by_name else 1.0
-            for name in scaled
+            for name in scaled_count
         )
 
     def transposed(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
@@ -104,12 +104,12 @@ class AutomatedModule:
         if module_kind == "CEL":
             timeline.path(assembly.mats[module_key], [(t, k, z, m) for t, k, z, m in points])
             return
-        pairs = [(t, a, b) for t, a, b in points]
+        timed_pairs = [(t, a, b) for t, a, b in points]
         if module_kind == "BANK":
-            timeline.retune(assembly.mats[module_key], pairs, n=self.cost)
+            timeline.retune(assembly.mats[module_key], timed_pairs, n=self.cost)
             return
         links = assembly.links_of(module_key)
-        timeline.lead(links.start, pairs, n=len(links))
+        timeline.lead(links.start, timed_pairs, n=len(links))
 
 
 def _module_numbers(part_module: Module) -> dict[str, float]:
@@ -130,14 +130,16 @@ def _module_numbers(part_module: Module) -> dict[str, float]:
             name: float(module_fields.get(name) or 0.0) for name in KINDS[part_module.kind].scaled
         }
     k, z, m = cel_constants(module_fields)
-    sigma = z / (2.0 * m)
+    decay_rate = z / (2.0 * m)
     f, t60 = module_fields.get("f"), module_fields.get("t60")
     return {
         "K": k,
         "Z": z,
         "M": m,
-        "f": float(f) if f else math.sqrt(max(0.0, k / m - sigma * sigma)) / TWO_PI,
-        "t60": float(t60) if t60 else (LN_1000 / sigma if sigma else _INFINITE_T60_SECONDS),
+        "f": float(f) if f else math.sqrt(max(0.0, k / m - decay_rate * decay_rate)) / TWO_PI,
+        "t60": float(t60)
+        if t60
+        else (LN_1000 / decay_rate if decay_rate else _INFINITE_T60_SECONDS),
     }
 
 
@@ -165,8 +167,8 @@ def _cel_constants(
     return k * scale, z * scale, m * scale
 
 
-def _square_and_sigma(values: Mapping[str, float]) -> tuple[float, float]:
+def _square_and_decay_rate(values: Mapping[str, float]) -> tuple[float, float]:
     """The square of the lowest angular frequency without losses [1/s²] and the decay rate [1/s]."""
-    omega, t60 = TWO_PI * values["f"], values["t60"]
-    sigma = LN_1000 / t60 if t60 < _INFINITE_T60_SECONDS else 0.0
-    return omega * omega + sigma * sigma, sigma
+    angular_frequency, t60 = TWO_PI * values["f"], values["t60"]
+    decay_rate = LN_1000 / t60 if t60 < _INFINITE_T60_SECONDS else 0.0
+    return angular_frequency * angular_frequency + decay_rate * decay_rate, decay_rate

@@ -24,8 +24,8 @@ from ergon.scores.staging.parameter_curves import (
     Entry,
     Extent,
     glide_path,
-    held_places,
     n_swing_points_before,
+    places_still_needed,
     swing_beats,
 )
 
@@ -33,7 +33,7 @@ from ergon.scores.staging.parameter_curves import (
 class NeededEntries(NamedTuple):
     """The first entry that is needed, and the curve that the ones before it leave."""
 
-    first: int
+    first_index: int
     curve: Curve
 
 
@@ -46,7 +46,7 @@ def point_margin(
     the instant must be there too.
     """
     grid_step = GRID_FRAMES / piece.rate
-    longest = 0.0
+    margin_max = 0.0
     for entries in entries_by_parameter:
         index = _n_begun(piece.tempo_map, entries, begins) - 1
         if index >= 0 and entries[index].automation.points:
@@ -56,26 +56,26 @@ def point_margin(
                 continue  # the expansion reports the mistake
             if path.last >= begins:
                 span = path.last - min(begins, piece.tempo_map.seconds(entries[index].begin))
-                longest = max(longest, span / GLIDE_POINTS_MAX + 2.0 * grid_step)
-    return 2.0 * longest + grid_step
+                margin_max = max(margin_max, span / GLIDE_POINTS_MAX + 2.0 * grid_step)
+    return 2.0 * margin_max + grid_step
 
 
 def needed_entries(
     piece: Piece, entries: Sequence[Entry], initial_value: float, extent: Extent
 ) -> NeededEntries:
     """The entries of one parameter, in order, that its curve needs within an extent."""
-    tempo, begins = piece.tempo_map, extent.begins
+    tempo, begins = piece.tempo_map, extent.begin_instant
     if begins == -math.inf:
         return NeededEntries(0, Curve(initial_value))
     index = _n_begun(tempo, entries, begins) - 1
     while index >= 0:
         entry = entries[index]
-        following = entries[index + 1] if index + 1 < len(entries) else None
+        next_entry = entries[index + 1] if index + 1 < len(entries) else None
         try:
-            release = _release_instant(piece, entry, following, extent.until)
+            release = _release_instant(piece, entry, next_entry, extent.until)
             if release <= begins:  # the parameter has its own value again
                 return NeededEntries(index + 1, Curve(initial_value, [release], [initial_value]))
-            if _stands_alone(piece, entry, initial_value, extent.since, begins):
+            if _is_independent(piece, entry, initial_value, extent.since, begins):
                 break
         except TextError:
             pass  # the expansion reports the mistake
@@ -90,7 +90,7 @@ def _n_begun(tempo: TempoMap, entries: Sequence[Entry], instant: float) -> int:
 
 
 def _release_instant(
-    piece: Piece, automation_entry: Entry, following: Entry | None, until_beat: float
+    piece: Piece, automation_entry: Entry, next_entry: Entry | None, until_beat: float
 ) -> float:
     """The instant from which a parameter has its own value after an entry [s]; infinite if the next
     entry begins before. Raises TextError.
@@ -101,19 +101,21 @@ def _release_instant(
         automation_entry.stop,
     )
     if automation_line.pattern is not None:
-        places = automation_line.steps(tempo, piece.seed)
-        end_beat = min(end_beat, places.beat(len(places)))
-        if automation_line.struck and following is None:
+        pattern_steps = automation_line.steps(tempo, piece.seed)
+        end_beat = min(end_beat, pattern_steps.beat(len(pattern_steps)))
+        if automation_line.struck and next_entry is None:
             return math.inf  # the pitch of the last note stays
-    if end_beat > until_beat or (following is not None and following.begin <= end_beat + SAME):
+    if end_beat > until_beat or (next_entry is not None and next_entry.begin <= end_beat + SAME):
         return math.inf
     release = tempo.seconds(end_beat) + GLIDE_DURATION
     return (
-        math.inf if following is not None and tempo.seconds(following.begin) < release else release
+        math.inf
+        if next_entry is not None and tempo.seconds(next_entry.begin) < release
+        else release
     )
 
 
-def _stands_alone(
+def _is_independent(
     piece: Piece, entry: Entry, initial_value: float, since: float, begins: float
 ) -> bool:
     """Whether the points of an entry, from the last one at or before an instant [s] on, depend on
@@ -134,19 +136,17 @@ def _stands_alone(
             n_points += SWING_SEGMENTS // 2
         beat = beat_of(n_points)
         return beat <= entry.stop and tempo.seconds(beat) <= begins
-    return _has_values_of_its_own(piece, entry, since, begins)
+    return _has_set_value(piece, entry, since, begins)
 
 
-def _has_values_of_its_own(
-    piece: Piece, automation_entry: Entry, since: float, begins: float
-) -> bool:
+def _has_set_value(piece: Piece, automation_entry: Entry, since: float, begins: float) -> bool:
     """Whether a pattern has set a value before an instant [s], so that no earlier one holds."""
     tempo, automation_line = piece.tempo_map, automation_entry.automation
     glide_end = tempo.seconds(automation_entry.begin) + GLIDE_DURATION
     pattern_steps = automation_line.steps(tempo, piece.seed)
     grid_step = GRID_FRAMES / piece.rate
-    for place_index in range(*held_places(pattern_steps, since, automation_entry.stop)):
-        if pattern_steps.course.played(place_index) is None:
+    for place_index in range(*places_still_needed(pattern_steps, since, automation_entry.stop)):
+        if pattern_steps.places.played_name(place_index) is None:
             continue
         place_instant = tempo.seconds(pattern_steps[place_index])
         if place_instant > begins:
@@ -155,8 +155,8 @@ def _has_values_of_its_own(
             if place_instant - 2 * grid_step > glide_end:
                 return True
         else:
-            following = tempo.seconds(pattern_steps.beat(place_index + 1))
-            is_first_over = place_instant + GLIDE_DURATION <= min(begins, following)
-            if is_first_over or (place_instant > glide_end and following <= begins):
+            next_instant = tempo.seconds(pattern_steps.beat(place_index + 1))
+            is_first_over = place_instant + GLIDE_DURATION <= min(begins, next_instant)
+            if is_first_over or (place_instant > glide_end and next_instant <= begins):
                 return True
     return False

@@ -105,9 +105,9 @@ class Watched(TypedDict, total=False):
     seen_every: int
 
 
-def _budget(wished: Accuracy) -> _Budget:
+def _budget_of(accuracy: Accuracy) -> _Budget:
     return _Budget(
-        method=wished.method, error_db=wished.error, cents=wished.cents, upto=wished.upto
+        method=accuracy.method, error_db=accuracy.error, cents=accuracy.cents, upto=accuracy.upto
     )
 
 
@@ -128,12 +128,12 @@ class _Planner:
         self._like = earlier_plan
 
     def plan(
-        self, wished: Accuracy, share: float = 1.0, draft: tuple[float, float] | None = None
+        self, accuracy: Accuracy, share: float = 1.0, draft: tuple[float, float] | None = None
     ) -> _core.Plan:
         """A plan whose trials take a share of the work. With a `draft`, an error [dB] and a share,
         islands that no earlier plan has planned are planned by these, the others as they were then.
         """
-        budget = _budget(wished)
+        budget = _budget_of(accuracy)
         store, earlier_plan, watched = self._store, self._like, self._watched
         return _core.Plan(
             *self._network_and_timeline,
@@ -181,8 +181,8 @@ def make_plan(
     """
     watched = watched or Watched()
     if pins is not None:
-        pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
-        return PlanWithNotes(pinned, accuracy)
+        pinned_plan = _core.Plan(network, timeline, **_budget_of(accuracy), **watched, pins=pins)
+        return PlanWithNotes(pinned_plan, accuracy)
     planner = _Planner(network, timeline, store, old_plan, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     if is_draft:
@@ -196,31 +196,42 @@ def make_plan(
     cost_factor = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and cost_factor * cost(plan) <= accuracy.cpu):
         return PlanWithNotes(plan, accuracy, plan_notes, planner.finish())
-    looser = {error: Accuracy(error=error) for error in _LOOSER_ERRORS_DB}
+    looser_accuracies = {error: Accuracy(error=error) for error in _LOOSER_ERRORS_DB}
     looser_plans = {
         error: planner.plan(looser_accuracy, _LOOSER_WORK_SHARE)
-        for error, looser_accuracy in looser.items()
+        for error, looser_accuracy in looser_accuracies.items()
     }
-    fits = [
+    fitting_errors = [
         error
         for error, looser_plan in looser_plans.items()
         if cost_factor * cost(looser_plan) <= accuracy.cpu
     ]
-    if is_free and fits:
-        return PlanWithNotes(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.finish())
-    all_made = ((plan, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
-    cheapest, its_accuracy = min(all_made, key=lambda plan_and_accuracy: cost(plan_and_accuracy[0]))
-    hint = (
-        f"error: {fits[0]:g}dB fits"
-        if fits
-        else f"the cheapest plan takes {_percent_text(cost_factor * cost(cheapest))}"
+    if is_free and fitting_errors:
+        return PlanWithNotes(
+            looser_plans[fitting_errors[0]],
+            looser_accuracies[fitting_errors[0]],
+            is_kept=planner.finish(),
+        )
+    all_made = (
+        (plan, accuracy),
+        *zip(looser_plans.values(), looser_accuracies.values(), strict=True),
     )
-    allowed = _percent_text(accuracy.cpu)
+    cheapest_plan, cheapest_accuracy = min(
+        all_made, key=lambda plan_and_accuracy: cost(plan_and_accuracy[0])
+    )
+    hint = (
+        f"error: {fitting_errors[0]:g}dB fits"
+        if fitting_errors
+        else f"the cheapest plan takes {_percent_text(cost_factor * cost(cheapest_plan))}"
+    )
+    allowed_text = _percent_text(accuracy.cpu)
     cost_text = _percent_text(cost_factor * cost(plan))
-    excess = f"the plan takes {cost_text} of a core, above the {allowed} allowed; {hint}"
-    notes_with_cost = (*plan_notes, ("W402", excess))
-    chosen = (cheapest, its_accuracy) if is_free else (plan, accuracy)
-    return PlanWithNotes(*chosen, notes_with_cost, planner.finish())
+    excess_sentence = (
+        f"the plan takes {cost_text} of a core, above the {allowed_text} allowed; {hint}"
+    )
+    notes_with_cost = (*plan_notes, ("W402", excess_sentence))
+    chosen_plan = (cheapest_plan, cheapest_accuracy) if is_free else (plan, accuracy)
+    return PlanWithNotes(*chosen_plan, notes_with_cost, planner.finish())
 
 
 def _draft_plan(planner: _Planner, accuracy: Accuracy, *, may_recall: bool) -> PlanWithNotes:
@@ -258,7 +269,7 @@ def plan_again(
     """The plan of an open timeline that takes over from the plan `old_plan` of the same network,
     made for the same accuracy. Raises EngineError.
     """
-    return _core.Plan(network, timeline, **_budget(accuracy), **watched, like=old_plan)
+    return _core.Plan(network, timeline, **_budget_of(accuracy), **watched, like=old_plan)
 
 
 def needs_trial(row: _core.PlanRow) -> bool:
@@ -269,19 +280,21 @@ def needs_trial(row: _core.PlanRow) -> bool:
 def draft_error(plan: _core.Plan) -> str:
     """A sentence on the known error of a plan that was made with few trials, at least in part."""
     plan_rows = [row for row in plan.rows() if row.cost > 0.0]
-    drafted = [row for row in plan_rows if row.drafted]
-    is_mixed = 0 < len(drafted) < len(plan_rows)
-    plan_rows = drafted or plan_rows
+    drafted_rows = [row for row in plan_rows if row.drafted]
+    is_mixed = 0 < len(drafted_rows) < len(plan_rows)
+    plan_rows = drafted_rows or plan_rows
     left_out = [row.left_out_db for row in plan_rows if row.left_out_db is not None]
-    tried = [row for row in plan_rows if needs_trial(row) and row.error_db is None]
+    untried_rows = [row for row in plan_rows if needs_trial(row) and row.error_db is None]
     known_error = "nothing is left out"
     if left_out:
         known_error = f"modes that are left out are {max(left_out):.0f} dB below the sound"
-    unknown = f"; the error of {_part_names(tried)} is not measured" if tried else ""
+    unmeasured_text = (
+        f"; the error of {_part_names(untried_rows)} is not measured" if untried_rows else ""
+    )
     parts_text = f" of {_part_names(plan_rows)}" if is_mixed else ""
-    others = "; all else is planned as an earlier render" if is_mixed else ""
+    others_text = "; all else is planned as an earlier render" if is_mixed else ""
     methods = "by the cheapest stable methods and few trials"
-    return f"draft{parts_text}, {methods}: {known_error}{unknown}{others}"
+    return f"draft{parts_text}, {methods}: {known_error}{unmeasured_text}{others_text}"
 
 
 def _part_names(rows: Sequence[_core.PlanRow]) -> str:
@@ -293,8 +306,8 @@ def _percent_text(part: float) -> str:
     """A part of a core [%], with at least two digits and without an exponent."""
     percent = 100 * part
     digits = 0 if percent >= 10 or percent <= 0 else 1 - math.floor(math.log10(percent))
-    shown = f"{percent:.{digits}f}"
-    return f"{shown.rstrip('0').rstrip('.') if '.' in shown else shown}%"
+    digits_text = f"{percent:.{digits}f}"
+    return f"{digits_text.rstrip('0').rstrip('.') if '.' in digits_text else digits_text}%"
 
 
 def _cut_short_sentence(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
@@ -340,11 +353,11 @@ def _diverging_sentence(plan: _core.Plan) -> list[str]:
 
 def _is_met(plan_row: _core.PlanRow, accuracy: Accuracy) -> bool:
     """Whether the error of a row was measured to its end and is within the accuracy."""
-    db, audible = plan_row.error_db, plan_row.audible
+    error_db, audible = plan_row.error_db, plan_row.audible
     if accuracy.error is None and audible is not None:
         return _is_allowed(audible, _allowed_by_ear(accuracy.cents))
     budget_db = _core.INAUDIBLE_ERROR_DB if accuracy.error is None else accuracy.error
-    return db is not None and db <= budget_db and plan_row.spectral_db is None
+    return error_db is not None and error_db <= budget_db and plan_row.spectral_db is None
 
 
 def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
@@ -427,8 +440,8 @@ def _allowed_by_ear(cents: float | None) -> list[float]:
     return [share * value for value in just_noticeable]
 
 
-def _is_allowed(heard: _core.AudibleError, allowed: list[float]) -> bool:
-    return all(error <= limit for error, limit in zip(heard, allowed, strict=True))
+def _is_allowed(audible: _core.AudibleError, allowed: list[float]) -> bool:
+    return all(error <= limit for error, limit in zip(audible, allowed, strict=True))
 
 
 def error_text(audible: _core.AudibleError) -> str:

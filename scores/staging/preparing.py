@@ -63,7 +63,7 @@ class EarlierStage(Protocol):
     paths: Mapping[ModuleKey, Points]
     paths_until: float
     memory: StageMemory
-    drawn: Sequence[DrawnNote]
+    drawn_notes: Sequence[DrawnNote]
 
 
 class Span(NamedTuple):
@@ -82,12 +82,12 @@ class PreparedPiece:
     n_frames: int
     hands: Hands
     collector: Collector
-    live: tuple[LiveHand, ...]
+    live_hands: tuple[LiveHand, ...]
     paths: Mapping[ModuleKey, Points]
     paths_until: float
     fades_from: int | None
     memory: StageMemory
-    drawn: Sequence[DrawnNote]
+    drawn_notes: Sequence[DrawnNote]
 
     @property
     def network(self) -> _core.Network:
@@ -118,9 +118,9 @@ def prepare(
     memory = StageMemory() if old_stage is None else old_stage.memory
     known_automation = memory.automation
     try:
-        computed = with_held_keys(piece, real_hands)
-        built = (old_stage and old_stage.built.for_piece(computed, silent)) or build_network(
-            computed, silent
+        computed_piece = with_held_keys(piece, real_hands)
+        built = (old_stage and old_stage.built.for_piece(computed_piece, silent)) or build_network(
+            computed_piece, silent
         )
         assembly, couplings = built.assembly, built.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
@@ -131,21 +131,23 @@ def prepare(
         takes = Takes(piece, collector, old_stage.takes if old_stage else {})
         hands = Hands(piece, timeline, takes, collector)
         # A session has no end up to which a stand-in could play.
-        rests = spans is not None
-        live = tuple(join(piece, real_hands, assembly, timeline, collector, rests=rests))
-        played = [Span(piece, ALL)] if spans is None else spans
-        sounds = sounds_in(piece, timeline, takes)
-        drive(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
-        begin = -math.inf if old_stage is None else start / piece.rate
-        drawn = DrawnNotes(timeline, old_stage.drawn if old_stage else (), begin, piece.rate)
-        plays_until = _put_events(
-            piece, assembly, hands, couplings, real_hands, played, memory, drawn
+        is_resting = spans is not None
+        live_hands = tuple(
+            join(piece, real_hands, assembly, timeline, collector, is_resting=is_resting)
         )
-        end = max(plays_until, _hands_end(piece, live))
-        end = max([end, *(seconds for _, seconds in sounds.values())])
+        played = [Span(piece, ALL)] if spans is None else spans
+        inputs = sounds_in(piece, timeline, takes)
+        drive(piece, assembly, hands, {name: index for name, (index, _) in inputs.items()})
+        begin = -math.inf if old_stage is None else start / piece.rate
+        notes = DrawnNotes(timeline, old_stage.drawn_notes if old_stage else (), begin, piece.rate)
+        plays_until = _put_events(
+            piece, assembly, hands, couplings, real_hands, played, memory, notes
+        )
+        end = max(plays_until, _hands_end(piece, live_hands))
+        end = max([end, *(seconds for _, seconds in inputs.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
-        check_delays(computed, collector)
+        check_delays(computed_piece, collector)
         check_mix(piece, collector)
         n_frames = _n_frames(piece, end, collector) if spans is None else 0
         (paths, moved), paths_until = _automation_of_spans(
@@ -161,9 +163,9 @@ def prepare(
             )
             paths = takeover_points(*takeover, moved, known_automation)
         for module_key, points in paths.items():
-            if led := known_automation.led(piece, module_key):
+            if automated := known_automation.target_of(piece, module_key):
                 try:
-                    led.put(timeline, assembly, module_key, points)
+                    automated.put(timeline, assembly, module_key, points)
                 except _core.EngineError as error:
                     refuse(piece, collector, error)
     except _core.EngineError as error:
@@ -172,8 +174,8 @@ def prepare(
         raise StageError(collector.finish())
     fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
     path_arguments = paths, paths_until
-    piece_arguments = built, timeline, n_frames, hands, collector, live
-    return PreparedPiece(*piece_arguments, *path_arguments, fades_from, memory, drawn.notes)
+    piece_arguments = built, timeline, n_frames, hands, collector, live_hands
+    return PreparedPiece(*piece_arguments, *path_arguments, fades_from, memory, notes.notes)
 
 
 def _automation_of_spans(
@@ -202,9 +204,9 @@ def _automation_of_spans(
     return points, complete_until(piece, until)
 
 
-def _hands_end(piece: Piece, live: Sequence[LiveHand]) -> float:
+def _hands_end(piece: Piece, live_hands: Sequence[LiveHand]) -> float:
     """When the parts of real hands have ended [s]."""
-    return max((hand.tick_frames * hand.ticks / piece.rate for hand in live), default=0.0)
+    return max((hand.tick_frames * hand.ticks / piece.rate for hand in live_hands), default=0.0)
 
 
 def _put_events(
@@ -215,7 +217,7 @@ def _put_events(
     real_hands: Real,
     piece_spans: Sequence[Span],
     memory: StageMemory,
-    drawn: DrawnNotes,
+    drawn_notes: DrawnNotes,
 ) -> float:
     """Put all virtual events on the timeline; returns when the last one ends [s]."""
     timeline = hands.timeline
@@ -223,9 +225,9 @@ def _put_events(
     for name, key in piece.keys.items():
         if name not in live_keys:
             hands.key(name, assembly.mats[name, key.struck])
-    for played, window in piece_spans:
-        span_hands = hands if window is ALL else hands.other(played, window)
-        span_hands.play_parts(played, live_keys, None if live_keys else memory.plays)
+    for played_piece, window in piece_spans:
+        span_hands = hands if window is ALL else hands.for_piece(played_piece, window)
+        span_hands.play_parts(played_piece, live_keys, None if live_keys else memory.lines_not_over)
     players = [
         player for player in piece.players.values() if player.hand == "live" and player.standin
     ]
@@ -236,15 +238,21 @@ def _put_events(
         if player.name not in names_with_part:
             hands.standin(player)
     event_ends = [gesture.stop for gesture in hands.gestures]
-    for played, window in piece_spans:
-        within = _window_instants(played, window)
-        for strikes in memory.strikes.left(played, window.since):
-            targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
+    for played_piece, window in piece_spans:
+        span_instants = _window_instants(played_piece, window)
+        for strikes in memory.strikes.not_over(played_piece, window.since):
+            targets = (
+                struck_target
+                for struck_target in strikes.to
+                if (struck_target.part, struck_target.module) in assembly.mats
+            )
             mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_same_place, strikes.place))
-            striking = Striking(played, timeline, strikes, mats, source, within, assembly, drawn)
+            striking = Striking(
+                played_piece, timeline, strikes, mats, source, span_instants, assembly, drawn_notes
+            )
             event_ends.append(striking.play(hands.collector))
-    drawn.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
+    drawn_notes.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
     for link, (begin, until) in zip(couplings, coupling_spans(piece), strict=True):
         if until == COUPLING_ENDED_SECONDS:
             begin, until = NEVER, None

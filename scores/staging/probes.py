@@ -67,37 +67,43 @@ def probe_piece(piece: Piece) -> ProbedPiece:
     first_targets = list(probed_targets.items())[:MAX_POINTS]
     kinds = {(part, module.name): module for part, module in piece.modules()}
     points_by_target = {
-        identity: _point(target, number, kinds[target.part, target.module])
-        for number, (identity, target) in enumerate(first_targets)
+        point_key: _point(target, number, kinds[target.part, target.module])
+        for number, (point_key, target) in enumerate(first_targets)
     }
-    measured = []
+    measured_contacts = []
     for module_name, contact_name, part_module in contacts:
         first_point, second_point = (
             points_by_target.get(_point_key(end)) for end in part_module.ends
         )
         if first_point is not None and second_point is not None:
-            measured.append(
+            measured_contacts.append(
                 ProbedLink(module_name, contact_name, part_module, first_point, second_point)
             )
-    rubbed = []
+    measured_rubbings = []
     for module_name, contact_name, part_module in rubbings:
         first_point, second_point = (
             points_by_target.get(_point_key(end)) for end in part_module.ends
         )
         if first_point is not None and second_point is not None:
-            rubbed.append(
+            measured_rubbings.append(
                 ProbedLink(module_name, contact_name, part_module, first_point, second_point)
             )
     probed_outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
         for number, (_, target) in enumerate(first_targets)
     )
-    listener = Instrument(_NAME, (), probed_outputs, None, piece.place)
+    probe_instrument = Instrument(_NAME, (), probed_outputs, None, piece.place)
     mix = replace(piece.mix, routes=(Route(_NAME, None, (1,), 1.0, None, piece.place),))
-    probed_piece = replace(piece, instruments={**piece.instruments, _NAME: listener}, mix=mix)
-    left_out = len(probed_targets) - len(first_targets) + len(contacts) - len(measured)
+    probed_piece = replace(
+        piece, instruments={**piece.instruments, _NAME: probe_instrument}, mix=mix
+    )
+    left_out = len(probed_targets) - len(first_targets) + len(contacts) - len(measured_contacts)
     return ProbedPiece(
-        probed_piece, tuple(points_by_target.values()), tuple(measured), left_out, tuple(rubbed)
+        probed_piece,
+        tuple(points_by_target.values()),
+        tuple(measured_contacts),
+        left_out,
+        tuple(measured_rubbings),
     )
 
 

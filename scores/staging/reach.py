@@ -80,7 +80,7 @@ def freeze_obstacles(
         graph.first_obstacle(part, graph.audible_points(piece, part), hands, other_players)
         for part in frozen_parts
     )
-    return [tie for tie in obstacles if tie is not None]
+    return [obstacle for obstacle in obstacles if obstacle is not None]
 
 
 class _LinkGraph:
@@ -103,19 +103,21 @@ class _LinkGraph:
             mat
             for part, module in piece_modules
             if module.kind == "SOL" or (module.kind == "ENX" and self._is_separate(module))
-            for mat in self._fixed_by(part, module)
+            for mat in self._imposed_points(part, module)
         }
         for part_name, part_module in piece_modules:
             if part_module.kind in LINK_KINDS:
                 link = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
-                pairs = dict.fromkeys(self._pair(single) for single in single_links(part_module))
+                pairs = dict.fromkeys(
+                    self._end_points(single_link) for single_link in single_links(part_module)
+                )
                 self._link_mats[part_name, part_module.name] = {
                     end for pair in pairs for end in pair
                 }
                 for pair in pairs:
-                    self._link(link, *pair)
+                    self._add_edge(link, *pair)
             elif part_module.kind == "PROXY":
                 link_module = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
@@ -123,23 +125,27 @@ class _LinkGraph:
                 mat_of_module = self.assembly.mats[part_name, part_module.name]
                 for target in proxies.targets(part_module.fields):
                     for mat in self._points(target):
-                        self._link(link_module, mat_of_module, mat)
+                        self._add_edge(link_module, mat_of_module, mat)
             elif part_module.kind == "SURFACE":
                 link_module = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
                 mat_of_module = self.assembly.mats[part_name, part_module.name]
-                self._link(link_module, mat_of_module, self._points(part_module.fields["of"])[0])
+                self._add_edge(
+                    link_module, mat_of_module, self._points(part_module.fields["of"])[0]
+                )
         for coupling in piece.duet:
-            a, b = (self._points(target)[0] for target in (coupling.a, coupling.b))
+            first_point, second_point = (
+                self._points(target)[0] for target in (coupling.a, coupling.b)
+            )
             name = f"the coupling of {coupling.a.part} and {coupling.b.part}"
-            self._link(Link(name, coupling.place), a, b)
+            self._add_edge(Link(name, coupling.place), first_point, second_point)
 
-    def _pair(self, link: Module) -> tuple[int, int]:
-        a, b = (self._points(target)[0] for target in link.ends)
-        return a, b
+    def _end_points(self, link: Module) -> tuple[int, int]:
+        first_point, second_point = (self._points(target)[0] for target in link.ends)
+        return first_point, second_point
 
-    def _link(self, link: Link, a: int, b: int) -> None:
+    def _add_edge(self, link: Link, a: int, b: int) -> None:
         self._links.setdefault(a, []).append((b, link))
         self._links.setdefault(b, []).append((a, link))
 
@@ -148,7 +154,7 @@ class _LinkGraph:
         target = module.driven_mat
         return (target.part, target.module) not in self._rigid_modules
 
-    def _fixed_by(self, part_name: str, part_module: Module) -> range:
+    def _imposed_points(self, part_name: str, part_module: Module) -> range:
         if part_module.kind == "ENX":
             return self._points(part_module.driven_mat)
         first_mat = self.assembly.mats[part_name, part_module.name]

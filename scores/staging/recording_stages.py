@@ -64,14 +64,14 @@ def _recording_options(piece: Piece, store: Store | None) -> Iterator[dict[str, 
     """Options of `stage` that may record the ergons of a piece, in the order in which they are
     tried.
     """
-    multiples = [2**doubling for doubling in range(1, _FINEST_FACTOR.bit_length())]
+    rate_factors = [2**doubling for doubling in range(1, _FINEST_FACTOR.bit_length())]
     yield from (
-        {"piece": _oversampled(piece, times)} for times in multiples if times <= _FINE_FACTOR_MAX
+        {"piece": _oversampled(piece, times)} for times in rate_factors if times <= _FINE_FACTOR_MAX
     )
     yield {"piece": piece, "fine_contacts": True}
     yield {"piece": piece, "planned": True, "store": store}
     yield from (
-        {"piece": _oversampled(piece, times)} for times in multiples if times > _FINE_FACTOR_MAX
+        {"piece": _oversampled(piece, times)} for times in rate_factors if times > _FINE_FACTOR_MAX
     )
 
 
@@ -96,7 +96,7 @@ def solo(
     piece: Piece,
     gesture_name: str,
     key_name: str,
-    do: tuple[Transform, ...] = (),
+    transforms: tuple[Transform, ...] = (),
     playing_options: PlayingOptions | None = None,
 ) -> Stage:
     """One gesture or take alone on a key, at the beginning of the piece."""
@@ -110,7 +110,7 @@ def solo(
         every=None,
         times=1,
         until=None,
-        do=do,
+        do=transforms,
         manner=playing_options or PlayingOptions(),
         place=gesture_or_take.place,
         begin_place=gesture_or_take.place,

@@ -25,14 +25,16 @@ def place_of(piece: Piece, engine_name: str | None) -> Place:
     written.
     """
     engine_name = engine_name or ""
-    coupling_links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
+    coupling_links = [("duet", coupling.link, coupling.link.place) for coupling in piece.duet]
     keys = [(key.name, module, key.place) for key in piece.keys.values() for module in key.modules]
     instrument_modules = [
-        (i.name, module, i.place) for i in piece.instruments.values() for module in i.modules
+        (instrument.name, module, instrument.place)
+        for instrument in piece.instruments.values()
+        for module in instrument.modules
     ]
     for part, part_module, module_place in (*keys, *instrument_modules, *coupling_links):
-        full = ".".join(filter(None, (part, part_module.name)))
-        if engine_name == full or engine_name.startswith(f"{full}."):
+        full_name = ".".join(filter(None, (part, part_module.name)))
+        if engine_name == full_name or engine_name.startswith(f"{full_name}."):
             return (
                 part_module.place if part_module.place.file == module_place.file else module_place
             )

@@ -56,7 +56,7 @@ class Stage:
     diagnostics: list[Diagnostic]
     plan: _core.Plan | None = None
     is_plan_kept: bool = False
-    live: tuple[LiveHand, ...] = ()
+    live_hands: tuple[LiveHand, ...] = ()
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
     paths: Mapping[ModuleKey, Points] = field(default_factory=dict)  # of modules with automation
     paths_until: float = math.inf  # [s] up to which these paths are complete
@@ -64,9 +64,9 @@ class Stage:
     # From this frame on a render may end when the sound has faded; None: it ends at `n_frames`.
     fades_from: int | None = None
     memory: StageMemory = field(default_factory=StageMemory)
-    placed: Sequence[RecalledOutputs] = ()  # frozen outputs, mixed with the computed ones
+    recalled_outputs: Sequence[RecalledOutputs] = ()  # frozen outputs, mixed with the computed ones
     timeline: _core.Timeline | None = None  # all events
-    drawn: Sequence[DrawnNote] = ()  # notes that draw or press until they end
+    drawn_notes: Sequence[DrawnNote] = ()  # notes that draw or press until they end
     # Reports of an earlier simulation; this one was not run because its sound is stored.
     reports: Reports | None = None
     is_draft: bool = False  # planned for a low cost, whatever the accuracy
@@ -124,7 +124,7 @@ class Stage:
             is_wet=is_wet,
             unit=unit,
         )
-        for placed_sample in self.placed:
+        for placed_sample in self.recalled_outputs:
             mixer.freeze(*placed_sample)
         return mixer
 
@@ -140,13 +140,15 @@ class Stage:
         `is_split`: those that a room hears have two, without the room (`NAME-dry`) and of its
         answer alone (`NAME-wet`).
         """
-        wet = {way.part for way in self.listening.ways if way.room is not None}
+        parts_with_room = {
+            tap_route.part for tap_route in self.listening.tap_routes if tap_route.room is not None
+        }
         stems = []
         for part_name, instrument_parts in self._stem_parts().items():
-            pieces: dict[str, bool | None] = {part_name: None}
-            if is_split and not wet.isdisjoint(instrument_parts):
-                pieces = {f"{part_name}-dry": False, f"{part_name}-wet": True}
-            for piece, is_wet in pieces.items():
+            stem_parts: dict[str, bool | None] = {part_name: None}
+            if is_split and not parts_with_room.isdisjoint(instrument_parts):
+                stem_parts = {f"{part_name}-dry": False, f"{part_name}-wet": True}
+            for piece, is_wet in stem_parts.items():
                 mixer = self.mixer(
                     highpass=highpass, reference=reference, parts=instrument_parts, is_wet=is_wet
                 )
@@ -170,7 +172,8 @@ class Stage:
     def _measured_parts(self) -> dict[str, tuple[list[str], float]]:
         """The parts of each instrument, and the unit in which it is measured."""
         return {
-            name: (parts, self.listening.unit(parts)) for name, parts in self._stem_parts().items()
+            name: (parts, self.listening.largest_ratio(parts))
+            for name, parts in self._stem_parts().items()
         }
 
     def _stem_parts(self) -> dict[str, list[str]]:
@@ -223,7 +226,7 @@ class Stage:
             for parts, unit in self._measured_parts().values()
         ]
 
-    def fault(self, error: _core.DivergedError) -> Diagnostic:
+    def fault_diagnostic(self, error: _core.DivergedError) -> Diagnostic:
         """A diagnostic for a part that became non-finite during the run, at the place where it is
         written.
         """
@@ -236,7 +239,7 @@ class Stage:
         is_chosen = planned_for is not None and planned_for.method is not None
         return _STIFF_ADVICE_WITH_METHOD if is_chosen else _STIFF_ADVICE
 
-    def gains(self) -> list[Diagnostic]:
+    def energy_gains(self) -> list[Diagnostic]:
         """Modules that have generated energy so far, each at the place where it is written
         (W404).
         """
@@ -265,17 +268,17 @@ StrikePoints = Sequence[tuple[str, str, int, int]]
 class RecalledOutputs(NamedTuple):
     """Outputs that were computed before, and the taps to which they are added.
 
-    Their first frame is frame `begins` of the engine.
+    Their first frame is frame `begin_frame` of the engine.
     """
 
     frozen: _core.FrozenOutputs
     taps: tuple[int, ...]
-    begins: int
+    begin_frame: int
 
 
 @dataclass(frozen=True, slots=True)
 class StageTakeover:
-    """A stage that takes over from the running stage `like`, at frame `start`.
+    """A stage that takes over from the running stage `running_stage`, at frame `start`.
 
     `spans` is what parts of this piece and of earlier ones play; None: all of it. `glides` are
     parameters that are still gliding. `strike_points` are MATs that may be struck while it
@@ -283,7 +286,7 @@ class StageTakeover:
     """
 
     spans: Sequence[Span] | None = None
-    like: Stage | None = None
+    running_stage: Stage | None = None
     start: int = 0
     glides: Sequence[Glide] = ()
     strike_points: StrikePoints = ()
@@ -304,7 +307,7 @@ def stage(
     real_hands: Real | None = None,
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
-    going: StageTakeover | None = None,
+    takeover: StageTakeover | None = None,
     correction: float = 1.0,
     is_draft: bool = False,
     recalls_sound: bool = False,
@@ -321,55 +324,55 @@ def stage(
     the choices of an earlier plan, `store` keeps results of trials, `real_hands` has the players
     whose hands are real with their known positions, `silent` the instruments that are not listened
     to. `on_fault` says whether a diverging part ends the run or is muted. Work takes `correction`
-    times as long as in the table of costs. With `is_seen`, unheard parts are computed too. `going`
-    describes the takeover from another stage. Raises StageError with every mistake that the engine
-    finds.
+    times as long as in the table of costs. With `is_seen`, unheard parts are computed too.
+    `takeover` describes the takeover from another stage. Raises StageError with every mistake that
+    the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
-    going = going or StageTakeover()
-    old_stage = going.like
-    prepared = prepare(piece, real_hands, silent, going.spans, old_stage, going.start)
-    native.speed_up(prepared.network, prepared.n_frames)
-    if going.spans is not None:
-        prepared.timeline.open()
-        put_trial_strikes(piece, prepared.built.assembly, prepared.timeline)
-    _add_glides(piece, prepared, going)
-    _add_strike_points(piece, prepared, going)
+    takeover = takeover or StageTakeover()
+    old_stage = takeover.running_stage
+    prepared_piece = prepare(piece, real_hands, silent, takeover.spans, old_stage, takeover.start)
+    native.speed_up(prepared_piece.network, prepared_piece.n_frames)
+    if takeover.spans is not None:
+        prepared_piece.timeline.open()
+        put_trial_strikes(piece, prepared_piece.built.assembly, prepared_piece.timeline)
+    _add_glides(piece, prepared_piece, takeover)
+    _add_strike_points(piece, prepared_piece, takeover)
     plan, planning = None, None
     try:
         if planned:
             all_parts = (*piece.keys, *piece.instruments) if is_seen else ()
             planning = make_plan(
-                prepared.network,
-                prepared.timeline,
+                prepared_piece.network,
+                prepared_piece.timeline,
                 piece.accuracy,
                 pins,
                 store,
-                prepared.memory.plan,
-                is_foreseen=going.spans is None and not real_hands,
+                prepared_piece.memory.plan,
+                is_foreseen=takeover.spans is None and not real_hands,
                 correction=correction,
                 is_draft=is_draft,
                 recalls_sound=recalls_sound,
-                watched=Watched(seen=all_parts, seen_every=piece.motion_every),
+                watched=Watched(seen=all_parts, seen_every=piece.motion_step_frames),
             )
-            plan = prepared.memory.plan = planning.plan
-            _report_planning(piece, planning, prepared.collector, is_seen=is_seen)
+            plan = prepared_piece.memory.plan = planning.plan
+            _report_planning(piece, planning, prepared_piece.collector, is_seen=is_seen)
         elif fine_contacts:
-            plan = _core.Plan.with_fine_contacts(prepared.network, prepared.timeline)
+            plan = _core.Plan.with_fine_contacts(prepared_piece.network, prepared_piece.timeline)
         simulation = _core.Simulation(
-            prepared.network,
-            prepared.timeline,
+            prepared_piece.network,
+            prepared_piece.timeline,
             plan=plan,
-            start=going.start,
+            start=takeover.start,
             ledger=ledger,
             record=record,
             on_fault=on_fault,
             threads=threads,
         )
     except _core.EngineError as error:
-        raise stage_error(piece, prepared.collector, error) from error
-    return _make_stage(piece, prepared, simulation, plan, planning)
+        raise stage_error(piece, prepared_piece.collector, error) from error
+    return _make_stage(piece, prepared_piece, simulation, plan, planning)
 
 
 def _make_stage(
@@ -389,7 +392,7 @@ def _make_stage(
         prepared.collector.finish(),
         plan,
         planning is not None and planning.is_kept,
-        prepared.live,
+        prepared.live_hands,
         prepared.hands.takes.files,
         prepared.paths,
         prepared.paths_until,
@@ -397,14 +400,14 @@ def _make_stage(
         prepared.fades_from,
         prepared.memory,
         timeline=prepared.timeline,
-        drawn=prepared.drawn,
+        drawn_notes=prepared.drawn_notes,
         is_draft=planning is not None and planning.is_draft,
     )
 
 
-def _add_glides(piece: Piece, prepared: PreparedPiece, going: StageTakeover) -> None:
+def _add_glides(piece: Piece, prepared: PreparedPiece, takeover: StageTakeover) -> None:
     try:
-        for glide in going.glides:
+        for glide in takeover.glides:
             if glide.written in prepared.paths:
                 continue  # automation changes it
             glide.put(prepared.timeline, prepared.built.assembly)
@@ -412,16 +415,16 @@ def _add_glides(piece: Piece, prepared: PreparedPiece, going: StageTakeover) -> 
         raise stage_error(piece, prepared.collector, error) from error
 
 
-def _add_strike_points(piece: Piece, prepared: PreparedPiece, going: StageTakeover) -> None:
+def _add_strike_points(piece: Piece, prepared: PreparedPiece, takeover: StageTakeover) -> None:
     """Register the MATs that may be struck while the stage plays."""
     assembly = prepared.built.assembly
     try:
-        for part_name, part_module, member, strike_number in going.strike_points:
+        for part_name, part_module, member, strike_number in takeover.strike_points:
             first_mat = assembly.mats.get((part_name, part_module))
             if first_mat is not None:  # the module may be missing in the network
                 mat = prepared.network.centre(first_mat) if member < 0 else first_mat + member
-                lasts = _contact_time(piece, part_name, part_module)
-                prepared.timeline.strike_point(mat, strike_number, lasts=lasts)
+                contact_time = _contact_time(piece, part_name, part_module)
+                prepared.timeline.strike_point(mat, strike_number, lasts=contact_time)
     except _core.EngineError as error:
         raise stage_error(piece, prepared.collector, error) from error
 
@@ -430,8 +433,10 @@ def _contact_time(piece: Piece, part: str, module_name: str) -> float | None:
     """How long a stroke on a module lasts, if its instrument says so [s]."""
     instrument = piece.instruments.get(part)
     acts = () if instrument is None else instrument.acts
-    struck = (act for act in acts if any(target.module == module_name for target in act.targets))
-    return next((act.lasts for act in struck), None)
+    struck_acts = (
+        act for act in acts if any(target.module == module_name for target in act.targets)
+    )
+    return next((act.lasts for act in struck_acts), None)
 
 
 def _report_planning(
@@ -440,7 +445,7 @@ def _report_planning(
     for code, sentence in planning.notes:
         collector.error(code, f"accuracy: {sentence}", piece.place)
     _report_unused_rates(piece, planning.plan, collector)
-    if is_seen and piece.motion_every > 1:
+    if is_seen and piece.motion_step_frames > 1:
         _report_motion(piece, planning.plan, collector)
 
 
@@ -466,8 +471,8 @@ def _report_motion(piece: Piece, plan: _core.Plan, collector: Collector) -> None
                 f"{names} is computed at the audio rate, not at that of motion: {plan_row.stays}"
             )
             collector.error("N403", message, piece.place)
-    offered = (row for row in plan.rows() if row.offered)
-    if not plan_rows and all(piece.keys.keys() & set(row.parts) for row in offered):
+    offered_rows = (row for row in plan.rows() if row.offered)
+    if not plan_rows and all(piece.keys.keys() & set(row.parts) for row in offered_rows):
         message = (
             "no part goes at the rate of motion: all that moves is heard, is felt by a hand, or "
             "would be heard at that rate"

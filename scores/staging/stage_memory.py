@@ -13,9 +13,9 @@ from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.piece import Piece, Strikes
-from ergon.scores.staging.hands import Played
+from ergon.scores.staging.hands import LineAndBeats
 from ergon.scores.staging.known_automation import KnownAutomation
-from ergon.scores.staging.not_over import NotOver
+from ergon.scores.staging.not_over import LinesNotOver
 
 _OVER_MARGIN_BEATS = 1e-6  # margin [beats] for strikes to count as over
 
@@ -25,9 +25,9 @@ class KnownStrikes:
     """Keeps the strikes that are not over."""
 
     _meters: list[tuple[float, int, Meter]] = field(default_factory=list)
-    _not_over: NotOver[tuple[Strikes]] = field(default_factory=NotOver)
+    _not_over: LinesNotOver[tuple[Strikes]] = field(default_factory=LinesNotOver)
 
-    def left(self, piece: Piece, beat: float) -> Sequence[Strikes]:
+    def not_over(self, piece: Piece, beat: float) -> Sequence[Strikes]:
         """The strikes of a piece that may fall on a beat or later."""
         tempo = piece.tempo_map
         if beat == -math.inf:
@@ -36,7 +36,7 @@ class KnownStrikes:
             self._meters = meters
             self._not_over.forget()
         beat_before = beat - _OVER_MARGIN_BEATS
-        strikes_left, _ = self._not_over.look(
+        strikes_left, _ = self._not_over.select(
             (piece.strikes,),
             beat_before,
             lambda line: _end_beat(line[0], tempo) < beat_before,
@@ -70,5 +70,5 @@ class StageMemory:
 
     automation: KnownAutomation = field(default_factory=KnownAutomation)
     strikes: KnownStrikes = field(default_factory=KnownStrikes)
-    plays: NotOver[Played] = field(default_factory=NotOver)
+    lines_not_over: LinesNotOver[LineAndBeats] = field(default_factory=LinesNotOver)
     plan: _core.Plan | None = None

@@ -38,7 +38,7 @@ def _beat_of_instant(tempo: TempoMap, instant: float) -> float:
     return tempo.beats(instant) if math.isfinite(instant) else instant
 
 
-class _HeldMats(NamedTuple):
+class MatsHeldByNote(NamedTuple):
     """What lasts as long as the note of a MAT: other MATs, and the MAT itself if it `is_drawn`."""
 
     mats: Sequence[tuple[int, Hold]]
@@ -59,7 +59,7 @@ class Striking:
     strikes: Strikes
     mats: Sequence[int]
     source: int
-    within: tuple[float, float] = ALL_INSTANTS  # interval of instants [s]
+    interval: tuple[float, float] = ALL_INSTANTS  # interval of instants [s]
     assembly: Assembly | None = None  # for targets of melodies, sweeps, paths and strengths
     drawn: DrawnNotes | None = None  # where drawn notes are played, with an assembly
 
@@ -67,15 +67,15 @@ class Striking:
         """Put the strikes on the timeline; returns when they end [s]."""
         piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
         if strikes.along:
-            return max(axis.play(collector) for axis in self._axes())
+            return max(axis.play(collector) for axis in self._strikes_by_axis())
         begin_beat, stop_beat = tempo.resolve(strikes.at), strikes.stop(tempo)
         try:
             if strikes.is_melody:
-                return self._melody()
+                return self._strike_melody()
             if strikes.passing is not None:
-                return self._passed(strikes.passing)
+                return self._strike_passed(strikes.passing)
             if strikes.pattern is not None:
-                return self._by_pattern(strikes.steps(piece))
+                return self._strike_by_pattern(strikes.steps(piece))
             if strikes.rate is not None and strikes.levels is not None and stop_beat is not None:
                 end = tempo.seconds(stop_beat)
                 if self._gain == 0.0:
@@ -95,12 +95,12 @@ class Striking:
                     ),
                     seed=piece.seed,
                     name=strikes.name,
-                    lasts=self._lasts(*self.mats[:1]),
+                    lasts=self._contact_seconds(*self.mats[:1]),
                     source=self.source,
-                    within=self.within,
+                    within=self.interval,
                 )
                 return end
-            return self._each()
+            return self._strike_each()
         except _core.EngineError as error:
             collector.error("E308", str(error), strikes.place)
         except TextError as error:
@@ -113,41 +113,43 @@ class Striking:
         return 1.0 if self.strikes.session_gain is None else self.strikes.session_gain
 
     def _is_inside(self, instant: float) -> bool:
-        return self.within[0] <= instant < self.within[1]
+        return self.interval[0] <= instant < self.interval[1]
 
-    def _axes(self) -> Iterator[Striking]:
+    def _strikes_by_axis(self) -> Iterator[Striking]:
         """The strikes of each axis, with its share of the impulse; random draws are the same on all
         axes.
         """
         strikes = self.strikes
-        n = len(self.mats) // len(strikes.along)
+        n_mats = len(self.mats) // len(strikes.along)
         for axis, share in enumerate(strikes.along):
             axis_strikes = replace(
                 strikes, along=(), levels=strikes.levels and strikes.levels.scaled(share)
             )
-            yield replace(self, strikes=axis_strikes, mats=self.mats[axis * n : (axis + 1) * n])
+            yield replace(
+                self, strikes=axis_strikes, mats=self.mats[axis * n_mats : (axis + 1) * n_mats]
+            )
 
-    def _by_pattern(self, pattern_steps: Steps) -> float:
+    def _strike_by_pattern(self, pattern_steps: Steps) -> float:
         """Strike in the places of a pattern; chance is drawn for each member separately."""
-        course, tempo = pattern_steps.course, self.piece.tempo_map
-        pattern = course.pattern
+        places, tempo = pattern_steps.places, self.piece.tempo_map
+        pattern = places.pattern
 
         def seconds(place: int) -> float:
             return tempo.seconds(pattern_steps[place])
 
         first_place, stop_place = (
-            first_index_from(seconds, len(pattern_steps), instant) for instant in self.within
+            first_index_from(seconds, len(pattern_steps), instant) for instant in self.interval
         )
         for place_index in range(
             max(0, first_place - 1), stop_place
         ):  # the note before ends in this one
-            note_name = course.named(place_index)
+            note_name = places.name_in_place(place_index)
             if note_name is None:
                 continue
             strike_seconds, strike_number = seconds(place_index), place_index + pattern.skip
             strike_end = seconds(place_index + 1) if place_index + 1 < len(pattern_steps) else None
             for member, mat in enumerate(self._voice(note_name)):
-                if pattern.chance is None or course.draws.happens(
+                if pattern.chance is None or places.draws.happens(
                     pattern.chance, strike_number, member
                 ):
                     self._strike(
@@ -163,24 +165,28 @@ class Striking:
             return self.mats
         return [mat for target in self.strikes.voices[name] for mat in self._members(target)]
 
-    def _melody(self) -> float:
+    def _strike_melody(self) -> float:
         """The strikes of a melody, one by one."""
         tempo, end = self.piece.tempo_map, 0.0
-        since, before_beat = (_beat_of_instant(tempo, instant) for instant in self.within)
+        since_beat, before_beat = (_beat_of_instant(tempo, instant) for instant in self.interval)
         if self.strikes.rhythm is not None:  # notes that began before may end here
             begin = tempo.resolve(self.strikes.at)
-            since -= self.strikes.rhythm.begin(tempo, begin, int(LONGEST_CYCLES)) - begin
-        for hit_beat, hit_index, melody_hit in self.strikes.falls(self.piece, since, before_beat):
+            since_beat -= self.strikes.rhythm.cycle_begin(tempo, begin, int(LONGEST_CYCLES)) - begin
+        for hit_beat, hit_index, melody_hit in self.strikes.played_hits(
+            self.piece, since_beat, before_beat
+        ):
             start = tempo.seconds(hit_beat)
             if melody_hit.jitter != Length():
                 chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, hit_index)
-                reach = tempo.seconds(tempo.after(hit_beat, melody_hit.jitter)) - start
-                start = max(0.0, start + chance.uniform(-reach, reach))
+                jitter_seconds = tempo.seconds(tempo.after(hit_beat, melody_hit.jitter)) - start
+                start = max(0.0, start + chance.uniform(-jitter_seconds, jitter_seconds))
             end = max(end, start)
             mats = [mat for target in melody_hit.to for mat in self._members(target)]
-            lasting = melody_hit.lasting
-            stop = None if lasting is None else tempo.seconds(tempo.after(hit_beat, lasting))
-            if stop is not None and any(map(self._is_drawn, mats)):
+            note_length = melody_hit.lasting
+            stop = (
+                None if note_length is None else tempo.seconds(tempo.after(hit_beat, note_length))
+            )
+            if stop is not None and any(map(self._is_bowed, mats)):
                 end = max(end, stop)
             for member, mat in enumerate(mats):
                 self._impel(
@@ -193,21 +199,21 @@ class Striking:
                 )
         return end
 
-    def _passed(self, passing: Passing) -> float:
+    def _strike_passed(self, passing: Passing) -> float:
         """Strike the members that a sweep or a path passes, in every round."""
         strikes, tempo, end = self.strikes, self.piece.tempo_map, 0.0
-        draws = Draws(self.piece.seed, strikes.who)
+        draws = Draws(self.piece.seed, strikes.draw_key)
         assert self.assembly is not None
         assert strikes.length is not None
         parts = list(dict.fromkeys(target.part for target in strikes.to))
         visits = member_visits(passing, self.assembly.network, parts, self.mats)
         rounds = strikes.rounds(tempo)
         for turn, round_start in enumerate(rounds):
-            lasting = tempo.after(round_start, strikes.length) - round_start
-            end = max(end, tempo.seconds(round_start + lasting))
+            passing_beats = tempo.after(round_start, strikes.length) - round_start
+            end = max(end, tempo.seconds(round_start + passing_beats))
             _core.poll(_STRIKE_STEPS * len(visits))
             for strike_number, (fraction, struck_member) in enumerate(visits, turn * len(visits)):
-                instant = tempo.seconds(round_start + fraction * lasting)
+                instant = tempo.seconds(round_start + fraction * passing_beats)
                 if not self._is_inside(instant):
                     continue
                 if draws.happens(passing.chance, strike_number, struck_member):
@@ -228,15 +234,15 @@ class Striking:
             return ()
         return assembly.members(target)
 
-    def _each(self) -> float:
+    def _strike_each(self) -> float:
         """Strike all members at written instants: once, or once per `every`."""
         tempo = self.piece.tempo_map
         strike_instants = [tempo.seconds(beat) for beat in self.strikes.beats(tempo)]
-        for occurrence, instant in enumerate(strike_instants):
-            is_last = occurrence + 1 == len(strike_instants)
-            span = instant, None if is_last else strike_instants[occurrence + 1]
+        for strike_number, instant in enumerate(strike_instants):
+            is_last = strike_number + 1 == len(strike_instants)
+            span = instant, None if is_last else strike_instants[strike_number + 1]
             for member, mat in enumerate(self.mats):
-                self._strike(mat, span, member, occurrence, len(strike_instants))
+                self._strike(mat, span, member, strike_number, len(strike_instants))
         return self._last_end(strike_instants[-1]) if strike_instants else 0.0
 
     def _last_end(self, instant: float) -> float:
@@ -249,9 +255,9 @@ class Striking:
         strikes, strike_gain = self.strikes, self._gain
         if strikes.levels is not None:
             level = strikes.levels.step(number, count)
-            self._impel(mat, span, level, self._reaches.get(mat), member, number)
+            self._impel(mat, span, level, self._impulse_ranges.get(mat), member, number)
             return
-        self._hold(mat, span, MEZZO_FORTE.low)
+        self._hold_mats(mat, span, MEZZO_FORTE.low)
         if strike_gain > 0.0 and self._is_inside(span[0]):
             speed = None if strikes.speed is None else strikes.speed * strike_gain
             self.timeline.strike(mat, span[0], mass=strikes.mass, speed=speed, source=self.source)
@@ -279,41 +285,43 @@ class Striking:
         if impulse_reach is not None and impulse_reach.turns and strike_number % 2:
             impulse = -impulse
         if held_mats is not None:
-            self._hold(mat, stroke_span, held_mats.strength(impulse))
-        if self._is_drawn(mat):
-            self._draw(mat, stroke_span, self._gain * impulse)
+            self._hold_mats(mat, stroke_span, held_mats.strength(impulse))
+        if self._is_bowed(mat):
+            self._bow(mat, stroke_span, self._gain * impulse)
         elif self._gain > 0.0:
             self._push(mat, stroke_span[0], self._gain * impulse)
 
-    def _draw(self, mat: int, span: Span, impulse: float) -> None:
+    def _bow(self, mat: int, span: Span, impulse: float) -> None:
         """Strike a MAT, and by the opposite impulse where the note ends."""
         begin, end = span[0], span[0] + _OPEN_NOTE_SECONDS if span[1] is None else span[1]
         assert self.drawn is not None
         note = DrawnNote(self.strikes.name, self._places[mat], begin, end, impulse)
-        self.drawn.play(note, mat, self.source, self.within)
+        self.drawn.play(note, mat, self.source, self.interval)
 
     def _push(self, mat: int, instant: float, impulse: float) -> None:
         if self._is_inside(instant):
-            lasts = self._lasts(mat)
-            self.timeline.strike(mat, instant, impulse=impulse, lasts=lasts, source=self.source)
+            contact_seconds = self._contact_seconds(mat)
+            self.timeline.strike(
+                mat, instant, impulse=impulse, lasts=contact_seconds, source=self.source
+            )
 
-    def _hold(self, mat: int, stroke_span: Span, strength: float) -> None:
+    def _hold_mats(self, mat: int, stroke_span: Span, strength: float) -> None:
         """Let what lasts as long as a note begin and end with it."""
         held_mats = self._held_mats.get(mat)
         for held, hold in () if held_mats is None else held_mats.mats:
             impulse = hold.impulse(strength)
             if not hold.is_lifted:
-                self._draw(held, stroke_span, impulse if self._gain > 0.0 else 0.0)
+                self._bow(held, stroke_span, impulse if self._gain > 0.0 else 0.0)
             elif self.strikes.passing is None:  # a sweep or path has no end of its own
                 self._push(held, stroke_span[0], impulse)
                 if stroke_span[1] is not None:
                     self._push(held, stroke_span[1], -impulse)
 
-    def _is_drawn(self, mat: int) -> bool:
+    def _is_bowed(self, mat: int) -> bool:
         """Whether what strikes a MAT lasts as long as the note."""
         return mat in self._held_mats and self._held_mats[mat].is_drawn
 
-    def _lasts(self, mat: int | None = None) -> float | None:
+    def _contact_seconds(self, mat: int | None = None) -> float | None:
         """How long a strike lasts [s]: as the strikes say, or else what is struck."""
         written_lasts = self.strikes.lasts
         return self._contact_times.get(mat) if written_lasts is None else written_lasts
@@ -334,9 +342,9 @@ class Striking:
         }
 
     @cached_property
-    def _held_mats(self) -> Mapping[int, _HeldMats]:
+    def _held_mats(self) -> Mapping[int, MatsHeldByNote]:
         """What lasts as long as the note of each MAT."""
-        holds: dict[int, _HeldMats] = {}
+        holds: dict[int, MatsHeldByNote] = {}
         for part in self.strikes.parts:
             instrument = self.piece.instruments.get(part)
             for act in () if instrument is None else instrument.acts:
@@ -348,9 +356,9 @@ class Striking:
                 ]
                 for target in act.targets if mats or act.is_drawn else ():
                     for mat in self._members(target):
-                        old_holds = holds.get(mat, _HeldMats((), act.reach, is_drawn=False))
+                        old_holds = holds.get(mat, MatsHeldByNote((), act.reach, is_drawn=False))
                         is_drawn = old_holds.is_drawn or act.is_drawn
-                        holds[mat] = _HeldMats(
+                        holds[mat] = MatsHeldByNote(
                             (*old_holds.mats, *mats), act.reach, is_drawn=is_drawn
                         )
         return holds
@@ -371,12 +379,12 @@ class Striking:
         }
 
     @cached_property
-    def _reaches(self) -> Mapping[int, ImpulseRange]:
+    def _impulse_ranges(self) -> Mapping[int, ImpulseRange]:
         """The reach of each MAT that is struck."""
-        reaches = self.strikes.reaches
+        range_by_part = self.strikes.reaches
         return {
-            mat: reaches[target.part]
+            mat: range_by_part[target.part]
             for target in self.strikes.to
-            if target.part in reaches
+            if target.part in range_by_part
             for mat in self._members(target)
         }

@@ -53,9 +53,9 @@ def _struck_parts(piece: Piece) -> list[str]:
 
 def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[StruckNote]:
     dampers = list(_held_mats(stage.built.assembly, instrument))
-    reach = instrument.acts[0].reach if instrument.acts else None
+    impulse_range = instrument.acts[0].reach if instrument.acts else None
     strokes = _stroke_impulses(stage, instrument, {*dampers})
-    lifted = sorted(
+    lift_instants = sorted(
         stroke.at
         for mat in dampers[:1]
         for stroke in _strikes_on(stage, mat)
@@ -65,15 +65,16 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
     for number, (note_begin, impulse) in enumerate(strokes):
         next_strike = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
         let_down = next(
-            (instant for instant in lifted if instant > note_begin + _SAME_STROKE_SECONDS), math.inf
+            (instant for instant in lift_instants if instant > note_begin + _SAME_STROKE_SECONDS),
+            math.inf,
         )
         # A damper that comes down after the next stroke ends that one.
         is_ended = let_down <= next_strike + _SAME_STROKE_SECONDS and math.isfinite(let_down)
         note_end = min(next_strike, let_down if is_ended else note_begin + _NOTE_SECONDS_MAX)
         note_spans.append((note_begin, note_end, impulse))
-    loudest = max((impulse for *_, impulse in note_spans), default=0.0)
+    impulse_max = max((impulse for *_, impulse in note_spans), default=0.0)
     for note_begin, note_end, impulse in sorted(note_spans):
-        strength = _stroke_strength(impulse, loudest, reach)
+        strength = _stroke_strength(impulse, impulse_max, impulse_range)
         yield StruckNote(
             family, instrument.name, _instrument_pitch(instrument), note_begin, note_end, strength
         )
@@ -92,14 +93,14 @@ def _drawn_spans(stage: Stage, instrument: Instrument) -> Iterator[tuple[float, 
     """The beginning and end [s] of the notes that are drawn, and their impulses [N·s]. What only
     presses is no note of its own.
     """
-    places = {
+    drawn_places = {
         (target.part, target.module)
         for act in instrument.acts
         if act.is_drawn and act.name != PRESS
         for target in act.targets
     }
-    for note in stage.drawn:
-        if note.place in places and note.impulse:
+    for note in stage.drawn_notes:
+        if note.place in drawn_places and note.impulse:
             yield note.begin, note.end, abs(note.impulse)
 
 
@@ -114,7 +115,9 @@ def _stroke_impulses(
     targets = (target for strikes in stage.piece.strikes for target in strikes.to)
     part_targets = {target for target in targets if target.part == instrument.name}
     mats = {mat for target in part_targets for mat in _members(assembly, target)}
-    drawn_targets = [t for act in instrument.acts if act.is_drawn for t in act.targets]
+    drawn_targets = [
+        drawn_target for act in instrument.acts if act.is_drawn for drawn_target in act.targets
+    ]
     drawn_mats = {mat for target in drawn_targets for mat in _members(assembly, target)}
     for mat in sorted(mats - dampers - drawn_mats):
         for stroke in _strikes_on(stage, mat):
@@ -141,7 +144,9 @@ def _instrument_pitch(instrument: Instrument) -> float | None:
     return known_pitches[0] if len(known_pitches) == 1 else None
 
 
-def _stroke_strength(impulse: float, loudest: float, reach: ImpulseRange | None) -> float:
-    if reach is None or not 0.0 < reach.soft < reach.hard:
-        return MEZZO_FORTE.low * impulse / loudest
-    return reach.strength(impulse)
+def _stroke_strength(
+    impulse: float, impulse_max: float, impulse_range: ImpulseRange | None
+) -> float:
+    if impulse_range is None or not 0.0 < impulse_range.soft < impulse_range.hard:
+        return MEZZO_FORTE.low * impulse / impulse_max
+    return impulse_range.strength(impulse)

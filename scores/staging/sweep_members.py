@@ -44,8 +44,10 @@ def member_visits(
         fractions = _scaled_to_unit(_log_frequencies(network, part_names, mats))
     else:
         fractions = _sweep_positions(quantity, np.array([network.position_of(mat) for mat in mats]))
-    order = [(1.0 - share if is_falling else share, i) for i, share in enumerate(fractions)]
-    return sorted(order)
+    shares_and_members = [
+        (1.0 - share if is_falling else share, i) for i, share in enumerate(fractions)
+    ]
+    return sorted(shares_and_members)
 
 
 def _sweep_positions(quantity: str, positions: _Floats) -> list[float]:
@@ -99,7 +101,7 @@ def _path_passes(path: tuple[Point, ...], width: float, positions: _Floats) -> l
     is_near = np.zeros(len(positions), bool)
     nearest_squared = np.full(len(positions), np.inf)
     nearest_fractions = np.zeros(len(positions))
-    for (t0, x0, y0), (t1, x1, y1) in pairwise(_path_corners(path)):
+    for (begin_share, x0, y0), (end_share, x1, y1) in pairwise(_path_corners(path)):
         _core.poll(_MEMBER_STEPS * len(positions))
         dx, dy = x1 - x0, y1 - y0
         chord_squared = dx * dx + dy * dy
@@ -115,9 +117,11 @@ def _path_passes(path: tuple[Point, ...], width: float, positions: _Floats) -> l
         for member in np.flatnonzero(is_near & ~is_near_chord):
             visits.append((float(nearest_fractions[member]), int(member)))
         nearest_squared[~is_near_chord] = np.inf
-        nearer = is_near_chord & (distance_squared < nearest_squared)
-        nearest_squared[nearer] = distance_squared[nearer]
-        nearest_fractions[nearer] = (t0 + chord_fractions * (t1 - t0))[nearer]
+        is_nearer = is_near_chord & (distance_squared < nearest_squared)
+        nearest_squared[is_nearer] = distance_squared[is_nearer]
+        nearest_fractions[is_nearer] = (begin_share + chord_fractions * (end_share - begin_share))[
+            is_nearer
+        ]
         is_near = is_near_chord
     visits += [
         (float(nearest_fractions[member]), int(member)) for member in np.flatnonzero(is_near)

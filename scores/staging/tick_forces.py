@@ -32,5 +32,5 @@ class TickForces:
         ergons = simulation.ergons()
         ticks = np.floor((ergons["time"] - self.delay) / self.period + 1e-6).astype(int)
         ticks -= self.first
-        inside = (ticks >= 0) & (ticks < len(self.newtons))
-        np.add.at(self.newtons, ticks[inside], ergons["impulse"][inside] / self.period)
+        is_inside = (ticks >= 0) & (ticks < len(self.newtons))
+        np.add.at(self.newtons, ticks[is_inside], ergons["impulse"][is_inside] / self.period)

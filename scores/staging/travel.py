@@ -43,101 +43,109 @@ def check_travel(
     throws; each line of a part is reported once, for its farthest swing.
     """
     reported_keys: set[tuple[object, ...]] = set()
-    rehearsed: Counter[Place] = Counter()
-    farthest: dict[Place, tuple[float, str, str]] = {}
-    singular: set[Place] = set()
+    rehearsal_counts: Counter[Place] = Counter()
+    farthest_by_place: dict[Place, tuple[float, str, str]] = {}
+    singular_places: set[Place] = set()
     limits = {name: _travel_limits(key) for name, key in piece.keys.items()}
     for gesture, (low_position, high_position) in zip(gestures, timeline.ranges(), strict=True):
-        least, greatest = limits[gesture.key]
+        position_min, position_max = limits[gesture.key]
         if gesture.stop - gesture.start > _GESTURE_SECONDS_MAX:
             continue  # too long for a piece: reported elsewhere
         is_inside = (
-            low_position >= least - _TRAVEL_TOLERANCE
-            and high_position <= greatest + _TRAVEL_TOLERANCE
+            low_position >= position_min - _TRAVEL_TOLERANCE
+            and high_position <= position_max + _TRAVEL_TOLERANCE
         )
         if gesture.layer or (is_inside and "throw" not in gesture.curves):
             continue
         player_key = piece.keys[gesture.key]
-        if gesture.throws and rehearsed[gesture.place] == _REHEARSALS_MAX:
+        if gesture.throws and rehearsal_counts[gesture.place] == _REHEARSALS_MAX:
             continue
         points = zip(gesture.t, gesture.x, strict=True)
-        relative = tuple((round(t - gesture.start, 9), x) for t, x in points)
-        gesture_key = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
+        relative_points = tuple((round(t - gesture.start, 9), x) for t, x in points)
+        gesture_key = gesture.key, gesture.name, relative_points, gesture.throws, gesture.curves
         if gesture_key in reported_keys:
             continue
         reported_keys.add(gesture_key)
-        rehearsed[gesture.place] += 1
-        if gesture.place not in singular and (message := _is_singular(player_key, gesture)):
-            singular.add(gesture.place)
+        rehearsal_counts[gesture.place] += 1
+        if gesture.place not in singular_places and (message := _is_singular(player_key, gesture)):
+            singular_places.add(gesture.place)
             collector.error("W312", message, gesture.place)
         if player_key.travel is None:
             continue
-        swing = ""
+        swing_text = ""
         if gesture.throws:
             thrown_low, thrown_high, thrown_at = _free_range(piece, player_key, gesture)
             if thrown_low < low_position or thrown_high > high_position:
-                swing = f"between {_throw_bounds(gesture, thrown_at)} the free key swings"
+                swing_text = f"between {_throw_bounds(gesture, thrown_at)} the free key swings"
             low_position, high_position = (
                 min(low_position, thrown_low),
                 max(high_position, thrown_high),
             )
-        excess = max(least - low_position, high_position - greatest)
-        if excess > max(_TRAVEL_TOLERANCE, farthest.get(gesture.place, (0.0,))[0]):
-            farthest[gesture.place] = (
+        excess = max(position_min - low_position, high_position - position_max)
+        if excess > max(_TRAVEL_TOLERANCE, farthest_by_place.get(gesture.place, (0.0,))[0]):
+            farthest_by_place[gesture.place] = (
                 excess,
-                *_travel_message(player_key, gesture, low_position, high_position, swing),
+                *_travel_message(player_key, gesture, low_position, high_position, swing_text),
             )
-    for place, (_, message, help) in farthest.items():
-        collector.error("E307", message, place, help=help)
+    for place, (_, message, help_text) in farthest_by_place.items():
+        collector.error("E307", message, place, help=help_text)
 
 
 def _travel_limits(key: Key) -> tuple[float, float]:
     """Both ends of a key's travel as the piece sees them; infinite without a travel."""
-    least, greatest = key.travel or (-math.inf, math.inf)
-    return least * key.reach, greatest * key.reach
+    position_min, position_max = key.travel or (-math.inf, math.inf)
+    return position_min * key.reach, position_max * key.reach
 
 
 def _travel_message(
-    player_key: Key, gesture: StagedGesture, low_position: float, high_position: float, swing: str
+    player_key: Key,
+    gesture: StagedGesture,
+    low_position: float,
+    high_position: float,
+    swing_text: str,
 ) -> tuple[str, str]:
     assert player_key.travel is not None
     is_low = (
         player_key.travel[0] * player_key.reach - low_position
         > high_position - player_key.travel[1] * player_key.reach
     )
-    farthest = (low_position if is_low else high_position) / player_key.reach
-    travel = f"{player_key.travel[0] * 1e3:g}mm..{player_key.travel[1] * 1e3:g}mm"
+    farthest_position = (low_position if is_low else high_position) / player_key.reach
+    travel_text = f"{player_key.travel[0] * 1e3:g}mm..{player_key.travel[1] * 1e3:g}mm"
     message = (
-        f"{quote(gesture.name)}: {swing or 'its path goes'} to {farthest * 1e3:.1f} mm, outside "
-        f"the travel of key {quote(player_key.name)} ({travel})"
+        f"{quote(gesture.name)}: {swing_text or 'its path goes'} to "
+        f"{farthest_position * 1e3:.1f} mm, outside "
+        f"the travel of key {quote(player_key.name)} ({travel_text})"
     )
     return message, _travel_advice(
-        gesture, _travel_limits(player_key), (low_position, high_position), is_throw=bool(swing)
+        gesture,
+        _travel_limits(player_key),
+        (low_position, high_position),
+        is_throw=bool(swing_text),
     )
 
 
 def _travel_advice(
     gesture: StagedGesture,
     travel_limits: tuple[float, float],
-    reached: tuple[float, float],
+    reached_positions: tuple[float, float],
     *,
     is_throw: bool,
 ) -> str:
     if is_throw:
         return "write `smooth` instead of `throw` to keep the key on a path"
-    least, greatest = travel_limits
+    position_min, position_max = travel_limits
     if (
         gesture.x
-        and min(gesture.x) >= least - _TRAVEL_TOLERANCE
-        and max(gesture.x) <= greatest + _TRAVEL_TOLERANCE
+        and min(gesture.x) >= position_min - _TRAVEL_TOLERANCE
+        and max(gesture.x) <= position_max + _TRAVEL_TOLERANCE
     ):
         return (
             "write a `hold` at the turning point, or more time, "
             "against the overshoot of the smooth path"
         )
     # A take, or points that lie outside themselves.
-    pairs = zip(travel_limits, reached, strict=True)
-    factors = [limit / x for limit, x in pairs if x != 0.0 and abs(x) > abs(limit)]
+    limits_and_reached = zip(travel_limits, reached_positions, strict=True)
+    factors = [limit / x for limit, x in limits_and_reached if x != 0.0 and abs(x) > abs(limit)]
     factor = math.floor(100.0 * min(factors, default=0.0)) / 100.0
     if 0.0 < factor < 1.0:
         return f"write `do: [scale {factor:g}]`, or a key with more `travel`"
@@ -163,8 +171,12 @@ def _free_range(
 
 
 def _rehearsal_rate(key: Key) -> float:
-    omega = _natural_frequency(key)
-    return _RATE_HZ_MIN if omega is None else _STEPS_PER_PERIOD * omega / (2.0 * math.pi)
+    natural_frequency = _natural_frequency(key)
+    return (
+        _RATE_HZ_MIN
+        if natural_frequency is None
+        else _STEPS_PER_PERIOD * natural_frequency / (2.0 * math.pi)
+    )
 
 
 def _rehearsed_range(
@@ -180,11 +192,11 @@ def _rehearsed_range(
     timeline = _core.Timeline(network, rate)
     key_index = timeline.key(player_key.name, struck_mat)
     # Time to reach the first point, wherever it is.
-    lead = 0.05
-    t = [time - gesture.start + lead for time in gesture.t]
+    lead_seconds = 0.05
+    t = [time - gesture.start + lead_seconds for time in gesture.t]
     timeline.gesture(key_index, t, list(gesture.x), gesture.curves)
     simulation = _core.Simulation(network, timeline)
-    start_frame, stop_frame = int(lead * rate), int(t[-1] * rate) + 1
+    start_frame, stop_frame = int(lead_seconds * rate), int(t[-1] * rate) + 1
     simulation.process(np.zeros((start_frame, 1)))
     low_position, high_position = (math.inf, 0), (-math.inf, 0)
     for first_frame in range(start_frame, stop_frame, _BLOCK_FRAMES):
@@ -200,32 +212,38 @@ def _rehearsed_range(
                 float(frame_block[highest_index, 0]),
                 first_frame + highest_index - start_frame,
             )
-    farthest = high_position if high_position[0] > -low_position[0] else low_position
-    return low_position[0], high_position[0], farthest[1] / rate
+    farthest_position = high_position if high_position[0] > -low_position[0] else low_position
+    return low_position[0], high_position[0], farthest_position[1] / rate
 
 
 def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
     """The two points of the throw during which an instant falls: `0.125 s and 0.375 s`."""
-    for i in gesture.throws:
-        begin, end = (gesture.t[j] - gesture.start for j in (i - 1, i))
+    for throw_index in gesture.throws:
+        begin, end = (
+            gesture.t[point_index] - gesture.start for point_index in (throw_index - 1, throw_index)
+        )
         if begin <= instant <= end + 1e-3:
             return f"{begin:.3f} s and {end:.3f} s"
     return "its points"
 
 
 def _is_singular(player_key: Key, gesture: StagedGesture) -> str | None:
-    omega = _natural_frequency(player_key)
-    if omega is None:
+    natural_frequency = _natural_frequency(player_key)
+    if natural_frequency is None:
         return None
-    for i in gesture.throws:
-        dt = gesture.t[i] - gesture.t[i - 1]
-        if abs(math.sin(omega * dt)) < _AIM_SINE_MIN and omega * dt > math.pi / 2:
-            half = math.pi / omega
+    for throw_index in gesture.throws:
+        throw_seconds = gesture.t[throw_index] - gesture.t[throw_index - 1]
+        if (
+            abs(math.sin(natural_frequency * throw_seconds)) < _AIM_SINE_MIN
+            and natural_frequency * throw_seconds > math.pi / 2
+        ):
+            half_period = math.pi / natural_frequency
             return (
                 f"{quote(gesture.name)}: a throw (one strike, then free "
-                f"motion) of {dt:.3f} s on key "
+                f"motion) of {throw_seconds:.3f} s on key "
                 f"{quote(player_key.name)} lasts nearly a multiple of half the period of the key "
-                f"({half:.3f} s), so the strike would be very strong; write a shorter or longer "
+                f"({half_period:.3f} s), so the strike would be very strong; write a shorter "
+                "or longer "
                 "throw"
             )
     return None
@@ -245,5 +263,5 @@ def _natural_frequency(player_key: Key) -> float | None:
         float(cel_fields.get("Z") or 0.0),
         float(cel_fields["M"]),
     )
-    squared = k / m - (z / (2.0 * m)) ** 2
-    return math.sqrt(squared) if squared > 0.0 else None
+    frequency_squared = k / m - (z / (2.0 * m)) ** 2
+    return math.sqrt(frequency_squared) if frequency_squared > 0.0 else None

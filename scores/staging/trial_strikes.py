@@ -28,35 +28,35 @@ def put_trial_strikes(piece: Piece, assembly: Assembly, timeline: _core.Timeline
 
     Parts that are bowed or pressed have none: a trial of strikes says nothing of friction.
     """
-    hardest: dict[int, _Strike] = {}
+    hardest_by_mat: dict[int, _Strike] = {}
     for strike in _strikes(piece):
         if (strike.target.part, strike.target.module) not in assembly.mats:
             continue
         for mat in assembly.members(strike.target):
-            if mat not in hardest or abs(strike.impulse) > abs(hardest[mat].impulse):
-                hardest[mat] = strike
-    for mat, strike in hardest.items():
+            if mat not in hardest_by_mat or abs(strike.impulse) > abs(hardest_by_mat[mat].impulse):
+                hardest_by_mat[mat] = strike
+    for mat, strike in hardest_by_mat.items():
         timeline.trial_strike(mat, strike.impulse, lasts=strike.lasts)
 
 
 def _strikes(piece: Piece) -> Iterator[_Strike]:
-    rubbed = {
+    rubbed_names = {
         name
         for name, instrument in piece.instruments.items()
         if any(act.is_drawn for act in instrument.acts)
     }
     durations: dict[tuple[str, str], float | None] = {}
     for name, instrument in piece.instruments.items():
-        for act in () if name in rubbed else instrument.acts:
+        for act in () if name in rubbed_names else instrument.acts:
             for target in act.targets:
                 durations[target.part, target.module] = act.lasts
                 yield _Strike(target, act.reach.hard, act.lasts)
     for strikes in piece.strikes:
         for target, impulse in _impulses(strikes):
-            if target.part not in rubbed:
+            if target.part not in rubbed_names:
                 act_lasts = durations.get((target.part, target.module))
-                lasts = act_lasts if strikes.lasts is None else strikes.lasts
-                yield _Strike(target, impulse, lasts)
+                contact_seconds = act_lasts if strikes.lasts is None else strikes.lasts
+                yield _Strike(target, impulse, contact_seconds)
 
 
 def _impulses(strikes: Strikes) -> Iterator[tuple[Target, float]]:
@@ -67,10 +67,10 @@ def _impulses(strikes: Strikes) -> Iterator[tuple[Target, float]]:
             yield target, gain * hit.level.impulse(hit.reach, max)
     if strikes.levels is not None:
         for target in strikes.to:
-            reach = strikes.reaches.get(target.part)
+            impulse_range = strikes.reaches.get(target.part)
             for level in strikes.levels.steps:
-                if reach is not None or not level.is_strength:
-                    yield target, gain * level.impulse(reach, max)
+                if impulse_range is not None or not level.is_strength:
+                    yield target, gain * level.impulse(impulse_range, max)
     if strikes.mass is not None and strikes.speed is not None:
         for target in strikes.to:
             yield target, gain * strikes.mass * strikes.speed

@@ -24,11 +24,11 @@ class _PartGroups:
             part_name = self._above[part_name]
         return part_name
 
-    def join(self, a: str, b: str) -> None:
+    def join(self, first_part: str, second_part: str) -> None:
         """Put two parts in one group."""
-        a, b = self.representative(a), self.representative(b)
-        if a != b:
-            self._above[a] = b
+        first_part, second_part = self.representative(first_part), self.representative(second_part)
+        if first_part != second_part:
+            self._above[first_part] = second_part
 
 
 def warn_unused(piece: Piece) -> list[Diagnostic]:
@@ -57,8 +57,10 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     for members in piece.families.values():  # one instrument: not all notes need be played
         for member in members[1:]:
             part_groups.join(member, members[0])
-    listened = {part_groups.representative(part) for part in _listened_parts(piece, links_by_part)}
-    moved = {part_groups.representative(part) for part in _moved_parts(piece)}
+    listened_groups = {
+        part_groups.representative(part) for part in _listened_parts(piece, links_by_part)
+    }
+    moved_groups = {part_groups.representative(part) for part in _moved_parts(piece)}
     is_played = bool(piece.parts or piece.strikes)
     warnings = []
     for instrument in piece.instruments.values():
@@ -66,19 +68,19 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
             continue
         instrument_name = quote(family_names.get(instrument.name, instrument.name))
         part_group = part_groups.representative(instrument.name)
-        if listened and part_group not in listened:
+        if listened_groups and part_group not in listened_groups:
             message = (
                 f"{instrument_name} cannot be heard: no output of it, or of what it is linked to, "
                 "is routed"
             )
-            help = "add a route to the mix, or an output (`out: {SOX: …}`)"
-            warnings.append(Diagnostic("W321", message, instrument.place, None, help))
-        elif is_played and part_group in listened and part_group not in moved:
+            help_text = "add a route to the mix, or an output (`out: {SOX: …}`)"
+            warnings.append(Diagnostic("W321", message, instrument.place, None, help_text))
+        elif is_played and part_group in listened_groups and part_group not in moved_groups:
             message = (
                 f"nothing moves {instrument_name}: no key that is played and no strike reaches it"
             )
-            help = "link it to a key that a player plays, strike it, or give it X0 or V0"
-            warnings.append(Diagnostic("W322", message, instrument.place, None, help))
+            help_text = "link it to a key that a player plays, strike it, or give it X0 or V0"
+            warnings.append(Diagnostic("W322", message, instrument.place, None, help_text))
     return list(dict.fromkeys(warnings))
 
 
@@ -101,8 +103,8 @@ def _moved_parts(piece: Piece) -> Iterator[str]:
     for strikes in piece.strikes:
         yield from (target.part for target in strikes.to)
     for part_name, part_module in piece.modules():
-        to = part_module.fields.get("to")
-        if part_module.kind in ("ENX", "ENF") and isinstance(to, Target):
-            yield to.part
+        moved_target = part_module.fields.get("to")
+        if part_module.kind in ("ENX", "ENF") and isinstance(moved_target, Target):
+            yield moved_target.part
         if part_module.fields.get("X0") or part_module.fields.get("V0"):
             yield part_name  # in space: X0 is always written; springs and gravity move it

@@ -57,16 +57,16 @@ class Glide:
     def evaluate(self, instant: float) -> _Values:
         """The values at an instant."""
         fraction = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
-        pairs = zip(self.before, self.after, strict=True)
-        return tuple(start + (end - start) * fraction for start, end in pairs)
+        number_pairs = zip(self.before, self.after, strict=True)
+        return tuple(start + (end - start) * fraction for start, end in number_pairs)
 
     @property
     def body_factors(self) -> tuple[float, float]:
         """The initial K and Z of a body's links, as factors of the final ones."""
-        pairs = zip(self.before, self.after, strict=True)
+        number_pairs = zip(self.before, self.after, strict=True)
         k, z = (
             value_before / value_after if value_after else 1.0
-            for value_before, value_after in pairs
+            for value_before, value_after in number_pairs
         )
         return k, z
 
@@ -96,10 +96,14 @@ def glides(
     glide for `duration`, `running` glides to the same values go on to their end. A new link
     fades in from no force if it joins parts that were there before.
     """
-    under_way = {(g.part, g.module): g for g in running if g.stop > start_s}
+    under_way = {
+        (glide_running.part, glide_running.module): glide_running
+        for glide_running in running
+        if glide_running.stop > start_s
+    }
     old_values, new_values = (
-        dict(_gliding_values(*pair, under_way))
-        for pair in ((old_piece, new_piece), (new_piece, old_piece))
+        dict(_gliding_values(*piece_pair, under_way))
+        for piece_pair in ((old_piece, new_piece), (new_piece, old_piece))
     )
     forms_by_piece = (
         dict(_body_forms(old_piece, new_piece)),
@@ -117,19 +121,19 @@ def glides(
         if running_glide is not None and running_glide.after == values:
             glides_by_module[module_key] = running_glide
         elif old_values[module_key] != values:
-            current = (
+            current_values = (
                 old_values[module_key] if running_glide is None else running_glide.evaluate(start_s)
             )
             glides_by_module[module_key] = Glide(
-                *module_key, current, values, start_s, start_s + duration
+                *module_key, current_values, values, start_s, start_s + duration
             )
     old_links = _changed_links(old_piece, new_piece)
     for module_key, new_link in _changed_links(new_piece, old_piece).items():
         running_glide = under_way.get(module_key)
         if module_key not in old_links and _joins_earlier_part(new_link, old_piece):
             values = _module_values(new_link) or (1.0,)
-            current = (0.0,) if running_glide is None else running_glide.evaluate(start_s)
-            glide = Glide(*module_key, current, values, start_s, start_s + duration)
+            current_values = (0.0,) if running_glide is None else running_glide.evaluate(start_s)
+            glide = Glide(*module_key, current_values, values, start_s, start_s + duration)
             if glide.written not in glides_by_module:  # a link over a range glides as one
                 glides_by_module[module_key] = (
                     running_glide
@@ -157,25 +161,29 @@ def leaving_links(
     """Links that fade out from `start_s` [s] on if both their ends stay, and `earlier_links`
     ones that still do.
     """
-    staying = _changed_links(new_piece, old_piece)
-    under_way = {(g.part, g.module): g for g in running if g.stop > start_s}
-    leaving = [link for link in earlier_links if link.glide.stop > start_s]
-    removed = {
+    staying_links = _changed_links(new_piece, old_piece)
+    under_way = {
+        (glide_running.part, glide_running.module): glide_running
+        for glide_running in running
+        if glide_running.stop > start_s
+    }
+    links_leaving = [link for link in earlier_links if link.glide.stop > start_s]
+    removed_links = {
         module_key: link
         for module_key, link in _changed_links(old_piece, new_piece).items()
-        if module_key not in staying
+        if module_key not in staying_links
     }
-    for module_key, gone_module in removed.items():
+    for module_key, gone_module in removed_links.items():
         full_values = _module_values(gone_module) or (1.0,)
-        current = (
+        current_values = (
             under_way[module_key].evaluate(start_s) if module_key in under_way else full_values
         )
-        leaving.append(
+        links_leaving.append(
             LeavingLink(
                 gone_module,
                 Glide(
                     *module_key,
-                    current,
+                    current_values,
                     (0.0,),
                     start_s,
                     start_s + _FADE_OUT_DURATION,
@@ -185,8 +193,8 @@ def leaving_links(
         )
     return tuple(
         link
-        for link in leaving
-        if (link.glide.part, link.glide.module) not in staying
+        for link in links_leaving
+        if (link.glide.part, link.glide.module) not in staying_links
         and all(_end_stays(end, old_piece, new_piece) for end in link.module.ends)
     )
 
@@ -276,9 +284,9 @@ def _gliding_values(
             if module_key not in gliding_keys:
                 continue
             # Parameters under `units: ca` belong to their rate: they are set at once.
-            reach, ca_rate = _owner_setting(piece_part)
+            lever_ratio, ca_rate = _owner_setting(piece_part)
             if ca_rate is None and (values := _module_values(part_module)) is not None:
-                scale = 1.0 if reach is None else 1.0 / (reach * reach)
+                scale = 1.0 if lever_ratio is None else 1.0 / (lever_ratio * lever_ratio)
                 yield module_key, tuple(value * scale for value in values)
 
 
@@ -301,9 +309,13 @@ def cel_constants(fields: Mapping[str, Any]) -> tuple[float, float, float]:
     m = float(fields["M"])
     if fields.get("f") is None:
         return float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0), m
-    omega, t60 = TWO_PI * float(fields["f"]), fields.get("t60")
-    sigma = LN_1000 / float(t60) if t60 else 0.0
-    return m * (omega * omega + sigma * sigma), 2.0 * m * sigma, m
+    angular_frequency, t60 = TWO_PI * float(fields["f"]), fields.get("t60")
+    decay_rate = LN_1000 / float(t60) if t60 else 0.0
+    return (
+        m * (angular_frequency * angular_frequency + decay_rate * decay_rate),
+        2.0 * m * decay_rate,
+        m,
+    )
 
 
 def _module_values(part_module: Module) -> _Values | None:
@@ -322,5 +334,5 @@ def _body_values(fields: Mapping[str, Any]) -> _Values | None:
     t60, m = fields.get("t60"), float(fields["M"])
     if t60 is not None and not isinstance(t60, float):
         return None  # its dampers depend on all its modes
-    omega, sigma = TWO_PI * float(fields["f"]), LN_1000 / t60 if t60 else 0.0
-    return m * (omega * omega + sigma * sigma), m * sigma
+    angular_frequency, decay_rate = TWO_PI * float(fields["f"]), LN_1000 / t60 if t60 else 0.0
+    return m * (angular_frequency * angular_frequency + decay_rate * decay_rate), m * decay_rate

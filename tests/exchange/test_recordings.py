@@ -211,7 +211,7 @@ def test_recording_playback_equals_live_hand(tmp_path: Path) -> None:
 
     def rendered(positions: np.ndarray) -> np.ndarray:
         staged = stage(loaded.piece, real_hands={"ada": positions})
-        (hand,) = staged.live
+        (hand,) = staged.live_hands
         assert hand.tick_frames == 44
         out = np.zeros((40_000, staged.simulation.n_out))
         staged.simulation.process(out)

@@ -84,7 +84,7 @@ def written(tmp_path: Path) -> np.ndarray:
     """The path of the part, at each tick [m]."""
     piece = load(str(tmp_path / "score.yaml")).piece
     assert piece is not None
-    (hand,) = stage(piece, real_hands={"ada": None}).live
+    (hand,) = stage(piece, real_hands={"ada": None}).live_hands
     return hand.standin
 
 

@@ -75,7 +75,7 @@ def test_remote_key_equals_key_in_network(tmp_path: Path, kind: str, method: str
     apart = recorded(take)
 
     complete = staged(score)
-    assert complete.live == ()  # the key is a MAT: the first of the scene
+    assert complete.live_hands == ()  # the key is a MAT: the first of the scene
     n = len(apart.positions())
     moved, out = np.zeros(n), np.zeros((1, complete.simulation.n_out))
     for i in range(n):
@@ -289,7 +289,7 @@ def test_guide_moves_real_key_along_written_part(tmp_path: Path):
         live = ("--live", f"remi={device.url}&wide", "--record", take, "--audio", "null:fast")
         played(score, *live, *guide)
     x = recorded(take).positions()[:, 0]
-    (hand,) = staged(score, real_hands={"remi": None}).live
+    (hand,) = staged(score, real_hands={"remi": None}).live_hands
     part = hand.standin[: len(x)]
     assert part.max() == pytest.approx(8e-3, abs=1e-4)
     # A spring leads, a damper brakes: behind by z/K while it moves, there where the part rests.

@@ -47,7 +47,7 @@ def rendered(simulation: _core.Simulation, n_frames: int) -> np.ndarray:
 
 
 def test_standin_of_take_by_ticks():
-    (hand,) = stage(piece(), planned=True).live
+    (hand,) = stage(piece(), planned=True).live_hands
     assert (hand.player, hand.tick_frames, hand.reach) == ("remi", 44, 1.0)
     take = read(TAKES / "hand-point-1.csv")
     spline = _core.Take(take.t, take.x)
@@ -61,8 +61,10 @@ def test_standin_of_take_by_ticks():
 
 def test_standin_of_written_part_by_free_key():
     mine = ", remi: [{at: 1|1, play: knock}]"
-    assert stage(piece(mine)).live == ()  # nobody is said to be there: a virtual hand plays it
-    (hand,) = stage(piece(mine), real_hands={"remi": None}).live
+    assert (
+        stage(piece(mine)).live_hands == ()
+    )  # nobody is said to be there: a virtual hand plays it
+    (hand,) = stage(piece(mine), real_hands={"remi": None}).live_hands
     position = round(60 / 60 / 8 * 44100 / 44)  # an eighth of a beat at 60 a minute
     assert hand.standin[position] == pytest.approx(6e-3, abs=5e-5)
 
@@ -73,7 +75,7 @@ def test_live_hand_render_equals_performance(planned: bool):
     rng = np.random.default_rng(7)
     ticks = 3e-3 - 3e-3 * np.cos(np.arange(900) / 60) + rng.normal(0, 1e-5, 900)
     live = stage(piece(), planned=planned, real_hands={"remi": None})
-    (hand,) = live.live
+    (hand,) = live.live_hands
     played, forces = [], []
     for x in ticks:
         live.simulation.hold(hand.index, x)

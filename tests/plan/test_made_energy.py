@@ -77,7 +77,7 @@ def test_planned_scene_creates_no_energy(scene: str) -> None:
     assert piece is not None
     played = stage(piece, planned=True)
     played.simulation.process(_frames(played.simulation))
-    assert played.gains() == []
+    assert played.energy_gains() == []
 
 
 def test_small_created_energy_warns_w404_unless_planned(capsys: Capture) -> None:

@@ -52,13 +52,13 @@ def staged(text: str, *, is_seen: bool = True) -> Stage:
 
 def test_motion_rate_as_frame_count() -> None:
     plain = check(score()).piece
-    assert plain.motion_every == 1
+    assert plain.motion_step_frames == 1
     for text, every in {"2kHz": 22, "44100Hz": 1, "30kHz": 1, "22050Hz": 2, "1kHz": 44}.items():
         piece = check(score(f"rates: {{motion: {text}}}\n")).piece
-        assert piece.motion_every == every
+        assert piece.motion_step_frames == every
         assert digest_of(piece) != digest_of(plain)
     faster = check(score("rates: {audio: 96kHz, motion: 2kHz}\n")).piece
-    assert faster.motion_every == 48
+    assert faster.motion_step_frames == 48
 
 
 def test_motion_rate_above_audio_rate_is_refused() -> None:

@@ -90,14 +90,14 @@ class Played:
             board.may(periods)
         for board in self.boards:
             board.wait()
-        self.session.pump()
+        self.session.do_once()
         if (path := self.session.guidance.paths_due()) is not None:
             self.session.guidance.send(*path)
 
     def take_effect(self) -> None:
         """Until no line waits: a busy machine gives lines more time."""
         for _ in range(3000):
-            if not (self.session.schedule.waiting or self.session.schedule.changes.under_way):
+            if not (self.session.schedule.waiting or self.session.schedule.changes.pending):
                 return
             self.run(0.02)
         raise AssertionError("a line waits for a minute")
@@ -362,7 +362,7 @@ def test_takeover_of_two_islands_with_one_hand(tmp_path: Path):
     version = Version(0, "", texts, piece_of(texts))
     real = {"remi": None, "zoe": None}
     begun = stage_first(version, Clock(), real, None)
-    zoe = next(hand.index for hand in begun.stage.live if hand.player == "zoe")
+    zoe = next(hand.index for hand in begun.stage.live_hands if hand.player == "zoe")
 
     def played(simulation: _core.Simulation, first: int, last: int) -> np.ndarray:
         frames = np.zeros((44 * (last - first), simulation.n_out))

@@ -119,7 +119,7 @@ def test_trigger_count_equals_number_of_its_beats(text, begin):
         after = beat
     assert len(runs) > 3
     for number, beat in enumerate(runs):
-        assert trigger.count(tempo, begin, beat) == number
+        assert trigger.run_count(tempo, begin, beat) == number
 
 
 @pytest.mark.parametrize(

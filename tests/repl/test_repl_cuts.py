@@ -91,7 +91,7 @@ def test_cut_with_strikes(act: Act, stepped: Stepped) -> None:
     stepped.run(2.2)
     stage, every = stepped.session.schedule.running.stage, stepped.engine.tick_frames
     frame = (stepped.engine.frame // every + 1) * every
-    cut = cut_stage(stage, frame, ends_gestures=act != "stop", stops=act != "hush")
+    cut = cut_stage(stage, frame, ends_gestures=act != "stop", is_stopped=act != "hush")
     for mat in range(stage.network.n_mat):
         strikes = cut.timeline.strikes_on(mat)
         assert all(strike.at < frame / stepped.rate for strike in strikes)
@@ -153,7 +153,7 @@ def test_cut_of_a_cut_stage(stepped: Stepped) -> None:
     first, again = stage.simulation.fork(), sounds.frame + half
     first.take_over(old)
     process(first, half)
-    second = cut_stage(stage, again, ends_gestures=False, stops=True).simulation
+    second = cut_stage(stage, again, ends_gestures=False, is_stopped=True).simulation
     second.take_over(first)
     np.testing.assert_array_equal(process(second, len(sounds.by_cut) - half), sounds.by_cut[half:])
 
@@ -167,25 +167,25 @@ def test_cut_with_a_real_hand(tmp_path: Path) -> None:
     real = {"leo": moved}
     played = replace(piece, parts=(), starts=())
     before = _staged(piece, real, None, 0, [Span(piece, Window())])
-    frame = 100 * before.live[0].tick_frames
+    frame = 100 * before.live_hands[0].tick_frames
     process(before.simulation, frame)
     for ends_gestures, stops in ((True, False), (False, True), (True, True)):
         tempo = StoppedTempoMap(piece.tempo_map, piece.tempo_map.beats(0.1), frame / piece.rate)
         here = replace(played, tempo_map=tempo) if stops else played
         texted = _staged(here, real, before, frame, [])
-        cut = cut_stage(before, frame, ends_gestures=ends_gestures, stops=stops)
+        cut = cut_stage(before, frame, ends_gestures=ends_gestures, is_stopped=stops)
         sounds = []
         for new in (texted, cut):
             new.simulation.take_over(before.simulation.fork())
             sounds.append(process(new.simulation, 8000))
         assert sounds[0][:, 1].any()
         np.testing.assert_array_equal(*sounds)
-        assert [hand.index for hand in cut.live] == [hand.index for hand in before.live]
+        assert [hand.index for hand in cut.live] == [hand.index for hand in before.live_hands]
 
 
 def _staged(piece, real, like: Stage | None, start: int, spans) -> Stage:
     going = StageTakeover(spans, like, start)
-    return stage(piece, planned=True, real_hands=real, on_fault="mute", going=going)
+    return stage(piece, planned=True, real_hands=real, on_fault="mute", takeover=going)
 
 
 @pytest.mark.parametrize("act", ACTS)

@@ -46,7 +46,7 @@ def watched(session: Session, board: Paced, seconds: float) -> tuple[np.ndarray,
     assert isinstance(engine, LiveEngine)
 
     def look() -> None:
-        session.pump()
+        session.do_once()
         if (path := session.guidance.paths_due()) is not None:
             session.guidance.send(*path)
         status = engine.performance.status()

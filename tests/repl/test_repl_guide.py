@@ -70,7 +70,7 @@ class Led:
         assert isinstance(engine, LiveEngine)
 
         def look() -> None:
-            self.session.pump()
+            self.session.do_once()
             if (path := self.session.guidance.paths_due()) is not None:
                 self.session.guidance.send(*path)
             status = engine.performance.status()

@@ -10,7 +10,7 @@ from ergon.notation.clock.positions import Length, Position, parse_position
 from ergon.repl import language
 from ergon.repl.language import help, verbs
 from ergon.repl.language.commands import BlockCommand, Command
-from ergon.repl.language.lines import is_whole
+from ergon.repl.language.lines import is_complete
 from ergon.repl.language.matter import Set
 from ergon.repl.language.parse import parse
 from ergon.repl.language.playing import Define
@@ -47,11 +47,11 @@ def test_parse_examples_cover_every_command():
     }
 
 
-@pytest.mark.parametrize("form", verbs.FORMS, ids=lambda form: form.written)
+@pytest.mark.parametrize("form", verbs.FORMS, ids=lambda form: form.usage)
 def test_verb_examples_parse_and_appear_in_help(form: verbs.Form):
     assert isinstance(parsed(form.example.replace("as solo", "as solo-2")), Command)
     text = "\n".join(help.verb_help(form.verb))
-    assert form.written in text
+    assert form.usage in text
     assert form.example in text
 
 
@@ -111,11 +111,11 @@ def test_comments_and_blank_lines_give_no_command(text: str):
 
 
 def test_line_ending_in_a_backslash_is_incomplete():
-    assert not is_whole("ada plays knock \\")
-    assert not is_whole("play\nada plays \\  ")
-    assert is_whole("ada plays knock")
-    assert is_whole("play # or not \\")
-    assert is_whole("ada plays \\\n knock")
+    assert not is_complete("ada plays knock \\")
+    assert not is_complete("play\nada plays \\  ")
+    assert is_complete("ada plays knock")
+    assert is_complete("play # or not \\")
+    assert is_complete("ada plays \\\n knock")
 
 
 def test_parse_of_hash_inside_a_word():

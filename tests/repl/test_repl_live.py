@@ -139,7 +139,7 @@ def test_panic_silences_and_drops_waiting_lines(tmp_path: Path):
         assert session.state().panicked
         schedule = session.schedule
         # A stop that comes too late for a busy engine is handed over again: until then it goes on.
-        until(lambda: not (schedule.changes.under_way or schedule.waiting), "the stop is made")
+        until(lambda: not (schedule.changes.pending or schedule.waiting), "the stop is made")
         until(lambda: not schedule.running.clock.is_running, "the piece stands")
         assert session.state().playing == ()
         until(lambda: session.state().level < -90.0, "silence")

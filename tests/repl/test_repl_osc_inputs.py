@@ -68,7 +68,9 @@ class OscSession:
         assert self._osc.place is not None
         self._listener.say(self._osc.place[1], f"/ergon/input/{name}", value)
         before = len(self.values())
-        until(lambda: self.stepped.session.pump() or len(self.values()) > before, "the value acts")
+        until(
+            lambda: self.stepped.session.do_once() or len(self.values()) > before, "the value acts"
+        )
 
     def values(self) -> list[tuple[int, str, float]]:
         """Those of the journal: frame, input, value."""

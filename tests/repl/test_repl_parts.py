@@ -143,7 +143,7 @@ def test_hush_leaves_no_later_ergons(beat):
                 ends.append(places.beat(len(places)))
             elif strikes.hits and not ends:
                 # A phrase that has begun plays to its end, as a gesture does.
-                falls = [beat for beat, _, _ in strikes.falls(piece)]
+                falls = [beat for beat, _, _ in strikes.played_hits(piece)]
                 ends.append(max(falls if strikes.length is None else strikes.rounds(tempo)))
             elif strikes.every and strikes.times:
                 ends.append(

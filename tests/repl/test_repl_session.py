@@ -468,7 +468,7 @@ def test_late_stop_keeps_start_typed_after_it(session):
     session.run(0.5)
     session.session.stops.panic_in_turn()
     schedule = session.session.schedule
-    (reset,) = schedule.changes.under_way
+    (reset,) = schedule.changes.pending
     session.ok("release")
     session.ok("play")
     session.ok("leo plays knock every 1/2 now")
@@ -483,13 +483,13 @@ def test_late_change_dropped_by_panic(session):
     session.ok("play")
     session.run(0.5)
     session.ok("ada plays knock every 1/2 now")
-    session.session.pump()
+    session.session.do_once()
     schedule = session.session.schedule
-    (change,) = schedule.changes.under_way
+    (change,) = schedule.changes.pending
     assert [one.line for one in change.lines] == ["ada plays knock every 1/2 now"]
     session.session.stops.panic_in_turn()
     session.engine._changes.clear()
-    (reset,) = schedule.changes.under_way
+    (reset,) = schedule.changes.pending
     assert [one.line for one in reset.lines] == ["panic"]
     schedule.note_event(EngineEvent(session.engine.frame, reset.ticket, is_late=True))
     assert [one.line for one in schedule.waiting] == ["panic"]

@@ -82,7 +82,7 @@ def test_change_refused_by_engine_is_dropped(
     monkeypatch.setattr(stepped_session.engine, "change", refuse)
     before = stepped_session.session.schedule.head
     stepped_session.ok("seed 7 now")
-    stepped_session.session.pump()
+    stepped_session.session.do_once()
     assert any("is dropped: no such change" in said for said in stepped_session.session.messages())
     assert stepped_session.session.schedule.head is before
 

@@ -105,7 +105,7 @@ def test_suspended_session_reports_skipped_lines(tmp_path: Path):
     stepped.engine.process(
         int(200.0 * stepped.rate)
     )  # as where the program is stopped, and the sound is not
-    stepped.session.pump()
+    stepped.session.do_once()
     messages = [one for one in stepped.session.messages() if "was skipped" in one]
     assert len(messages) == 1
     assert messages[0].startswith("the program was suspended, or the machine was too busy: ")
@@ -125,7 +125,7 @@ def test_late_lines_are_postponed_once(session: Stepped):
     for _ in range(12):
         session.ok("gain bell -1dB")
     session.engine.process(int(3 * session.rate) // 64 * 64)  # the session does not get to look
-    session.session.pump()
+    session.session.do_once()
     bars = {one.beat // 4 for one in schedule.waiting if one.number}
     assert len(bars) == 1
     assert max(bars) * 4 < schedule.beat_now() + 40

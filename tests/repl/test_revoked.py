@@ -28,7 +28,7 @@ def fresh(folder: Path) -> Stage:
     (folder / "bell.yaml").write_text(SCORE)
     piece = load(folder / "bell.yaml").piece
     assert piece is not None
-    return stage(piece, planned=True, on_fault="mute", going=StageTakeover(spans=()))
+    return stage(piece, planned=True, on_fault="mute", takeover=StageTakeover(spans=()))
 
 
 @pytest.fixture
@@ -38,8 +38,8 @@ def begun(tmp_path: Path) -> Stage:
 
 def damped(like: Stage, frame: int) -> Change:
     """A change that damps what sounds."""
-    going = StageTakeover(spans=(), like=like, start=frame)
-    new = stage(like.piece, planned=True, on_fault="mute", going=going)
+    going = StageTakeover(spans=(), running_stage=like, start=frame)
+    new = stage(like.piece, planned=True, on_fault="mute", takeover=going)
     return Change(frame, new, like, damp=0.1)
 
 

@@ -108,7 +108,7 @@ def test_play_waits_for_a_line_on_its_first_beat(
     assert delayed.ok(change).text.startswith("ok 1|1")
     for _ in range(2):  # late, so that it is given more time than `play`
         delayed.advance(int(2.0 * delayed.rate) // EVERY * EVERY)
-        delayed.session.attend()
+        delayed.session.hand_over_due()
     delayed.ok("play")
     delayed.delay = lambda: 0.0
     delayed.run(9.0)
@@ -181,7 +181,7 @@ def test_release_before_the_end_of_a_panic(delayed: Delayed) -> None:
     delayed.run(1.0)
     schedule = delayed.session.schedule
     delayed.ok("panic")
-    (reset,) = [one for one in schedule.changes.under_way if one.lines]
+    (reset,) = [one for one in schedule.changes.pending if one.lines]
     delayed.engine.revoke(0)  # as if it came too late
     delayed.session._take_events()
     assert [one.line for one in schedule.waiting] == ["panic"]
@@ -282,7 +282,7 @@ def test_join_of_lines_under_way_to_one_bar(delayed: Delayed, second: str) -> No
     delayed.ok("leo plays knock every 1/4 now")
     delayed.run(1.8)
     delayed.ok("ada plays knock every 1")
-    assert delayed.session.schedule.changes.under_way
+    assert delayed.session.schedule.changes.pending
     assert delayed.type(second).taken == (second != "ada plays nobody")
     delayed.run(3.0)
     done = [event["beat"] for event in events(delayed, "commit")][2:]

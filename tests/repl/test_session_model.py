@@ -174,7 +174,7 @@ class SessionMachine(RuleBasedStateMachine):
         numbers = [one["number"] for one in ends]
         assert len(numbers) == len(set(numbers)), self.story
         waiting = {one.number for one in self.delayed.session.schedule.waiting}
-        sent = {n for one in self.delayed.session.schedule.changes.under_way for n in _numbers(one)}
+        sent = {n for one in self.delayed.session.schedule.changes.pending for n in _numbers(one)}
         assert set(numbers) | waiting | sent == set(lines), self.story
         done = [(one["frame"], one["number"]) for one in ends if one["event"] == "commit"]
         fenced = [

@@ -14,7 +14,7 @@ def test_gain_of_an_instrument_under_way(delayed: Delayed) -> None:
     delayed.delay = lambda: 0.1
     delayed.ok("tempo 110")
     delayed.ok("kick = skins/kick\nroute kick 1 2")
-    assert delayed.session.schedule.changes.under_way
+    assert delayed.session.schedule.changes.pending
     delayed.ok("gain kick -3dB")
     delayed.delay = lambda: 0.0
     delayed.ok("play")
@@ -31,7 +31,7 @@ def test_levels_act_in_the_order_of_their_frames(delayed: Delayed) -> None:
     delayed.run(1.0)
     delayed.ok("mute drum")
     delayed.run(0.8)
-    assert delayed.session.schedule.changes.under_way
+    assert delayed.session.schedule.changes.pending
     delayed.ok("unmute now")
     delayed.ok("couple k1 k2 K=40N/m Z=0.2Ns/m")
     delayed.run(4.0)
@@ -48,7 +48,7 @@ def test_unmute_now_before_a_mute_at_the_bar(delayed: Delayed) -> None:
     delayed.run(1.0)
     delayed.ok("gain drum x0")
     delayed.run(0.8)
-    assert delayed.session.schedule.changes.under_way
+    assert delayed.session.schedule.changes.pending
     delayed.ok("couple k1 k2 K=40N/m Z=0.2Ns/m now")
     delayed.run(3.0)
     (level,) = [event["frame"] for event in events(delayed, "commit") if event["beat"] == 4.0]
@@ -64,7 +64,7 @@ def test_gain_of_a_withdrawn_instrument(delayed: Delayed) -> None:
     delayed.ok("kick = skins/kick\nroute kick 1 2")
     delayed.ok("gain kick -3dB")
     delayed.ok("gain bell -6dB")
-    assert len(delayed.session.schedule.changes.under_way) == 3
+    assert len(delayed.session.schedule.changes.pending) == 3
     delayed.ok("hush now")
     delayed.run(3.0)
     assert delayed.session.schedule.head.faders.gains == pytest.approx(
@@ -80,7 +80,7 @@ def test_undo_keeps_levels_applied_earlier(delayed: Delayed) -> None:
     delayed.ok("tempo 110")
     delayed.ok("set bell.m.t60 0.4s")
     delayed.ok("mute drum")
-    assert len(delayed.session.schedule.changes.under_way) == 2
+    assert len(delayed.session.schedule.changes.pending) == 2
     delayed.run(0.5)
     delayed.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2")
     delayed.run(0.5)
@@ -96,7 +96,7 @@ def test_undo_acts_after_a_level_under_way(delayed: Delayed) -> None:
     delayed.run(1.0)
     delayed.ok("mute drum")
     delayed.run(0.8)
-    assert delayed.session.schedule.changes.under_way
+    assert delayed.session.schedule.changes.pending
     delayed.ok("undo now")
     delayed.run(1.0)
     assert not delayed.session.schedule.head.faders.muted
@@ -128,7 +128,7 @@ def test_ends_of_one_frame_act_together(delayed: Delayed, lines: tuple[str, ...]
     delayed.run(1.8)
     for line in lines:
         assert delayed.ok(line).text.startswith("ok 2|1")
-        assert delayed.session.schedule.changes.under_way
+        assert delayed.session.schedule.changes.pending
     delayed.run(1.0)
     done = [event["frame"] for event in events(delayed, "commit") if event["beat"] == 4.0]
     assert len(done) == len(lines)

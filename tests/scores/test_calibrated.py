@@ -99,7 +99,7 @@ def test_live_hand_takes_struck_mass_only(piece):
     # What swings, the ground, and the point at which the piece's forces wait for the motor.
     assert complete.network.n_mat - real.network.n_mat == 3
     assert complete.network.n_lia - real.network.n_lia == 2
-    assert real.live[0].mat == 0
+    assert real.live_hands[0].mat == 0
 
 
 def test_live_hand_receives_measured_values(piece, monkeypatch: pytest.MonkeyPatch):
@@ -169,7 +169,7 @@ def test_standin_path_of_heavy_key(piece):
     """The path of a part on a real key comes from the key alone: its weight is in it."""
     measured = HEAVY.format(stiffness="0N/m", weight="150mN") + "travel: -15mm..15mm\n"
     text = piece(measured, hand=", hand: live")
-    (hand,) = stage(text, real_hands={"ada": None}).live
+    (hand,) = stage(text, real_hands={"ada": None}).live_hands
     written = played_positions(piece(measured))[:: hand.tick_frames]
     n = min(len(written), len(hand.standin))
     assert np.abs(hand.standin[:n] - written[:n]).max() < 2e-6

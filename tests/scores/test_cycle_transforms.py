@@ -26,7 +26,7 @@ def shown(text: str, transforms: str, cycle: int = 0) -> str:
     """The strokes of a cycle: instant from its beginning, word, semitones and factor."""
     strokes = []
     for event in transformed(text, transforms).onsets(cycle):
-        what = event.what
+        what = event.value
         pitch = f"{what.semitones:+d}" if what.semitones else ""
         factor = f"x{what.factor:.3g}" if what.factor != 1.0 else ""
         strokes.append(f"{event.begin - cycle} {what.word}{pitch}{factor}")
@@ -100,7 +100,7 @@ def test_apply_onsets(transforms, cycles):
 )
 def test_apply_share_by_chance(transforms, share):
     events = [e for c in range(50) for e in transformed("a*16", transforms).onsets(c)]
-    changed = sum(event.what.semitones for event in events)
+    changed = sum(event.value.semitones for event in events)
     assert changed == pytest.approx(800 * share, abs=5 * (800 * share * (1 - share)) ** 0.5)
 
 
@@ -155,9 +155,9 @@ def test_examples_of_transformation_table(word):
     assert transform.word == word
     assert form.line[0].islower()
     assert not form.line.endswith(".")
-    plain = [[(e.begin, e.what) for e in parse("a*8 c4.maj", Struck).onsets(c)] for c in range(16)]
+    plain = [[(e.begin, e.value) for e in parse("a*8 c4.maj", Struck).onsets(c)] for c in range(16)]
     changed = transformed("a*8 c4.maj", form.example)
-    assert [[(e.begin, e.what) for e in changed.onsets(c)] for c in range(16)] != plain
+    assert [[(e.begin, e.value) for e in changed.onsets(c)] for c in range(16)] != plain
 
 
 # --- mistakes -----------------------------------------------------------------------------------

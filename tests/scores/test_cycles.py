@@ -64,7 +64,7 @@ STEADY = random_rhythms(is_steady=True)
 
 def played(part: Cycles[str], cycles: range = CYCLES) -> list[list[Event[str]]]:
     """The events of some cycles, those of one instant in alphabetical order."""
-    order = lambda event: (event.begin, event.what, event.end)  # noqa: E731
+    order = lambda event: (event.begin, event.value, event.end)  # noqa: E731
     return [sorted(part.onsets(cycle), key=order) for cycle in cycles]
 
 
@@ -116,12 +116,12 @@ def test_stack_commutes():
 
 def test_stack_order_in_an_instant():
     together = stack([pure("b"), pure("a"), pure("c")])
-    assert [event.what for event in together.onsets(3)] == ["b", "a", "c"]
+    assert [event.value for event in together.onsets(3)] == ["b", "a", "c"]
 
 
 def test_off_zero_as_superimpose():
     for rhythm in RHYTHMS:
-        off = change.off(Fraction(0), upper, rhythm)
+        off = change.superimpose_late(Fraction(0), upper, rhythm)
         assert played(off) == played(change.superimpose(upper, rhythm))
 
 
@@ -136,9 +136,9 @@ def test_rev_mirrors_events():
     for rhythm in STEADY:
         for cycle in CYCLES:
             both = 2 * cycle + 1
-            mirrored = {(both - e.end, both - e.begin, e.what) for e in rhythm.onsets(cycle)}
+            mirrored = {(both - e.end, both - e.begin, e.value) for e in rhythm.onsets(cycle)}
             reversed_ = change.rev(rhythm).onsets(cycle)
-            assert {(e.begin, e.end, e.what) for e in reversed_} == mirrored
+            assert {(e.begin, e.end, e.value) for e in reversed_} == mirrored
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
@@ -146,7 +146,7 @@ def test_iterate_repeats(count):
     for rhythm in STEADY:
         turned = change.iterate(count, rhythm)
         again = [
-            [Event(e.begin - count, e.end - count, e.what) for e in turned.onsets(cycle + count)]
+            [Event(e.begin - count, e.end - count, e.value) for e in turned.onsets(cycle + count)]
             for cycle in CYCLES
         ]
         assert again == [turned.onsets(cycle) for cycle in CYCLES]
@@ -179,7 +179,7 @@ def test_apply_every_whenmod_and_chunk_by_cycle():
             ]
             chunked = change.chunk(4, upper, rhythm)
             assert played(chunked, range(cycle, cycle + 1)) == [
-                sorted(share, key=lambda e: (e.begin, e.what, e.end))
+                sorted(share, key=lambda e: (e.begin, e.value, e.end))
             ]
 
 
@@ -190,7 +190,7 @@ def test_onsets_disjoint_and_complete():
         first, last = Fraction(CYCLES[0]), Fraction(CYCLES[-1] + 1)
         fragments = rhythm.query(first, last, chance_from(0, ""))
         assert sorted(begun, key=repr) == sorted(
-            (Event(f.begin, f.end, f.what) for f in fragments if f.start == f.begin), key=repr
+            (Event(f.begin, f.end, f.value) for f in fragments if f.part_start == f.begin), key=repr
         )
 
 
@@ -200,10 +200,10 @@ def test_query_cut_anywhere():
         cuts = sorted(Fraction(random.randint(1, 59), 30) for _ in range(4))
         bounds = [Fraction(0), *cuts, Fraction(2)]
         begun = [
-            Event(f.begin, f.end, f.what)
+            Event(f.begin, f.end, f.value)
             for begin, end in pairwise(bounds)
             for f in rhythm.query(begin, end, chance)
-            if f.start == f.begin
+            if f.part_start == f.begin
         ]
         expected = [event for cycle in range(2) for event in rhythm.onsets(cycle)]
         assert sorted(begun, key=repr) == sorted(expected, key=repr)
@@ -211,7 +211,7 @@ def test_query_cut_anywhere():
 
 def test_leaves_of_random_rhythms():
     for rhythm in RHYTHMS:
-        values = {e.what for cycle in range(24) for e in rhythm.onsets(cycle)}
+        values = {e.value for cycle in range(24) for e in rhythm.onsets(cycle)}
         assert values <= set(rhythm.leaves)
         assert len(rhythm.leaves) == len(set(rhythm.leaves))
         both = change.every(2, upper, rhythm)
@@ -220,7 +220,11 @@ def test_leaves_of_random_rhythms():
 
 def test_cost_bounds_onsets():
     for rhythm in RHYTHMS:
-        for part in (rhythm, change.ply(3, rhythm), change.off(THIRD, change.rev, rhythm)):
+        for part in (
+            rhythm,
+            change.ply(3, rhythm),
+            change.superimpose_late(THIRD, change.rev, rhythm),
+        ):
             assert all(len(part.onsets(cycle)) <= part.cost for cycle in CYCLES)
 
 
@@ -256,7 +260,7 @@ def test_mask_quarters():
 def test_struct_values():
     values = parse("a b", lambda word, _: word)
     part = change.struct(parse("t(3,8)", lambda word, _: word), values)
-    assert [(e.begin * 8, e.what) for e in part.onsets(0)] == [(0, "a"), (3, "a"), (6, "b")]
+    assert [(e.begin * 8, e.value) for e in part.onsets(0)] == [(0, "a"), (3, "a"), (6, "b")]
 
 
 def test_euclid_with_rotation():

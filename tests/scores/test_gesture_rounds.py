@@ -210,9 +210,9 @@ def test_do_of_rounds_among_options_of_row():
     assert {name: word.text for name, word in play.options.items()} == {
         "every": "1", "until": "C", "chance": "0.5"
     }  # fmt: skip
-    assert len(play.do) == 2
+    assert len(play.transforms) == 2
     again = parse("fast rev every 1 do mirror")  # names of gestures, as before
-    assert again.what.text == "fast rev"
+    assert again.played.text == "fast rev"
 
 
 def test_do_of_rounds_in_gesture_definition_is_refused():

@@ -253,8 +253,12 @@ def test_times_counts_the_rounds_of_a_pattern() -> None:
 def test_duet_score_channels_and_measured_key() -> None:
     staged = stage(piece_of(SCORES / "duet.yaml"))
     assert staged.n_channels == 24
-    assert {way.channel for way in staged.listening.ways if way.part == "sky"} == set(range(24))
-    assert {way.channel for way in staged.listening.ways if way.part == "gong"} == set(range(24))
+    assert {way.channel for way in staged.listening.tap_routes if way.part == "sky"} == set(
+        range(24)
+    )
+    assert {way.channel for way in staged.listening.tap_routes if way.part == "gong"} == set(
+        range(24)
+    )
     sky = next(m for m in staged.piece.instruments["sky"].modules if m.kind == "BANK")
     assert sky.fields["count"] == 10_000
     k2 = staged.piece.keys["k2"].modules[0].fields

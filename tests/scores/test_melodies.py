@@ -48,7 +48,7 @@ def falls(text: str, name: str = "s") -> list[tuple[float, tuple[str, ...], tupl
     strikes = next(s for s in built.strikes if s.name == name)
     return [
         (round(beat, 9), tuple(t.part for t in hit.to), (hit.level.low, hit.level.high))
-        for beat, _, hit in strikes.falls(built)
+        for beat, _, hit in strikes.played_hits(built)
     ]
 
 
@@ -167,7 +167,7 @@ def test_phrase_transposed_and_transformed(options, expected):
     built = loaded.piece
     message = [
         f"{beat:.9g} {' '.join(t.part.split('.')[1] for t in hit.to)} {hit.level.low * 1e3:.9g}"
-        for beat, _, hit in built.strikes[0].falls(built)
+        for beat, _, hit in built.strikes[0].played_hits(built)
     ]
     assert ", ".join(message) == expected
 
@@ -372,7 +372,7 @@ def texts(more: str) -> tuple[Texts, Piece]:
 def falling(texts: Texts) -> list[tuple[float, int]]:
     built = texts.load().piece
     assert built is not None, texts.load().diagnostics
-    result = [hit for s in built.strikes for hit in s.falls(built)]
+    result = [hit for s in built.strikes for hit in s.played_hits(built)]
     return sorted((round(beat, 9), len(hit.to)) for beat, _, hit in result)
 
 
@@ -432,7 +432,9 @@ def test_notes_of_instrument_share_output_channels():
     built = piece(f"{CALL}strikes: {{s: {{play: call, at: 0}}}}")
     staged = stage(built)
     assert staged.n_channels == 3  # cell, string, lone
-    assert {way.channel for way in staged.listening.ways if way.part.startswith("cell.")} == {0}
+    assert {way.channel for way in staged.listening.tap_routes if way.part.startswith("cell.")} == {
+        0
+    }
 
 
 def test_melody_rows_on_one_module_have_their_places():

@@ -137,7 +137,7 @@ def test_midi_take_instants_equal_mido_in_every_meter(tmp_path, meter):
     text += "strikes: {s: {play: t, to: cell, at: 0, times: 2}}\n"
     piece = load(tmp_path / "s.yaml", text=head + text).piece
     assert piece is not None
-    seconds = [piece.tempo_map.seconds(beat) for beat, *_ in piece.strikes[0].falls(piece)]
+    seconds = [piece.tempo_map.seconds(beat) for beat, *_ in piece.strikes[0].played_hits(piece)]
     length = 0.7 * 4
     expected = sorted([*theirs, *(instant + length for instant in theirs)])
     assert sorted(seconds) == pytest.approx(expected, abs=1e-9)
@@ -206,7 +206,7 @@ def test_midi_take_transposed_stretched_and_repeated(tmp_path):
     text += "strikes: {s: {play: t, to: cell, at: 2|1, times: 2, transpose: 2st, do: stretch 2}}\n"
     piece = checked(tmp_path, text).piece
     assert piece is not None
-    result = [(beat, hit.what) for beat, _, hit in piece.strikes[0].falls(piece)]
+    result = [(beat, hit.what) for beat, _, hit in piece.strikes[0].played_hits(piece)]
     first = [(4.0, "D3"), (5.0, "F#3"), (5.0, "A3"), (7.0, "D#3"), (8.0, "E3")]
     assert result == [*first, *((beat + 8.0, what) for beat, what in first)]
 
@@ -384,7 +384,7 @@ def test_hostile_midi_bytes_are_read_or_refused(tmp_path, seed):
             held = midi_survey._survey.__wrapped__(path, ())
             assert held.length >= 0.0
             assert 0.0 <= held.seconds(held.length) < 1e12
-            counts = [count for each in held.tracks for count in each.notes.values()]
+            counts = [count for each in held.tracks for count in each.counts_by_channel.values()]
             assert all(0 <= count.low <= count.high < 128 for count in counts)
         try:
             result = midi_file._read.__wrapped__(path, None, ())

@@ -40,7 +40,7 @@ def reports(folder: Path, times_text: str) -> list[tuple[str, int, str]]:
 
 def instants(piece: Piece) -> list[float]:
     """The instants of the notes [s]."""
-    return sorted(piece.tempo_map.seconds(beat) for beat, *_ in piece.strikes[0].falls(piece))
+    return sorted(piece.tempo_map.seconds(beat) for beat, *_ in piece.strikes[0].played_hits(piece))
 
 
 @pytest.mark.parametrize("seed", SEEDS)

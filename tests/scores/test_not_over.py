@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from ergon.scores.staging.not_over import NotOver
+from ergon.scores.staging.not_over import LinesNotOver
 
 
 class Item:
@@ -36,10 +36,10 @@ def test_ended_lines_are_checked_once():
         seen.append(line)
         return line[0].end < since
 
-    known = NotOver()
+    known = LinesNotOver()
     for since in (990.0, 991.0, 992.0):
         seen.clear()
-        left, counts = known.look(
+        left, counts = known.select(
             (lines,), since, lambda line, since=since: looks(line, since), _plays
         )
         assert len(left) == 1000 - since
@@ -47,7 +47,7 @@ def test_ended_lines_are_checked_once():
     assert len(seen) < 12
     seen.clear()
     more = (*lines, Item("knock", 2000.0, 1))
-    left, _ = known.look((more,), 993.0, lambda line: looks(line, 993.0), _plays)
+    left, _ = known.select((more,), 993.0, lambda line: looks(line, 993.0), _plays)
     assert len(left) == 8
     assert len(seen) < 12
 
@@ -65,19 +65,19 @@ def check_counts(lines, left, counts, since):
 def test_occurrence_counts_of_ended_lines():
     chance = random.Random(1)
     for _ in range(200):
-        lines, known = drawn(chance, 9), NotOver()
+        lines, known = drawn(chance, 9), LinesNotOver()
         for since in (0.3, 0.8, 0.5, 0.9):
-            left, counts = known.look((lines,), since, is_over(since), _plays)
+            left, counts = known.select((lines,), since, is_over(since), _plays)
             check_counts(lines, left, counts, since)
 
 
 def test_occurrence_counts_with_changing_lines():
     chance = random.Random(2)
     for _ in range(400):
-        lines, known = drawn(chance, 9), NotOver()
+        lines, known = drawn(chance, 9), LinesNotOver()
         for since in sorted(chance.random() for _ in range(6)):
             first = chance.randint(0, len(lines))
             last = min(len(lines), first + chance.randint(0, 2))
             lines = (*lines[:first], *drawn(chance, chance.randint(0, 2)), *lines[last:])
-            left, counts = known.look((lines,), since, is_over(since), _plays)
+            left, counts = known.select((lines,), since, is_over(since), _plays)
             check_counts(lines, left, counts, since)

@@ -183,6 +183,6 @@ def test_module_glided_back_remains_automated():
     led = led_of(source, ("bell", "n"))
     result = automation_points(source, 60.0, 76.0, Collector(), 59.9)
     assert {point[1:] for point in result.points["bell", "n"]} == {led.numbers_alone}
-    paths = takeover_points({}, result.points, source, 59.9, 75.0, result.moved)
+    paths = takeover_points({}, result.points, source, 59.9, 75.0, result.moved_for_good)
     assert paths.keys() == {("bell", "n")}
     assert takeover_points({}, result.points, source, 59.9, 75.0) == {}

@@ -28,8 +28,8 @@ def course(text: str, seed: int = 7, **more) -> PlaceSequence:
 def played(text: str, rounds: int = 1, seed: int = 7, **more) -> list[tuple[float, str]]:
     """(step, name) of all that some rounds play."""
     first = course(text, seed, **more)
-    places = range(first.places_of(rounds))
-    return [(first.position(n), name) for n in places if (name := first.played(n)) is not None]
+    places = range(first.place_count(rounds))
+    return [(first.position(n), name) for n in places if (name := first.played_name(n)) is not None]
 
 
 @pytest.mark.parametrize(
@@ -168,12 +168,12 @@ def test_nth_round_transformations():
         (3, ["reverse"]),
     ]
     first = course("a b", turns=single)
-    message = [" ".join(t.word for t in first.do(2 * n)) for n in range(12)]
+    message = [" ".join(t.word for t in first.transforms(2 * n)) for n in range(12)]
     assert message == [
         *("", "", "reverse", "mirror scale", "", "reverse"),
         *("", "mirror scale", "reverse", "", "", "mirror scale reverse"),
     ]
-    assert all(first.do(2 * n) == first.do(2 * n + 1) for n in range(12))
+    assert all(first.transforms(2 * n) == first.transforms(2 * n + 1) for n in range(12))
     cycles = course("a b c", turns=single, euclid=rhythm.Euclid(3, 8))
     assert [cycles.round(n) for n in range(9)] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
 
@@ -187,7 +187,7 @@ def test_pattern_with_skip_equals_later_places(text, skip):
     """No draw depends on those before: play from, resume and render agree."""
     complete, rest = course(text, chance=0.7), course(text, chance=0.7, skip=skip)
     for place in range(50):
-        assert rest.played(place) == complete.played(place + skip)
+        assert rest.played_name(place) == complete.played_name(place + skip)
         assert rest.position(place) == complete.position(place + skip)
 
 
@@ -196,7 +196,7 @@ def test_draws_by_seed_and_name():
     assert first == played("choose a b", 40)
     assert first != played("choose a b", 40, seed=8)
     other = PlaceSequence(Pattern(order.parse("choose a b")), Draws(7, "leo/choose a b"))
-    assert [name for _, name in first] != [other.played(n) for n in range(40)]
+    assert [name for _, name in first] != [other.played_name(n) for n in range(40)]
 
 
 # --- when ----------------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ def test_draws_by_seed_and_name():
 def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **more):
     item = {name: more.pop(name) for name in ("euclid", "swing", "skip") if name in more}
     apart = None if every is None else parse_length(every)
-    return line_steps(tempo, start, course(text, **item), every=apart, length=length, **more)
+    return line_steps(tempo, start, course(text, **item), step_length=apart, length=length, **more)
 
 
 @pytest.mark.parametrize(
@@ -215,10 +215,10 @@ def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **mo
         ("a b", {"every": "1/2", "times": 2}, [0, 0.5, 1, 1.5]),
         ("a b", {"every": "1bar", "start": 1.0, "times": 2}, [1, 5, 9, 13]),
         ("a b", {"every": "500ms", "times": 2}, [0, 0.5, 1, 1.5]),  # a beat is a second
-        ("a b", {"until": 3}, [0, 1, 2]),
-        ("a b", {"until": 3.5}, [0, 1, 2, 3]),
-        ("a b", {"until": 6, "times": 2}, [0, 1, 2, 3]),
-        ("a (b c)", {"until": 4, "start": 2.0}, [2, 3, 3.5]),
+        ("a b", {"end_beat": 3}, [0, 1, 2]),
+        ("a b", {"end_beat": 3.5}, [0, 1, 2, 3]),
+        ("a b", {"end_beat": 6, "times": 2}, [0, 1, 2, 3]),
+        ("a (b c)", {"end_beat": 4, "start": 2.0}, [2, 3, 3.5]),
         # A Euclidean rhythm lasts a bar unless `every` says how long a step is.
         ("a", {"every": None, "euclid": rhythm.Euclid(3, 8)}, [0, 1.5, 3]),
         ("a", {"every": None, "euclid": rhythm.Euclid(3, 8, 2), "times": 2},
@@ -228,7 +228,7 @@ def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **mo
         # Plain names follow each other.
         ("a b", {"every": None, "length": lambda name: Length(0.0, {"a": 2.0, "b": 0.5}[name]),
                  "times": 2}, [0, 2, 2.5, 4.5]),
-        ("a b", {"every": None, "length": lambda name: Length(seconds=0.25), "until": 0.6},
+        ("a b", {"every": None, "length": lambda name: Length(seconds=0.25), "end_beat": 0.6},
          [0, 0.25, 0.5]),
         # What is skipped leaves its time out.
         ("a b c", {"skip": 2, "times": 2}, [0, 1, 2, 3]),
@@ -245,7 +245,7 @@ def test_pattern_beats_follow_the_tempo():
 
 
 def test_pattern_beats_of_endless_line_on_demand():
-    complete = beats("walk a b c", every="1/16", until=62_000.0)
+    complete = beats("walk a b c", every="1/16", end_beat=62_000.0)
     assert len(complete) == 992_000
     assert complete[991_999] == pytest.approx(62_000 - 1 / 16)
     assert complete[-1] == complete[991_999]
@@ -260,7 +260,7 @@ def test_pattern_beats_of_endless_line_on_demand():
         ("a b", {"every": None, "length": lambda name: Length()}, "no duration"),
         ("a b", {"every": "0"}, "above 0"),
         ("a b", {"skip": 2}, "leaves out every place"),
-        ("a", {"every": "1/1000", "until": 1e6}, "more than 1,000,000 occurrences"),
+        ("a", {"every": "1/1000", "end_beat": 1e6}, "more than 1,000,000 occurrences"),
     ],
 )
 def test_pattern_options_without_beats_are_refused(text, options, words_):
@@ -329,7 +329,7 @@ def test_parse_words_of_pattern_line():
         "euclid 3 8 rotate 2 swing 2/3 skip 5 until C do scale 0.5"
     )
     play = words.parse(text)
-    assert play.what == ("(knock lean)*2 ~", 0)
+    assert play.played == ("(knock lean)*2 ~", 0)
     assert {name: word.text for name, word in play.options.items()} == {
         "every": "1/2",
         "nth": "4th do mirror, scale 2 every 3rd do reverse",
@@ -340,13 +340,13 @@ def test_parse_words_of_pattern_line():
         "until": "C",
     }
     assert all(text[word.offset :].startswith(word.text) for word in play.options.values())
-    assert [t.word for t in play.do] == ["scale"]
+    assert [t.word for t in play.transforms] == ["scale"]
 
 
 def test_pattern_words_as_gesture_names():
     for name in ("chance", "swing", "skip", "walk", "choose"):
-        assert words.parse(f"{name} every 1").what.text == name
-        assert words.parse(f"{name} every 1").order is None or played(name) == [(0, name)]
+        assert words.parse(f"{name} every 1").played.text == name
+        assert words.parse(f"{name} every 1").pattern is None or played(name) == [(0, name)]
 
 
 @given(st.text(alphabet="ab~()*2 choosewalk", max_size=40))

@@ -31,7 +31,7 @@ def piece(fields: str, head: str = PLAYED) -> Piece:
 
 def hits(fields: str) -> list[tuple[float, Hit]]:
     score = piece(fields)
-    return [(beat, hit) for beat, _, hit in score.strikes[0].falls(score)]
+    return [(beat, hit) for beat, _, hit in score.strikes[0].played_hits(score)]
 
 
 def falls(fields: str) -> list[str]:
@@ -117,11 +117,11 @@ def test_same_strokes_from_the_middle(do):
         f"rhythm: '<c4.maj e4/3 [a4? c5]>*3 [e4|g4.min7]', to: bar, at: 1, times: 40, do: '{do}'"
     )
     strikes = score.strikes[0]
-    every = sorted(strikes.falls(score), key=lambda fall: fall[:2])
+    every = sorted(strikes.played_hits(score), key=lambda fall: fall[:2])
     assert len(every) > 100
     for since, before in [(0.0, 9.0), (17.3, 50.0), (130.0, 1e9), (33.0, 33.0)]:
         part = [fall for fall in every if since - 1e-9 <= fall[0] < before - 1e-9]
-        played = sorted(strikes.falls(score, since, before), key=lambda fall: fall[:2])
+        played = sorted(strikes.played_hits(score, since, before), key=lambda fall: fall[:2])
         assert played == part
     numbers = {(number, hit.to) for _, number, hit in every}
     assert len(numbers) == len(every)  # each draws by itself

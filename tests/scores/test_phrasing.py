@@ -28,7 +28,7 @@ def shown(text: str, do: str, cycle: int = 0) -> list[str]:
     """The strokes of a cycle: from when to when they sound, word, semitones, factor, delay."""
     lines = []
     for event in strokes(text, do, cycle):
-        what, begin = event.what, event.begin - cycle
+        what, begin = event.value, event.begin - cycle
         stop = begin + (event.end - event.begin) * what.length
         pitch = f"{what.semitones:+d}" if what.semitones else ""
         factor = f" x{what.factor:.4g}" if what.factor != 1.0 else ""
@@ -111,7 +111,7 @@ def test_strokes_of_a_cycle(text, do, expected):
 )
 def test_orders_of_arp(order, expected):
     played = strokes("c4.maj7", f"arp {order}")
-    assert "".join(event.what.word[0].lower() for event in played) == expected
+    assert "".join(event.value.word[0].lower() for event in played) == expected
     width = Fraction(1, len(expected))
     assert [event.begin for event in played] == [n * width for n in range(len(expected))]
 
@@ -137,7 +137,7 @@ WORDS = ["legato 0.7", "tremolo 3", "roll 5 0.2", "grace 1/16 2st", "arp updown"
 
 
 def ends(event: Event[Struck]) -> Fraction:
-    return event.begin + (event.end - event.begin) * event.what.length
+    return event.begin + (event.end - event.begin) * event.value.length
 
 
 @pytest.mark.parametrize("text", TEXTS)
@@ -154,7 +154,7 @@ def test_legato_joins_ends_to_beginnings(text):
 def fragments(text: str, do: str) -> list[Fragment[Struck]]:
     """What begins in nine cycles."""
     seen = compiled_rhythm(text, do).query(Fraction(0), Fraction(9), CHANCE)
-    return [f for f in seen if f.start == f.begin]
+    return [f for f in seen if f.part_start == f.begin]
 
 
 @pytest.mark.parametrize("text", TEXTS)
@@ -162,20 +162,20 @@ def fragments(text: str, do: str) -> list[Fragment[Struck]]:
 def test_tremolo_fills_each_note(text, count):
     """As many strokes as said, end to end from the beginning of the note to its end."""
     expected = Counter(
-        (f.begin + turn * (f.end - f.begin) / count, (f.end - f.begin) / count, f.what.word)
+        (f.begin + turn * (f.end - f.begin) / count, (f.end - f.begin) / count, f.value.word)
         for f in fragments(text, "")
-        if (f.start, f.stop) == (f.begin, f.end)  # not of a note that another one cuts
+        if (f.part_start, f.part_stop) == (f.begin, f.end)  # not of a note that another one cuts
         for turn in range(count)
     )
     played = Counter(
-        (f.begin, f.end - f.begin, f.what.word) for f in fragments(text, f"tremolo {count}")
+        (f.begin, f.end - f.begin, f.value.word) for f in fragments(text, f"tremolo {count}")
     )
     assert expected <= played
     assert expected
 
 
 def pitches(chord: list[Fragment[Struck]]) -> set[str]:
-    return {note.word for f in chord for note in single_notes(f.what)}
+    return {note.word for f in chord for note in single_notes(f.value)}
 
 
 SPREADS = ["arp up", "arp converge", "rolled", "rolled -1/2", "strum 5ms"]
@@ -186,11 +186,14 @@ def test_spread_chords_keep_their_notes(text, do):
     """Within the span of each chord its notes begin, and no others of its words."""
     spread = fragments(text, do)
     for chord in fragments(text, ""):
-        if (chord.start, chord.stop) == (chord.begin, chord.end):  # not one that another cuts
+        if (chord.part_start, chord.part_stop) == (
+            chord.begin,
+            chord.end,
+        ):  # not one that another cuts
             within = [
                 f
                 for f in spread
-                if chord.begin <= f.begin < chord.end and f.what.offset == chord.what.offset
+                if chord.begin <= f.begin < chord.end and f.value.offset == chord.value.offset
             ]
             assert pitches(within) == pitches([chord])
 
@@ -210,18 +213,18 @@ def test_phrasing_independent_of_window(text, do):
         {Fraction(random.randint(0, 96), 24) for _ in range(7)} | {Fraction(0), Fraction(4)}
     )
     parts = [
-        (f.begin, f.end, f.what)
+        (f.begin, f.end, f.value)
         for begin, end in pairwise(cuts)
         for f in cycles.query(begin, end, CHANCE)
-        if f.start == f.begin
+        if f.part_start == f.begin
     ]
     together = [
-        (f.begin, f.end, f.what)
+        (f.begin, f.end, f.value)
         for f in cycles.query(Fraction(0), Fraction(4), CHANCE)
-        if f.start == f.begin
+        if f.part_start == f.begin
     ]
     assert Counter(parts) == Counter(together)
-    assert all(event.what.word in {leaf.word for leaf in cycles.leaves}
+    assert all(event.value.word in {leaf.word for leaf in cycles.leaves}
                for event in cycles.onsets(2, CHANCE))  # fmt: skip
 
 
@@ -242,7 +245,7 @@ def test_strokes_of_cycle_alone(do):
 
 
 def test_walk_to_neighbours():
-    walked = ["abcd".index(strokes("<a | b | c | d>", "", n)[0].what.word) for n in range(3000)]
+    walked = ["abcd".index(strokes("<a | b | c | d>", "", n)[0].value.word) for n in range(3000)]
     assert walked[0] == 0
     assert {b - a for a, b in pairwise(walked)} == {-1, 0, 1}
     # In the limit an end is visited half as often as a place between: 1/6, 1/3, 1/3, 1/6.

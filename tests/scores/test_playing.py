@@ -293,7 +293,7 @@ def library() -> list[tuple[str, str, Instrument]]:
         loaded = load(path)
         assert loaded.piece is not None, loaded.diagnostics
         for name in dict.fromkeys([*loaded.piece.instruments, *loaded.piece.families]):
-            instrument = loaded.piece.playable(name)
+            instrument = loaded.piece.playable_instrument(name)
             if (
                 instrument is not None
                 and instrument.acts

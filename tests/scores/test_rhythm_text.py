@@ -20,7 +20,7 @@ def rhythm(text: str) -> Cycles[str]:
 def shown(text: str, cycle: int = 0) -> str:
     """The events of a cycle as `instant word`, instants counted from its beginning."""
     events = rhythm(text).onsets(cycle)
-    return ", ".join(f"{event.begin - cycle} {event.what}" for event in events)
+    return ", ".join(f"{event.begin - cycle} {event.value}" for event in events)
 
 
 def parsed(text: str) -> Cycles[str] | TextError:

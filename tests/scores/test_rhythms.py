@@ -38,7 +38,9 @@ def piece(text: str, head: str = DRUMS) -> Piece:
 def falls(fields: str) -> list[str]:
     """Every stroke of a rhythm, as its beat and its word."""
     score_piece = piece(f"strikes: {{s: {{{fields}}}}}\n")
-    return [f"{beat:.9g} {hit.what}" for beat, _, hit in score_piece.strikes[0].falls(score_piece)]
+    return [
+        f"{beat:.9g} {hit.what}" for beat, _, hit in score_piece.strikes[0].played_hits(score_piece)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -70,13 +72,13 @@ def test_cycles_follow_meter():
     tempo = "tempo: [{at: 1|1, bpm: 60, meter: 3/4}, {at: 2|1, meter: 4/4}]\n"
     head = DRUMS.replace("tempo: {bpm: 60}\n", tempo)
     score_piece = piece("strikes: {s: {rhythm: 'kick kick', at: 0, times: 2}}\n", head)
-    assert [beat for beat, *_ in score_piece.strikes[0].falls(score_piece)] == [0, 1.5, 3, 5]
+    assert [beat for beat, *_ in score_piece.strikes[0].played_hits(score_piece)] == [0, 1.5, 3, 5]
 
 
 def test_levels_of_words_and_cycle():
     fields = "rhythm: 'kick hat:p kick:2mNs hat', at: 0, times: 1, impulse: f mf, do: scale 0.5"
     score_piece = piece(f"strikes: {{s: {{{fields}}}}}\n")
-    hits = [hit for *_, hit in score_piece.strikes[0].falls(score_piece)]
+    hits = [hit for *_, hit in score_piece.strikes[0].played_hits(score_piece)]
     amounts = [hit.level.impulse(hit.reach, max) for hit in hits]
     expected = [1e-3 * 16 ** (5 / 7), 1e-3 * 4 ** (2 / 7), 2e-3, 1e-3 * 4 ** (4 / 7)]
     assert amounts == pytest.approx([amount / 2 for amount in expected])
@@ -98,11 +100,11 @@ def test_same_strokes_from_middle():
     score_piece = piece(
         "strikes: {s: {rhythm: 'kick? [hat|kick] hat*3?', at: 1, times: 64, do: 'sometimes rev'}}\n"
     )
-    every = [*score_piece.strikes[0].falls(score_piece)]
+    every = [*score_piece.strikes[0].played_hits(score_piece)]
     assert 100 < len(every) < 300
     for since, before in [(0.0, 9.0), (17.3, 100.0), (250.0, 1e9), (33.0, 33.0)]:
         part = [fall for fall in every if since - 1e-9 <= fall[0] < before - 1e-9]
-        assert [*score_piece.strikes[0].falls(score_piece, since, before)] == part
+        assert [*score_piece.strikes[0].played_hits(score_piece, since, before)] == part
 
 
 def test_ergons_of_rhythm():
@@ -119,7 +121,7 @@ def test_block_of_text_as_rhythm():
     score_piece = piece(
         "strikes:\n  s:\n    at: 0\n    times: 1\n    rhythm: |\n      kick ~,\n      hat*2\n"
     )
-    assert len([*score_piece.strikes[0].falls(score_piece)]) == 3
+    assert len([*score_piece.strikes[0].played_hits(score_piece)]) == 3
 
 
 @pytest.mark.parametrize(
@@ -178,7 +180,7 @@ def test_end_edit_writes_until():
     after = edits.end_strikes(texts(), before, before.strikes[0], 8.0)
     score_piece = after.load().piece
     assert score_piece is not None
-    assert len([*score_piece.strikes[0].falls(score_piece)]) == 6
+    assert len([*score_piece.strikes[0].played_hits(score_piece)]) == 6
 
 
 def test_keep_of_rhythm_writes_out_strikes():
@@ -187,8 +189,8 @@ def test_keep_of_rhythm_writes_out_strikes():
     excerpt = excerpt_between(texts(), before, "two", 6.0, 12.0)
     score_piece = excerpt.load().piece
     assert score_piece is not None, excerpt.load().diagnostics
-    beats = [beat for beat, *_ in score_piece.strikes[0].falls(score_piece)]
-    expected = [beat - 6.0 for beat, *_ in before.strikes[0].falls(before, 6.0, 12.0)]
+    beats = [beat for beat, *_ in score_piece.strikes[0].played_hits(score_piece)]
+    expected = [beat - 6.0 for beat, *_ in before.strikes[0].played_hits(before, 6.0, 12.0)]
     assert beats == pytest.approx(expected)
 
 
@@ -245,7 +247,7 @@ def test_do_keeps_the_end_of_a_rhythm():
     assert before is not None
     after = transform(texts(text), before, "s", 6.0, "fast 1").load().piece
     assert after is not None
-    beats = [beat for strikes in after.strikes for beat, *_ in strikes.falls(after)]
+    beats = [beat for strikes in after.strikes for beat, *_ in strikes.played_hits(after)]
     assert beats == [0, 2, 4, 6, 8, 10, 12, 14]
 
 

@@ -3,7 +3,7 @@
 import pytest
 from one_bell import SCORE
 
-from ergon.scores.reading.digest import is_same_matter
+from ergon.scores.reading.digest import is_same_network
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 
@@ -26,7 +26,7 @@ def piece(text: str) -> Piece:
 )
 def test_same_matter_with_other_playing_and_spelling(old: str, new: str):
     assert old in SCORE
-    assert is_same_matter(piece(SCORE), piece(SCORE.replace(old, new)))
+    assert is_same_network(piece(SCORE), piece(SCORE.replace(old, new)))
 
 
 @pytest.mark.parametrize(
@@ -44,4 +44,4 @@ def test_same_matter_with_other_playing_and_spelling(old: str, new: str):
 )
 def test_same_matter_with_other_modules_and_routes(old: str, new: str):
     assert old in SCORE
-    assert not is_same_matter(piece(SCORE), piece(SCORE.replace(old, new)))
+    assert not is_same_network(piece(SCORE), piece(SCORE.replace(old, new)))

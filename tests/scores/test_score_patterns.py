@@ -145,7 +145,7 @@ def test_endless_pattern_lines_cost_little():
     late = staged(source, [Span(source, Window(3900.0, 3903.0))])
     assert [at for _, at, _ in late] == [3900 + n / 2 for n in range(6)]
     assert list(islice((name for name, *_ in late), 6)) == [
-        source.parts[0].course(source.seed).played(7800 + n) for n in range(6)
+        source.parts[0].place_sequence(source.seed).played_name(7800 + n) for n in range(6)
     ]
 
 

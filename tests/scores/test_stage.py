@@ -121,7 +121,7 @@ def test_restage_rereads_changed_take(tmp_path: Path):
         text = PLAYED.format(plays="{at: 6|1, play: t}", takes=tmp_path)
         piece = load(tmp_path / "s.yaml", text=text).piece
         assert piece is not None
-        return stage(piece, planned=True, going=StageTakeover((Span(piece, ALL),), before))
+        return stage(piece, planned=True, takeover=StageTakeover((Span(piece, ALL),), before))
 
     copied = tmp_path / "hand-point-1.csv"
     copied.write_bytes((TAKES / copied.name).read_bytes())
@@ -148,7 +148,7 @@ def test_take_with_from_stretch_and_mirror():
     simulation.process(np.zeros((round(12.5 * simulation.rate), simulation.n_out)))
     wanted = -take.evaluate(float(samples.t[0]) + 1.0 + 0.5 * (12.5 - mine.start))[0]
     assert abs(wanted) > 1e-3
-    assert simulation.positions()[mine.struck] == pytest.approx(wanted, abs=1e-9)
+    assert simulation.positions()[mine.struck_mat] == pytest.approx(wanted, abs=1e-9)
 
 
 def test_take_with_from_after_its_end_is_refused():

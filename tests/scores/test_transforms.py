@@ -15,7 +15,7 @@ from ergon.scores.gesture.transforms import (
     apply,
     apply_to_take,
     parse_chain,
-    parse_do,
+    parse_transform,
 )
 
 KNOCK = "0mm@0 smooth 6mm@1/8 throw 0mm@1/4 hold 0mm@1/2"
@@ -138,7 +138,7 @@ def test_quantise_lands_on_multiples_and_stays_playable(rows, q):
     points = gesture(rows)
     moved, notes = apply(points, parse_chain(f"quantise {q}"), Extreme(1))
     is_playable(moved)
-    step = parse_do(f"quantise {q}").amount
+    step = parse_transform(f"quantise {q}").amount
     assert all(abs(p.at.beats / step - round(p.at.beats / step)) < 1e-9 for p in moved)
     assert bool(notes) == (len(moved) < len(points))
     assert moved[-1].x == points[-1].x

@@ -17,7 +17,7 @@ from ergon.notation.tables import notes
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.tuning import Tuning, used
 from ergon.repl.language.mapping import MapNotes
-from ergon.repl.session.midi_maps import struck_by
+from ergon.repl.session.midi_maps import places_of_note
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
@@ -174,7 +174,7 @@ def test_rhythms_strike_every_pitch(tmp_path):
     loaded = checked(text, tmp_path)
     assert loaded.piece is not None, loaded.diagnostics
     rhythm_strikes = next(s for s in loaded.piece.strikes if s.name == "r")
-    parts = [hit.to[0].part for _, _, hit in rhythm_strikes.falls(loaded.piece, 0.0, 20.0)]
+    parts = [hit.to[0].part for _, _, hit in rhythm_strikes.played_hits(loaded.piece, 0.0, 20.0)]
     assert parts == [
         "cells.C4",
         "cells.Db4",
@@ -261,7 +261,7 @@ def test_midi_notes_play_degrees(tmp_path):
     loaded = checked(text, tmp_path)
     assert loaded.piece is not None, loaded.diagnostics
     notes_map = MapNotes(low=0, high=127, target="cells", impulse=None)
-    struck = {key: struck_by(loaded.piece, notes_map, key) for key in range(58, 70)}
+    struck = {key: places_of_note(loaded.piece, notes_map, key) for key in range(58, 70)}
     parts = {key: places[0][0][0] for key, places in struck.items() if places}
     assert parts == {60: "cells.C4", 62: "cells.C#4", 63: "cells.Db4", 67: "cells.7of31"}
 

@@ -65,7 +65,7 @@ def frequency(piece, part: str) -> float:
 
 def parts(piece, name: str) -> list[str]:
     strikes = next(strikes for strikes in piece.strikes if strikes.name == name)
-    hits = [(beat, number, hit) for beat, number, hit in strikes.falls(piece, 0.0, 8.0)]
+    hits = [(beat, number, hit) for beat, number, hit in strikes.played_hits(piece, 0.0, 8.0)]
     return [target.part for _, _, hit in sorted(hits, key=lambda h: h[:2]) for target in hit.to]
 
 

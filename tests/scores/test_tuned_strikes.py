@@ -39,7 +39,7 @@ def loaded(folder: Path, tuning: str, notes: str, more: str):
 
 def parts(piece, name: str, until: float = 4.0) -> list[str]:
     strikes = next(strikes for strikes in piece.strikes if strikes.name == name)
-    hits = [(beat, number, hit) for beat, number, hit in strikes.falls(piece, 0.0, until)]
+    hits = [(beat, number, hit) for beat, number, hit in strikes.played_hits(piece, 0.0, until)]
     return [target.part for _, _, hit in sorted(hits, key=lambda h: h[:2]) for target in hit.to]
 
 

@@ -20,7 +20,7 @@ RAMP = TempoMap([Entry(parse_position("0"), 60.0, 120.0, Length(beats=64))])
 def test_parse_words_of_play():
     text = "knock at A every 1 times 16 do scale 0.5, mirror until C layer touch tracked"
     play = parse(text)
-    assert play.what == ("knock", 0)
+    assert play.played == ("knock", 0)
     assert {name: word.text for name, word in play.options.items()} == {
         "at": "A",
         "every": "1",
@@ -29,16 +29,19 @@ def test_parse_words_of_play():
         "layer": "true",
         "touch": "tracked",
     }
-    assert [(t.word, t.amount) for t in play.do] == [("scale", 0.5), ("mirror", 1.0)]
+    assert [(t.word, t.amount) for t in play.transforms] == [("scale", 0.5), ("mirror", 1.0)]
     for word in [w for name, w in play.options.items() if name != "layer"]:
         assert text[word.offset :].startswith(word.text)
-    assert [text[t.offset : t.offset + t.length] for t in play.do] == ["scale 0.5", "mirror"]
+    assert [text[t.offset : t.offset + t.length] for t in play.transforms] == [
+        "scale 0.5",
+        "mirror",
+    ]
 
 
 def test_parse_transformations_in_play():
     play = parse("solo from 4 stretch 2 reverse")
-    assert [t.word for t in play.do] == ["from", "stretch", "reverse"]
-    jitter = parse("a do jitter 4ms 0.2mm, scale 2 every 1").do
+    assert [t.word for t in play.transforms] == ["from", "stretch", "reverse"]
+    jitter = parse("a do jitter 4ms 0.2mm, scale 2 every 1").transforms
     assert [t.word for t in jitter] == ["jitter", "scale"]
 
 
@@ -90,11 +93,11 @@ def parse_rows(text):
 
 def test_parse_rows_of_part_table():
     read = parse_rows(TABLE)
-    assert [(r.at.text, r.play.what.text) for r in read] == [("A", "lean"), ("3|2.5", "remi-7")]
+    assert [(r.at.text, r.play.played.text) for r in read] == [("A", "lean"), ("3|2.5", "remi-7")]
     for row in read:
-        for word in (row.at, row.play.what, *row.play.options.values()):
+        for word in (row.at, row.play.played, *row.play.options.values()):
             assert TABLE[word.offset :].startswith(word.text)
-        for t in row.play.do:
+        for t in row.play.transforms:
             assert TABLE[t.offset : t.offset + t.length] == "mirror"
 
 

@@ -94,7 +94,7 @@ def _same(version: Version, beat: float) -> Version:
 
 def cut_of(running: RunningVersion, texted: RunningVersion, act: Act, frame: int) -> RunningVersion:
     """The version of the texts, played by a cut of the stage before."""
-    stage = cut_stage(running.stage, frame, ends_gestures=act != "stop", stops=act != "hush")
+    stage = cut_stage(running.stage, frame, ends_gestures=act != "stop", is_stopped=act != "hush")
     return replace(texted, stage=stage)
 
 
@@ -108,7 +108,7 @@ def _by_text(schedule: Schedule, running: RunningVersion, act: Act, frame: int) 
 
 def _staged(schedule: Schedule, on: RunningVersion, line: WaitingLine) -> RunningVersion:
     version = version_after_line(on.version, line)
-    return schedule.makings.stage(on, [replace(line, base=on.version, version=version)])
+    return schedule.makings.staged(on, [replace(line, base=on.version, version=version)])
 
 
 def process(simulation: _core.Simulation, n_frames: int) -> NDArray[np.float64]:
@@ -160,7 +160,7 @@ def begun(seed: int, folder: Path) -> tuple[Stepped, list[str]]:
     if not stepped.session.schedule.running.clock.is_running and dice.random() < 0.8:
         stepped.ok("play")
         stepped.run(dice.uniform(0.1, 1.0))
-    while stepped.session.schedule.changes.under_way:
+    while stepped.session.schedule.changes.pending:
         stepped.run(0.1)
     return stepped, taken
 

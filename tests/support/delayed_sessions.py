@@ -37,8 +37,8 @@ class Delayed(Stepped):
         left = int(seconds * self.rate) // EVERY * EVERY
         turn = max(EVERY, int(_TURN * self.rate) // EVERY * EVERY)
         while left > 0:
-            self.session.attend()
-            self.session.feed()
+            self.session.hand_over_due()
+            self.session.extend_timeline()
             self.advance(min(turn, left))
             left -= turn
 

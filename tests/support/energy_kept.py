@@ -51,7 +51,7 @@ def look(text: str, method: str, seconds: float) -> Looked:
     out = np.zeros((n_frames, played.simulation.n_out))
     try:
         played.simulation.process(out)
-        message = "; ".join(gain.message for gain in played.gains())
+        message = "; ".join(gain.message for gain in played.energy_gains())
     except _core.DivergedError as error:
         message = str(error)
     return Looked(out, message, tuple(row.what for row in played.plan.rows()))

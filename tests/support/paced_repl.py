@@ -86,7 +86,7 @@ class Driver:
             board.may(periods)
         for board in self.paces:
             board.wait()
-        self.session.pump()
+        self.session.do_once()
         if (path := self.session.guidance.paths_due()) is not None:
             with self.session.lock:
                 self.session.guidance.send(*path)

@@ -82,7 +82,7 @@ class Stepped:
             beside["sounds_as"] = version.sounds_as
             beside["strike_levels"] = version.strike_levels
             beside["is_seen"] = is_seen
-            beside["frozen"] = None if frozen is None else frozen.beside(path)
+            beside["frozen"] = None if frozen is None else frozen.relative_to(path)
             opening = SessionStart(
                 version.texts, clock.stopped_beat, version.faders, EVERY, *listened, **beside
             )
@@ -121,10 +121,10 @@ class Stepped:
         left = int(seconds * self.rate)
         while left > 0:
             n = min(left, int(_LOOK * self.rate) // EVERY * EVERY)
-            self.session.pump()
+            self.session.do_once()
             self._process(n)
             left -= n
-        self.session.pump()
+        self.session.do_once()
 
     def tick(self) -> None:
         """Play a tick in which no line is computed, as when a note comes and its line later."""

@@ -76,7 +76,7 @@ class Rig:
 
     def run(self, seconds: float) -> None:
         """Let the session play on."""
-        self.board.run(round(1e3 * seconds), self.session.pump)
+        self.board.run(round(1e3 * seconds), self.session.do_once)
 
     def ok(self, line: str) -> Reply:
         """Run a line that must be accepted."""

@@ -62,7 +62,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
     sections: dict[str, dict[str, Definition]] = {MODULES: {}}
     for section_name, noun in NOUNS.items():
         sections[section_name] = {
-            name: Definition(name, noun, _place(entry.values, entry.brought, score_names))
+            name: Definition(name, noun, _place(entry.values, entry.brought_place, score_names))
             for name, entry in score_names.tables[section_name].items()
         }
     for section_name, noun in _LOCAL_SECTIONS.items():

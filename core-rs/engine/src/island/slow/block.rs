@@ -24,7 +24,7 @@ pub(super) struct SlowBlock {
     /// Frames since its first.
     frame_index: u32,
     /// Whether nothing moved at its first frame.
-    starts_at_rest: bool,
+    is_resting: bool,
     /// (2n)
     buffer: Vec<f64>,
 }
@@ -35,7 +35,7 @@ archive::state!(SlowBlock {
     inputs,
     is_pushed,
     frame_index,
-    starts_at_rest
+    is_resting
 });
 
 impl SlowBlock {
@@ -47,7 +47,7 @@ impl SlowBlock {
             inputs: vec![0.0; n_inputs * n_frames],
             is_pushed: vec![false; n_inputs],
             frame_index: 0,
-            starts_at_rest: true,
+            is_resting: true,
             buffer: vec![0.0; n_state],
             flow: flow.clone(),
         }
@@ -90,8 +90,8 @@ impl SlowBlock {
         }
         self.frame_index = 0;
         self.observed.fill(0.0);
-        self.starts_at_rest = self.state.iter().all(|x| *x == 0.0);
-        if !self.starts_at_rest {
+        self.is_resting = self.state.iter().all(|x| *x == 0.0);
+        if !self.is_resting {
             dense::add_matrix_vector(&self.flow.free_responses, &self.state, &mut self.observed);
         }
     }
@@ -130,7 +130,7 @@ impl SlowBlock {
             return;
         }
         let is_pushed = self.is_pushed.contains(&true);
-        if self.starts_at_rest && !is_pushed {
+        if self.is_resting && !is_pushed {
             self.frame_index = 0;
             return;
         }
@@ -254,7 +254,7 @@ impl SlowBlock {
         self.inputs.copy_from_slice(&other.inputs);
         self.is_pushed.copy_from_slice(&other.is_pushed);
         self.frame_index = other.frame_index;
-        self.starts_at_rest = other.starts_at_rest;
+        self.is_resting = other.is_resting;
     }
 
     /// For a body at rest: advance by `frames`, which may be negative.
