@@ -35,6 +35,7 @@ _HEAD = (
     "piece", "length", "cores", "the plan says", "ratio", "of that planning",
     "cores by ca", "its plan says", "ratio", "over ca",
 )  # fmt: skip
+_HEAD_LINES = (f"| {' | '.join(_HEAD)} |", f"|{'---|' * len(_HEAD)}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,17 +100,20 @@ def piece_cost(piece: str) -> PieceCost:
 
 def table(costs: Sequence[PieceCost]) -> str:
     """A row for each piece, and a line that names those that cost more than by `--method ca`."""
-    lines = [f"| {' | '.join(_HEAD)} |", f"|{'---|' * len(_HEAD)}"]
-    for piece in costs:
-        by_ca, over_ca = piece.by_ca, piece.over_ca
-        cells = [piece.piece, f"{piece.length:.0f} s", *_cells(piece.planned)]
-        cells.append(f"{piece.planned.planning:.3f}")
-        cells += ["refused", "–", "–"] if by_ca is None else _cells(by_ca)
-        cells.append("–" if over_ca is None else f"{over_ca:.2f}")
-        lines.append(f"| {' | '.join(cells)} |")
+    lines = [*_HEAD_LINES, *map(table_row, costs)]
     dearer = [piece.piece for piece in costs if (piece.over_ca or 0.0) > 1.0]
     lines.append(f"cost more than by --method ca: {', '.join(dearer) or 'none'}")
     return "\n".join(lines)
+
+
+def table_row(piece: PieceCost) -> str:
+    """The row of a piece."""
+    by_ca, over_ca = piece.by_ca, piece.over_ca
+    cells = [piece.piece, f"{piece.length:.0f} s", *_cells(piece.planned)]
+    cells.append(f"{piece.planned.planning:.3f}")
+    cells += ["refused", "–", "–"] if by_ca is None else _cells(by_ca)
+    cells.append("–" if over_ca is None else f"{over_ca:.2f}")
+    return f"| {' | '.join(cells)} |"
 
 
 def _cells(cost: Cost) -> list[str]:
@@ -117,11 +121,11 @@ def _cells(cost: Cost) -> list[str]:
 
 
 def pieces(names: Sequence[str] = PIECES) -> list[Row]:
-    """Whole renders of bundled pieces; prints their table too."""
+    """Whole renders of bundled pieces; prints the row of each at once, and their table."""
     costs = []
     for name in names:
         costs.append(piece_cost(name))
-        print(f"{name} rendered", flush=True)
+        print(table_row(costs[-1]), flush=True)
     print(table(costs), flush=True)
     return [_row(piece) for piece in costs]
 

@@ -25,7 +25,7 @@ instruments:
           f: [110Hz, {highest}]
           t60: [0.4s, 0.2s]
           places: {{middle: [1, 1], air: [1, 0.5]}}
-          band: {{count: 40, f: 200Hz..5kHz, t60: 0.1s..0.3s, places: {{middle: 1, air: 1}}, seed: 2}}
+          band: {{count: 40, f: 200Hz..5kHz, t60: 0.2s, places: {{middle: 1, air: 1}}, seed: 2}}
       wall: {{SOL: {{}}}}
       law: {{LNL: {{between: [wall, skin.middle], law: q*d*d*d, q: 2e12N/m3}}}}
     out: {{SOV: skin.air}}

@@ -212,7 +212,7 @@ def test_broken_promise_fails_its_security_test(copied: Path, test: str) -> None
         done = subprocess.run(
             [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", f"tests/{test}"],
             cwd=copied,
-            env={**os.environ, "PYTHONPATH": str(copied / "core-rs" / "python")},
+            env={**os.environ, "PYTHONPATH": str(copied)},
             stdout=subprocess.PIPE,
             text=True,
             timeout=PATIENCE,
