@@ -111,9 +111,9 @@ class _Terminal(io.BytesIO):
 
     def write(self, data: ReadableBuffer, /) -> int:
         """Print whole characters in UTF-8."""
-        octets = bytes(data)
-        sys.stdout.write(clean(octets.decode(errors="replace")))
-        return len(octets)
+        data_bytes = bytes(data)
+        sys.stdout.write(clean(data_bytes.decode(errors="replace")))
+        return len(data_bytes)
 
 
 @contextlib.contextmanager
@@ -216,15 +216,15 @@ class FileGroup:
                 pending.file.close()
         for pending in self.pending:
             self.check(pending.path)  # somebody else may have written there meanwhile
-        moved: list[
+        moved_files: list[
             tuple[_PendingFile, Path | None]
         ] = []  # files that were moved, with their predecessors
         try:
             for pending in self.pending:
-                moved.append((pending, self._keep_old(pending.target)))
+                moved_files.append((pending, self._keep_old(pending.target)))
                 self._move(pending)
         except BaseException:
-            for pending, path_before in reversed(moved):
+            for pending, path_before in reversed(moved_files):
                 if not pending.has_its_name():
                     continue
                 if path_before is None:
@@ -356,9 +356,9 @@ def keep_mode(path: Path, part_path: Path) -> None:
 
     Until then its owner alone may open it: it can hold what a replaced file kept from others.
     """
-    umask = os.umask(0o077)
-    os.umask(umask)
-    part_path.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~umask)
+    file_mask = os.umask(0o077)
+    os.umask(file_mask)
+    part_path.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~file_mask)
 
 
 def remove_folders(folders: Iterable[Path]) -> None:
