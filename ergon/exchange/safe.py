@@ -356,9 +356,9 @@ def keep_mode(path: Path, part_path: Path) -> None:
 
     Until then its owner alone may open it: it can hold what a replaced file kept from others.
     """
-    file_mask = os.umask(0o077)
-    os.umask(file_mask)
-    part_path.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~file_mask)
+    umask = os.umask(0o077)
+    os.umask(umask)
+    part_path.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~umask)
 
 
 def remove_folders(folders: Iterable[Path]) -> None:
