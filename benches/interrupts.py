@@ -90,7 +90,7 @@ COMMANDS = {
         "frames_of",
     ),
     "compile": (_THROWN, "compile score.yaml -o out.csv", "stream_ergons"),
-    "plot": (_THROWN, "plot score.yaml g --svg out.svg", "asked_and_done"),
+    "plot": (_THROWN, "plot score.yaml g --svg out.svg", "wanted_and_actual"),
     "chart": (_LONG, "chart score.yaml -o out", "chart"),
     "stability": ("", "stability -o out", "stability"),
     "info": (_LARGE, "info score.yaml", "info"),

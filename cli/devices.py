@@ -52,14 +52,14 @@ def _sound(console: Console) -> None:
 
 
 def _named(console: Console) -> None:
-    from ergon.live.boards import BoardError, config_path, device_urls, resolve
+    from ergon.live.boards import BoardError, config_path, device_urls, url_and_axis
     from ergon.live.calibration import known_axes
     from ergon.live.hand_sources import uses_of
 
     try:
         urls_by_name = device_urls()
         for device_name, device_url in urls_by_name.items():
-            url, _ = resolve(device_url, {})
+            url, _ = url_and_axis(device_url, {})
             tested = sorted(known_axes(url))
             if console.json:
                 uses = list(uses_of(url))

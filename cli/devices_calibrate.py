@@ -73,11 +73,11 @@ def calibrate(
     states.
     """
     from ergon import _core
-    from ergon.live.boards import BoardError, device_urls, resolve
+    from ergon.live.boards import BoardError, device_urls, url_and_axis
     from ergon.live.calibration import axis_key, store_axis, uncalibrated_axis
 
     try:
-        url, url_axis = resolve(device, {} if ":" in device else device_urls())
+        url, url_axis = url_and_axis(device, {} if ":" in device else device_urls())
     except BoardError as error:
         raise Refused(str(error)) from None
     axis_index = url_axis if axis is None else axis

@@ -158,11 +158,11 @@ def _findings(audio: str, no_audio: bool, test_seconds: float) -> Iterator[Findi
 
 
 def _urls(devices: tuple[str, ...]) -> list[str]:
-    from ergon.live.boards import BoardError, device_urls, resolve
+    from ergon.live.boards import BoardError, device_urls, url_and_axis
 
     try:
         table = device_urls() if devices else {}
-        return [resolve(text, table)[0] for text in devices]
+        return [url_and_axis(text, table)[0] for text in devices]
     except BoardError as error:
         raise Refused(f"--device: {error}") from None
 

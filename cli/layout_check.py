@@ -72,7 +72,7 @@ def check(console: Console, name: str) -> None:
 
 def _row(quality: Quality) -> tuple[str, ...]:
     mean, least = quality.energy_length
-    angle_off, farthest = quality.off
+    angle_off, farthest = quality.angles_off
     lowest_db, highest_db = quality.loudness
     return (
         quality.name,
@@ -92,8 +92,8 @@ def _record(console: Console, quality: Quality) -> None:
         re_mean=quality.energy_length[0],
         re_min=quality.energy_length[1],
         rv_mean=quality.velocity_length,
-        off_mean_deg=quality.off[0],
-        off_max_deg=quality.off[1],
+        off_mean_deg=quality.angles_off[0],
+        off_max_deg=quality.angles_off[1],
         loudness_min_db=quality.loudness[0],
         loudness_max_db=quality.loudness[1],
     )

@@ -124,12 +124,12 @@ def open_axis(
     DeviceMissing.
     """
     from ergon import _core
-    from ergon.live.boards import BoardError, device_urls, resolve
+    from ergon.live.boards import BoardError, device_urls, url_and_axis
     from ergon.live.calibration import known_axes
     from ergon.workshop.metrology.ladder import Axis
 
     try:
-        url, axis_index = resolve(device, {} if ":" in device else device_urls())
+        url, axis_index = url_and_axis(device, {} if ":" in device else device_urls())
         calibrated: dict[int, Known] = known_axes(url)
     except BoardError as error:
         raise Refused(str(error)) from None

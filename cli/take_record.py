@@ -61,7 +61,7 @@ def record(
         raise Refused(f"{path} exists, and a recording overwrites no file")
     hands = _hands(live)
     try:
-        performance = capture(hands.boards, path, tick=tick, record_seconds=seconds)
+        performance = capture(hands.boards, path, tick_rate=tick, record_seconds=seconds)
     except _core.EngineError as error:
         if error.module == "record":  # somebody else's file may be there by now
             raise Refused(str(error)) from None

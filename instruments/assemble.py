@@ -75,8 +75,8 @@ class Assembly:
                 n_links = self.network.n_lia
                 with self._collecting_refusals():
                     if space is None:
-                        add = KINDS[module.kind].add
-                        first_mat = add(self.network, module.name, fields, self.seed)
+                        add_module = KINDS[module.kind].add
+                        first_mat = add_module(self.network, module.name, fields, self.seed)
                     else:
                         module_label = ".".join((name, module.name))
                         module_arguments = module.kind, module.name, fields
@@ -177,9 +177,9 @@ class Assembly:
                 module.name, *ends, follows=follow_values, **law_fields
             )
         else:
-            add = KINDS[module.kind].add
+            add_module = KINDS[module.kind].add
             fields = _fields_behind_lever(module.fields, reach)
-            link_index = add(self.network, module.name, *ends, fields, reach)
+            link_index = add_module(self.network, module.name, *ends, fields, reach)
         self.links[part, module.name] = range(link_index, link_index + 1)
         return link_index
 
@@ -193,15 +193,15 @@ class Assembly:
         port = None if part == target.part else self.ports.get(_module_key(target))
         return self.mat(target) if port is None else port
 
-    def _link_in_space(self, link: Module, a: Target, b: Target) -> int:
+    def _link_in_space(self, link: Module, first_end: Target, second_end: Target) -> int:
         fields = link.fields
         mats_a, mats_b = (
-            self.coordinates(a),
-            self.coordinates(b),
+            self.coordinates(first_end),
+            self.coordinates(second_end),
         )
-        if is_pairwise(link.kind, fields, (a, b)):
+        if is_pairwise(link.kind, fields, (first_end, second_end)):
             groups = sorted(
-                ((mats_a, a.count), (mats_b, b.count)),
+                ((mats_a, first_end.count), (mats_b, second_end.count)),
                 key=lambda group: group[1],
             )
             contact_fields = present_fields(
@@ -264,7 +264,9 @@ class Assembly:
 
     def coordinates(self, target: Target) -> list[int]:
         """Indices of the MATs of the first point in space that a target names, axis by axis."""
-        return [first + int(target.first) for first in self.points[target.part, target.module]]
+        return [
+            first_mat + int(target.first) for first_mat in self.points[target.part, target.module]
+        ]
 
     def members(self, target: Target) -> range:
         """Indices of the MATs that a target names."""
@@ -320,17 +322,17 @@ def _fields_behind_lever(fields: _ModuleFields, ratio: float) -> _ModuleFields:
     """Fields of a module behind a lever, as the piece sees them."""
     if ratio == 1.0:
         return fields
-    seen = dict(fields)
+    seen_fields = dict(fields)
     for field_name, power in _LEVER_POWERS.items():
-        if seen.get(field_name) is not None:
-            seen[field_name] = _times_power(seen[field_name], ratio, power)
+        if seen_fields.get(field_name) is not None:
+            seen_fields[field_name] = _times_power(seen_fields[field_name], ratio, power)
     for field_name in ("hardening", "stretching"):
-        if seen.get(field_name):
-            seen[field_name] /= ratio**4  # q·(x/s)³/s
-    if seen.get("exponent", 1.0) != 1.0:
+        if seen_fields.get(field_name):
+            seen_fields[field_name] /= ratio**4  # q·(x/s)³/s
+    if seen_fields.get("exponent", 1.0) != 1.0:
         # The force is K·(p/s)^α/s, so K gets the factor s^-(1+α); s^-2 is applied above.
-        seen["K"] *= ratio / _core.pow(ratio, seen["exponent"])
-    return seen
+        seen_fields["K"] *= ratio / _core.pow(ratio, seen_fields["exponent"])
+    return seen_fields
 
 
 def _times_power(value: Any, ratio: float, power: int) -> Any:

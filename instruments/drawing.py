@@ -107,21 +107,23 @@ class DrawnActs:
         self._hardest_values: dict[tuple[str, str], float] = defaultdict(float)
         self._alternating: set[tuple[str, str]] = set()
         for act_body in self._acts.values():
-            for constant_word, led in _link_ranges(act_body):
-                if self._is_known(act_body, constant_word, led):
-                    self._hardest_values[led.link, constant_word] += led.hard
+            for constant_word, led_mass in _link_ranges(act_body):
+                if self._is_known(act_body, constant_word, led_mass):
+                    self._hardest_values[led_mass.link, constant_word] += led_mass.hard
                     if constant_word == "draw" and act_body["turns"]:
-                        self._alternating.add((led.link, constant_word))
+                        self._alternating.add((led_mass.link, constant_word))
 
     def struck_masses(self, body: Values) -> list[StruckMass]:
         """What an act strikes to draw and to press."""
         return [
             StruckMass(
-                _mass_name(led.link, word),
-                ImpulseRange(led.soft, led.hard, (led.link, word) in self._alternating),
+                _mass_name(led_mass.link, word),
+                ImpulseRange(
+                    led_mass.soft, led_mass.hard, (led_mass.link, word) in self._alternating
+                ),
             )
-            for word, led in _link_ranges(body)
-            if (led.link, word) in self._hardest_values
+            for word, led_mass in _link_ranges(body)
+            if (led_mass.link, word) in self._hardest_values
         ]
 
     def modules(
@@ -129,10 +131,10 @@ class DrawnActs:
     ) -> tuple[Module, ...]:
         """The modules that an act brings, with the masses that lead constants of its links."""
         written_modules: dict[str, Any] = dict(body["with"] or {})
-        for _, led in _link_ranges(body):
-            if led.link in self._act_of_link:
+        for _, led_mass in _link_ranges(body):
+            if led_mass.link in self._act_of_link:
                 written_modules = {
-                    **(self._acts[self._act_of_link[led.link]]["with"] or {}),
+                    **(self._acts[self._act_of_link[led_mass.link]]["with"] or {}),
                     **written_modules,
                 }
         brought_modules = []
@@ -225,5 +227,5 @@ def _leading_mass_modules(link: Module, constant_word: str) -> Iterator[Module]:
     rest_fields = {"X0": 0.0, "V0": 0.0, "follows": ()}
     yield Module(mass_name, "MAS", {"M": _MASS_BY_FIELD[constant_word], **rest_fields}, link_place)
     yield Module(f"{mass_name}-ground", "SOL", {"X0": 0.0}, link_place)
-    between = Name(f"{mass_name}-ground", link_place), Name(mass_name, link_place)
-    yield Module(f"{mass_name}-oil", "FRO", {"between": between, "Z": _OIL_VISCOSITY}, link_place)
+    link_ends = Name(f"{mass_name}-ground", link_place), Name(mass_name, link_place)
+    yield Module(f"{mass_name}-oil", "FRO", {"between": link_ends, "Z": _OIL_VISCOSITY}, link_place)

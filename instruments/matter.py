@@ -42,8 +42,8 @@ def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values
 
     None if an error was reported, or if fields are missing and `quietly` is set.
     """
-    resolve = {"STRING": _string_fields, "PLATE": _plate}.get(kind)
-    if resolve is None:
+    resolve_fields = {"STRING": _string_fields, "PLATE": _plate}.get(kind)
+    if resolve_fields is None:
         return values
     try:
         if not values.written("material"):
@@ -51,7 +51,7 @@ def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values
             return values
         if any(name not in values.by_name for name in values.nodes):
             return None  # a field was refused already
-        resolved = resolve(values, values.by_name["material"])
+        resolved_fields = resolve_fields(values, values.by_name["material"])
     except _MatterError as refused:
         if not quietly:
             field_label = values.context.label(refused.field)
@@ -61,9 +61,9 @@ def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values
     dropped_fields = (*MATTER_FIELDS, "masses") if kind == "PLATE" else MATTER_FIELDS
     fields = {name: value for name, value in values.by_name.items() if name not in dropped_fields}
     nodes = {name: node for name, node in values.nodes.items() if name not in dropped_fields}
-    resolved = {name: value for name, value in resolved.items() if value is not None}
-    nodes |= {name: nodes.get(name, material_node) for name in resolved}
-    return replace(values, by_name={**fields, **resolved}, nodes=nodes)
+    resolved_fields = {name: value for name, value in resolved_fields.items() if value is not None}
+    nodes |= {name: nodes.get(name, material_node) for name in resolved_fields}
+    return replace(values, by_name={**fields, **resolved_fields}, nodes=nodes)
 
 
 def _refuse_size_without_material(kind: str, body_values: Values) -> None:
@@ -96,12 +96,14 @@ def _missing_name(module_values: Values, field_names: tuple[str, ...], noun: str
     missing_names = [name for name in field_names if name not in module_values.by_name]
     names_text = f"{', '.join(field_names[:-1])} and {field_names[-1]}"
     if not missing_names:
-        others = f"{', '.join(field_names[:-2])} and {field_names[-2]}"
-        message = f"{others} already determine it; remove one of {names_text}"
+        other_names = f"{', '.join(field_names[:-2])} and {field_names[-2]}"
+        message = f"{other_names} already determine it; remove one of {names_text}"
         raise _MatterError("E111", message, field_names[-1])
     if len(missing_names) > 1:
-        need = f"{noun} needs all but one of {names_text}; write {' or '.join(missing_names)} too"
-        raise _MatterError("E103", need)
+        need_sentence = (
+            f"{noun} needs all but one of {names_text}; write {' or '.join(missing_names)} too"
+        )
+        raise _MatterError("E103", need_sentence)
     return missing_names[0]
 
 
@@ -137,7 +139,7 @@ class _Wire(NamedTuple):
 
 
 def _tuned_wire(
-    wire: _Wire, unknown: str, pitch: tuple[float, float], young: float, matter: Material
+    wire: _Wire, unknown_name: str, pitch: tuple[float, float], young: float, matter: Material
 ) -> _Wire:
     """The wire with the tension, length or diameter that gives its pitch.
 
@@ -145,24 +147,24 @@ def _tuned_wire(
     that bends it [Pa]. Raises _MatterError.
     """
     length, _, line_density, tension, bending_term = wire
-    f, stiff_ratio_squared = pitch
-    if unknown == "tension":
+    frequency, stiff_ratio_squared = pitch
+    if unknown_name == "tension":
         tension = (
-            4.0 * length * length * line_density * f * f / stiff_ratio_squared
+            4.0 * length * length * line_density * frequency * frequency / stiff_ratio_squared
             - bending_term / (length * length)
         )
         _root_of_positive(tension)
         return wire._replace(tension=tension)
-    if unknown == "length":
-        wave_term = 4.0 * line_density * f * f / stiff_ratio_squared
+    if unknown_name == "length":
+        wave_term = 4.0 * line_density * frequency * frequency / stiff_ratio_squared
         length = _root_of_positive(
             (tension + sqrt(tension * tension + 4.0 * wave_term * bending_term)) / (2.0 * wave_term)
         )
         return wire._replace(length=length)
-    if unknown != "diameter":
+    if unknown_name != "diameter":
         return wire
     a = pi * pi * pi * young / (64.0 * length * length)
-    b = matter.density * pi * f * f * length * length / stiff_ratio_squared
+    b = matter.density * pi * frequency * frequency * length * length / stiff_ratio_squared
     discriminant = b * b - 4.0 * a * tension
     diameter = sqrt(2.0 * tension / (b + _root_of_positive(discriminant)))
     return wire._replace(
@@ -184,7 +186,7 @@ def _string_fields(values: Values, matter: Material) -> dict[str, Any]:
         line_density = fields["M"] / (moving_mass_ratio * fields["length"])
         fields.setdefault("diameter", sqrt(4.0 * line_density / (pi * matter.density)))
         values = replace(values, by_name=fields)
-    unknown = _missing_name(
+    unknown_name = _missing_name(
         values, ("length", "diameter", "f", "tension"), "a STRING of a material"
     )
     has_written_stiffness = bool(values.written("stiffness"))
@@ -194,7 +196,7 @@ def _string_fields(values: Values, matter: Material) -> dict[str, Any]:
     line_density = matter.density * pi * diameter * diameter / 4.0  # [kg/m]
     if "M" in fields:
         line_density = fields["M"] / (moving_mass_ratio * fields["length"])
-    f = fields.get("f", 0.0)
+    wire_frequency = fields.get("f", 0.0)
     young = matter.young if written_inharmonicity is None else 0.0
     wire = _Wire(
         length=fields.get("length", 0.0) * length_factor,
@@ -205,7 +207,7 @@ def _string_fields(values: Values, matter: Material) -> dict[str, Any]:
     )
     # Square of the pitch over that without stiffness.
     stiff_ratio_squared = 1.0 + (written_inharmonicity or 0.0)
-    wire = _tuned_wire(wire, unknown, (f, stiff_ratio_squared), young, matter)
+    wire = _tuned_wire(wire, unknown_name, (wire_frequency, stiff_ratio_squared), young, matter)
     length, diameter, line_density, tension, bending_term = wire
     inharmonicity = (
         written_inharmonicity
@@ -216,23 +218,27 @@ def _string_fields(values: Values, matter: Material) -> dict[str, Any]:
         message = f"the inharmonicity would be {inharmonicity:.3g}, above the maximum of "
         message += f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
         raise _MatterError("E202", message, "diameter" if values.written("diameter") else "")
-    if unknown == "f":
-        f = _checked_pitch(sqrt(tension / line_density * (1.0 + inharmonicity)) / (2.0 * length))
+    if unknown_name == "f":
+        wire_frequency = _checked_pitch(
+            sqrt(tension / line_density * (1.0 + inharmonicity)) / (2.0 * length)
+        )
     low, high = _STRING_MASSES_LIMITS
-    masses = fields.get("masses") or min(max(low, ceil(2.0 * AUDIBLE_FREQUENCY_MAX / f)), high)
+    masses = fields.get("masses") or min(
+        max(low, ceil(2.0 * AUDIBLE_FREQUENCY_MAX / wire_frequency)), high
+    )
     mass = line_density * length / length_factor * _moving_mass_ratio(values["ends"], masses)
-    resolved = {"masses": masses, "M": fields.get("M", mass), "f": f}
+    string_fields = {"masses": masses, "M": fields.get("M", mass), "f": wire_frequency}
     if not has_written_stiffness:
-        resolved["inharmonicity"] = inharmonicity
+        string_fields["inharmonicity"] = inharmonicity
     if "t60" not in fields:
         bending_stiffness = bending_term / (pi * pi)
-        resolved["t60"] = _decays(
-            f,
+        string_fields["t60"] = _decays(
+            wire_frequency,
             lambda frequency: _string_loss(
                 frequency, line_density, diameter, tension, bending_stiffness, matter.loss
             ),
         )
-    return resolved
+    return string_fields
 
 
 def _moving_mass_ratio(ends: str, masses: int) -> float:
@@ -252,9 +258,9 @@ def _string_loss(
     Woodhouse.
     """
     viscous_layer = sqrt(pi * _AIR_VISCOSITY * _AIR_DENSITY * frequency)
-    drag = 2.0 * pi * (_AIR_VISCOSITY + diameter * viscous_layer)  # [N·s/m²]
+    air_drag = 2.0 * pi * (_AIR_VISCOSITY + diameter * viscous_layer)  # [N·s/m²]
     angular_frequency = 2.0 * pi * frequency
-    return drag / (
+    return air_drag / (
         line_density * angular_frequency
     ) + material_loss * bending_stiffness * line_density * angular_frequency * angular_frequency / (
         tension * tension
@@ -268,7 +274,9 @@ def _decays(f_low: float, loss: Any) -> Any:
     f_high = max(_SECOND_DECAY_FREQUENCY, 4.0 * f_low)
     if loss(f_low) <= 0.0:
         return None
-    low_t60, high_t60 = (LN_1000 / (pi * at * loss(at)) for at in (f_low, f_high))
+    low_t60, high_t60 = (
+        LN_1000 / (pi * frequency * loss(frequency)) for frequency in (f_low, f_high)
+    )
     ratio = f_high / f_low
     return (f_low, low_t60), (
         f_high,
@@ -299,20 +307,30 @@ def _plate(values: Values, matter: Material) -> dict[str, Any]:
         fields["thickness"] = fields["M"] / (mass_ratio * area * matter.density)
         values = replace(values, by_name=fields)
     names = ("thickness", "f", "tension") if is_membrane else ("thickness", "f")
-    unknown = _missing_name(values, names, "a PLATE of a material and a size")
+    unknown_name = _missing_name(values, names, "a PLATE of a material and a size")
     thickness, f, tension = (fields.get(name, 0.0) for name in ("thickness", "f", "tension"))
     poisson = fields.get("bending") or matter.poisson
-    omega = 2.0 * pi * f
+    angular_frequency = 2.0 * pi * f
     if is_membrane:
         shape_factor = (
             _DISC_MEMBRANE_COEFFICIENT / fields["radius"]
             if is_disc
             else _membrane_wave_number(width, height)
         )
-        if unknown == "tension":
-            tension = thickness * matter.density * (omega / shape_factor) * (omega / shape_factor)
-        elif unknown == "thickness":
-            thickness = tension * (shape_factor / omega) * (shape_factor / omega) / matter.density
+        if unknown_name == "tension":
+            tension = (
+                thickness
+                * matter.density
+                * (angular_frequency / shape_factor)
+                * (angular_frequency / shape_factor)
+            )
+        elif unknown_name == "thickness":
+            thickness = (
+                tension
+                * (shape_factor / angular_frequency)
+                * (shape_factor / angular_frequency)
+                / matter.density
+            )
         speed = sqrt(tension / (thickness * matter.density))
         f = f or _checked_pitch(shape_factor * speed / (2.0 * pi))
         # As many masses as put the highest mode of the lattice at AUDIBLE_FREQUENCY_MAX.
@@ -325,7 +343,7 @@ def _plate(values: Values, matter: Material) -> dict[str, Any]:
             else _rectangle_factor(rim, poisson, width, height)
         )
         flexural_speed = sqrt(young / (12.0 * matter.density * (1.0 - poisson * poisson)))  # [m/s]
-        thickness = thickness or omega / (shape_factor * flexural_speed)
+        thickness = thickness or angular_frequency / (shape_factor * flexural_speed)
         f = f or _checked_pitch(shape_factor * flexural_speed * thickness / (2.0 * pi))
         n_needed = (
             (1.9 if rim == "free" else 1.2)
@@ -338,12 +356,12 @@ def _plate(values: Values, matter: Material) -> dict[str, Any]:
     )
     mesh, mass_ratio = _mesh_fields(is_disc, rim, width, height, masses, is_membrane)
     mass = thickness * matter.density * area * mass_ratio
-    resolved = {**mesh, "rim": rim, "M": fields.get("M", mass), "f": f}
+    plate_fields = {**mesh, "rim": rim, "M": fields.get("M", mass), "f": f}
     if not is_membrane:
-        resolved["bending"] = poisson
+        plate_fields["bending"] = poisson
     if "t60" not in fields:
-        resolved["t60"] = _decays(f, lambda _: matter.loss)
-    return resolved
+        plate_fields["t60"] = _decays(f, lambda _: matter.loss)
+    return plate_fields
 
 
 def _is_membrane(values: Values) -> bool:
@@ -394,14 +412,21 @@ def _mesh_fields(
     short_side, long_side = min(plate_width, plate_height), max(plate_width, plate_height)
     side_ratio = long_side / short_side
     first_gaps = max(gaps_min, round(sqrt(masses / side_ratio)) + extra_gaps)
-    gap_counts = [n for n in range(first_gaps, first_gaps + 4) if n * side_ratio <= gaps_max]
+    gap_counts = [
+        gap_count
+        for gap_count in range(first_gaps, first_gaps + 4)
+        if gap_count * side_ratio <= gaps_max
+    ]
     if not gap_counts:
         message = (
             f"its sides are {side_ratio:.3g} to 1, more than a mesh of at most "
             f"{gaps_max - extra_gaps} "
         )
         raise _MatterError("E202", message + "masses a side can have; make it squarer", "sides")
-    best_gaps = min(gap_counts, key=lambda n: abs(round(n * side_ratio) / (n * side_ratio) - 1.0))
+    best_gaps = min(
+        gap_counts,
+        key=lambda gap_count: abs(round(gap_count * side_ratio) / (gap_count * side_ratio) - 1.0),
+    )
     mass_counts = best_gaps - extra_gaps, round(best_gaps * side_ratio) - extra_gaps
     sides = mass_counts if plate_width < plate_height else mass_counts[::-1]
     mass_share = (

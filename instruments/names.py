@@ -101,12 +101,13 @@ class PartNames:
                 targets.append(target)
                 continue
             # What is wrong with the act itself is reported where it is written.
-            quiet = replace(self, collector=Collector())
+            silent_names = replace(self, collector=Collector())
             self.referenced_parts.add(part.name)
             self._add_modules_of_act(part, act)
-            act_targets = quiet.act_targets(part, act)
+            act_targets = silent_names.act_targets(part, act)
             targets += [
-                replace(t, text=str(member_name), place=member_name.place) for t in act_targets
+                replace(act_target, text=str(member_name), place=member_name.place)
+                for act_target in act_targets
             ]
         return targets
 
@@ -128,8 +129,8 @@ class PartNames:
     def _targets_inside(self, owner: PartContents, act: Act, names: Iterable[Name]) -> list[Target]:
         """The MATs of names that are written inside an instrument, for one of its acts."""
         owner = replace(owner, modules=_with_act_modules(owner.modules, act))
-        reached = (self.target(name, "mats", _play_label(owner), owner) for name in names)
-        return [target for target in reached if target is not None]
+        reached_targets = (self.target(name, "mats", _play_label(owner), owner) for name in names)
+        return [target for target in reached_targets if target is not None]
 
     def add_modules_of_struck(self, struck_target: Target) -> None:
         """Add the modules of the act that strikes a target, if they are not there yet."""
@@ -149,9 +150,9 @@ class PartNames:
                 self._add_modules_of_act(act_owner, act_owner.acts[act_name])
             else:
                 known = tuple(act_owner.acts)
-                problem = f"{quote(act_owner.name)} has no act {quote(act_name)}"
+                problem_text = f"{quote(act_owner.name)} has no act {quote(act_name)}"
                 self._refuse(
-                    act_name, module_label, problem, "E301", word=str(act_name), names=known
+                    act_name, module_label, problem_text, "E301", word=str(act_name), names=known
                 )
 
     def _add_modules_of_act(self, owner: PartContents, act: Act) -> None:
@@ -163,10 +164,16 @@ class PartNames:
         """
         acts = self.parts[target.part].acts
         striking_acts = [
-            a for a in acts.values() if any(_module_of_name(n) == target.module for n in a.at)
+            striking_act
+            for striking_act in acts.values()
+            if any(_module_of_name(path_name) == target.module for path_name in striking_act.at)
         ]
-        named = (a for a in striking_acts if a.name == target.text.rpartition(".")[2])
-        act = next(named, None) or next(iter([*striking_acts, *acts.values()]), None)
+        named_acts = (
+            striking_act
+            for striking_act in striking_acts
+            if striking_act.name == target.text.rpartition(".")[2]
+        )
+        act = next(named_acts, None) or next(iter([*striking_acts, *acts.values()]), None)
         return None if act is None else act.reach
 
     def ends_with_note(self, target: Target) -> bool:
@@ -205,8 +212,8 @@ class PartNames:
         named_part = self.parts.get(name)
         if named_part is not None and named_part.acts:
             return named_part, next(iter(named_part.acts.values()))
-        head, _, path_tail = name.rpartition(".")
-        named_part = self.parts.get(head)
+        owner_path, _, path_tail = name.rpartition(".")
+        named_part = self.parts.get(owner_path)
         if (
             named_part is not None
             and path_tail in named_part.acts
@@ -219,19 +226,19 @@ class PartNames:
         """The name itself; for an instrument with notes (`string`, `string.body.12`) one name for
         each note.
         """
-        named = self.family_and_rest(name, prefix)
-        if named is None:
+        family_pair = self.family_and_rest(name, prefix)
+        if family_pair is None:
             return [name]
-        family, rest = named
-        names = (".".join(filter(None, (part, rest))) for part in family.parts.values())
+        family, path_rest = family_pair
+        names = (".".join(filter(None, (part, path_rest))) for part in family.parts.values())
         return [Name(word, name.place, str(name)) for word in names]
 
     def family_and_rest(self, path: str, prefix: str = "") -> tuple[NoteFamily, str] | None:
         """The notes of an instrument if a path names it without a note, and the rest of the path;
         else None.
         """
-        for full in _with_prefix(tuning.spelled(path), prefix) if self.families else ():
-            words = full.split(".")
+        for full_path in _with_prefix(tuning.spelled(path), prefix) if self.families else ():
+            words = full_path.split(".")
             for n_words in range(len(words), 0, -1):
                 family = self.families.get(".".join(words[:n_words]))
                 is_note = n_words < len(words) and tuning.is_pitch(words[n_words])
@@ -246,8 +253,8 @@ class PartNames:
     def spelled(self, path: str, prefix: str = "") -> str:
         """A path with its note spelled as in the instrument: `string.Gb3` for `string.F#3`."""
         path = tuning.spelled(path)
-        for full in _with_prefix(path, prefix) if self.families else ():
-            words = full.split(".")
+        for full_path in _with_prefix(path, prefix) if self.families else ():
+            words = full_path.split(".")
             for n_words in range(1, len(words)):
                 family = self.families.get(".".join(words[:n_words]))
                 part = None if family is None else family.note(words[n_words])
@@ -323,8 +330,8 @@ class PartNames:
         """The part and module, the members, and the axis of a path that names a coordinate in
         space; None otherwise.
         """
-        head, _, axis_name = path.rpartition(".")
-        members_match = _NAME_WITH_MEMBERS.fullmatch(head)
+        point_path, _, axis_name = path.rpartition(".")
+        members_match = _NAME_WITH_MEMBERS.fullmatch(point_path)
         if axis_name not in AXES or members_match is None:
             return None, None, None
         coordinate_target = self._find(members_match[1], seen_from, prefix)
@@ -397,9 +404,9 @@ class PartNames:
         surface_of = module.fields["of"] if module.kind == "SURFACE" else None
         if not isinstance(surface_of, Name):
             return surface_of
-        quiet = replace(self, collector=Collector())
-        missing = Target(owner.name, module.name, 0, 0, str(surface_of), surface_of.place)
-        return quiet.target(surface_of, "body", "", owner) or missing
+        silent_names = replace(self, collector=Collector())
+        missing_target = Target(owner.name, module.name, 0, 0, str(surface_of), surface_of.place)
+        return silent_names.target(surface_of, "body", "", owner) or missing_target
 
     def _find_place(
         self, path: str, part: PartContents | None, prefix: str
@@ -407,13 +414,15 @@ class PartNames:
         """The part and its MODES, and the index of the place, for a path that names a place; None
         otherwise.
         """
-        head, _, place_name = path.rpartition(".")
-        place_target = self._find(head, part, prefix) if head else None
+        part_path, _, place_name = path.rpartition(".")
+        place_target = self._find(part_path, part, prefix) if part_path else None
         if place_target is None:
             return None, None
         place_part, name = place_target
         bodies = [
-            m for n, m in place_part.modules.items() if m.kind == "MODES" and name in (None, n)
+            module
+            for module_name, module in place_part.modules.items()
+            if module.kind == "MODES" and name in (None, module_name)
         ]
         if len(bodies) != 1:
             return None, None
@@ -434,19 +443,21 @@ class PartNames:
         if seen_from is not None and path in seen_from.modules:
             return seen_from, path
         if seen_from is not None:
-            head, _, tail = path.partition(".")
-            if head in seen_from.self_names and (not tail or tail in seen_from.modules):
-                return seen_from, tail if tail or "" in seen_from.modules else None
+            first_name, _, path_rest = path.partition(".")
+            if first_name in seen_from.self_names and (
+                not path_rest or path_rest in seen_from.modules
+            ):
+                return seen_from, path_rest if path_rest or "" in seen_from.modules else None
         for full_path in _with_prefix(path, prefix):
             if full_path in self.parts:
                 self.searched_parts.add(full_path)
                 owner = self.parts[full_path]
                 return owner, "" if "" in owner.modules else None
-            head, _, tail = full_path.rpartition(".")
-            if head in self.parts:
-                self.searched_parts.add(head)
-                if tail in self.parts[head].modules:
-                    return self.parts[head], tail
+            first_name, _, path_rest = full_path.rpartition(".")
+            if first_name in self.parts:
+                self.searched_parts.add(first_name)
+                if path_rest in self.parts[first_name].modules:
+                    return self.parts[first_name], path_rest
         return None
 
     def _only_module(
@@ -459,13 +470,15 @@ class PartNames:
     ) -> str | None:
         if part.struck_mat:
             return part.struck_mat
-        links = [n for n, m in part.modules.items() if m.kind in LINK_KINDS]
+        links = [
+            module_name for module_name, module in part.modules.items() if module.kind in LINK_KINDS
+        ]
         candidates = links if wanted in ("link", "links") else part.mats
         if part.refused_modules or not part.modules:  # refused already
             return None
         if len(candidates) == 1:
             return candidates[0]
-        examples = ", ".join(f"{part.name}.{c}" for c in candidates[:4])
+        examples = ", ".join(f"{part.name}.{candidate}" for candidate in candidates[:4])
         if members_text is not None and examples:
             problem = f"{quote(part.name)} is made of named modules, which {quote(members_text)} "
             self._refuse(name, label, f"{problem}does not select; write a list: [{examples}]")
@@ -522,36 +535,36 @@ class PartNames:
         """The number of members of a module, or of single links of a link over a range."""
         if module.kind not in LINK_KINDS:
             return member_count(module.kind, module.fields)
-        quiet = replace(self, collector=Collector())
+        silent_names = replace(self, collector=Collector())
         ends = module.fields["between"] or ()
         wanted: WantedFamily = "points" if owner.axes > 1 else "mats"
-        targets = (quiet.target(end, wanted, "", owner) for end in ends)
+        targets = (silent_names.target(end, wanted, "", owner) for end in ends)
         return n_links([end for end in targets if end is not None])
 
     def _report_unknown(self, name: Name, path: str, who: str, part: PartContents | None) -> None:
         if self._is_broken(path, part):
             return
-        instrument, _, tail = name.written.rpartition(".")
+        instrument, _, path_rest = name.written.rpartition(".")
         family = self.family_and_rest(instrument) if instrument else None
-        near_note = None if family is None or tuning.is_pitch(tail) else note_slip(tail)
+        near_note = None if family is None or tuning.is_pitch(path_rest) else note_slip(path_rest)
         if near_note is not None:
             suggestion = near_note.suggestion and f"{instrument}.{near_note.suggestion}"
             self._refuse(name, who, near_note.message, "E201", suggestion=suggestion)
             return
         known_names = list(part.modules) if part else []
         known_names += list(self.parts)
-        if "." in path and (head := path.rpartition(".")[0]) in self.parts:
-            written = name.written.rpartition(".")[0] if name.written != name else head
+        if "." in path and (owner_path := path.rpartition(".")[0]) in self.parts:
+            written = name.written.rpartition(".")[0] if name.written != name else owner_path
             known_names = [
                 f"{written}.{module_name}"
-                for module_name in _inside(self.parts[head].modules.values())
+                for module_name in _inside(self.parts[owner_path].modules.values())
             ]
         near_names = [
             known for known in known_names if known
         ]  # a lone generator's module has no name
         problem = f"nothing is called {quote(name.written)}"
         if family is not None:
-            notes = [full.rpartition(".")[2] for full in family[0].parts.values()]
+            notes = [full_name.rpartition(".")[2] for full_name in family[0].parts.values()]
             problem += f"; the notes of {quote(instrument)} are {notes[0]} to {notes[-1]}"
         self._refuse(name, who, problem, "E301", word=name.written, names=near_names)
 
@@ -563,18 +576,21 @@ class PartNames:
     def _is_broken(self, path: str, seen_from: PartContents | None) -> bool:
         """Whether the name was refused already: each mistake is reported once."""
         words = path.split(".")
-        splits = [(".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)]
+        splits = [
+            (".".join(words[:word_count]), ".".join(words[word_count:]))
+            for word_count in range(1, len(words) + 1)
+        ]
         for (
-            head,
-            tail,
+            part_path,
+            path_rest,
         ) in splits:  # a part, a module of the same part, or a module of another
-            if head in self.refused_parts or (
-                seen_from is not None and head in seen_from.refused_modules
+            if part_path in self.refused_parts or (
+                seen_from is not None and part_path in seen_from.refused_modules
             ):
                 return True
-            owner = self.parts.get(head)
+            owner = self.parts.get(part_path)
             if owner is not None and (
-                not owner.modules or tail.split(".")[0] in owner.refused_modules
+                not owner.modules or path_rest.split(".")[0] in owner.refused_modules
             ):
                 return True
         return False
@@ -599,8 +615,8 @@ def _play_label(owner: PartContents) -> str:
 
 def _with_act_modules(modules: Mapping[str, Module], act: Act) -> Mapping[str, Module]:
     """Modules with those of an act that are not among them."""
-    extra = {module.name: module for module in act.modules if module.name not in modules}
-    return {**modules, **extra} if extra else modules
+    added_modules = {module.name: module for module in act.modules if module.name not in modules}
+    return {**modules, **added_modules} if added_modules else modules
 
 
 def _module_of_name(name: str) -> str:

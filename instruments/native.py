@@ -33,8 +33,8 @@ def speed_up(network: _core.Network, n_frames: int) -> int:
     """
     laws_to_compile = [
         (index, rows)
-        for index, (rows, alone, in_runs) in enumerate(network.laws())
-        if is_worth_compiling(rows, alone, in_runs, n_frames)
+        for index, (rows, row_alone, in_runs) in enumerate(network.laws())
+        if is_worth_compiling(rows, row_alone, in_runs, n_frames)
     ]
     if not laws_to_compile or load_numba()[0] is None:
         return 0
@@ -78,7 +78,7 @@ def _compile(source_text: str) -> Any:
     double_pointer, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
     function_type = ctypes.CFUNCTYPE(None, double_pointer, integer, integer, integer, integer)
     functions_by_name: dict[str, Any] = {
-        name: function_type(at) for name, at in _core.law_functions()
+        name: function_type(address) for name, address in _core.law_functions()
     }
     functions_by_name["sqrt"] = math.sqrt
     exec(compile(source_text, "<law>", "exec"), functions_by_name)

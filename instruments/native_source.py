@@ -68,9 +68,15 @@ class _Writer:
     def __post_init__(self) -> None:
         for row in self.rows:
             # The result of a function can be read only in a later loop.
-            before = [at - _FIRST_REGISTER for at in _operands(row) if at >= _FIRST_REGISTER]
-            after = (self.loop_of_row[i] + (self.rows[i][0] in _FUNCTION_OPERANDS) for i in before)
-            self.loop_of_row.append(max(after, default=0))
+            operand_rows = [
+                register - _FIRST_REGISTER
+                for register in _operands(row)
+                if register >= _FIRST_REGISTER
+            ]
+            later_loops = (
+                self.loop_of_row[i] + (self.rows[i][0] in _FUNCTION_OPERANDS) for i in operand_rows
+            )
+            self.loop_of_row.append(max(later_loops, default=0))
 
     def lines(self) -> Iterator[str]:
         n_numbers = sum(row[0] == "constant" for row in self.rows)
@@ -83,16 +89,16 @@ class _Writer:
         yield f"    for first in range(0, n, {_LANES}):"
         yield f"        m = min({_LANES}, n - first)"
         for stage in range(max(self.loop_of_row) + 1):
-            if inner := list(self._loop_lines(stage, "first + i")):
+            if loop_lines := list(self._loop_lines(stage, "first + i")):
                 yield "        for i in range(m):"
-                yield from (f"            {line}" for line in inner)
+                yield from (f"            {line}" for line in loop_lines)
             yield from (f"        {call}" for call in self._function_calls(stage))
 
     def _loop_lines(self, stage: int, link: str) -> Iterator[str]:
-        loaded: set[int] = set()
-        for i, law_row in enumerate(self.rows):
+        loaded_operands: set[int] = set()
+        for row_index, law_row in enumerate(self.rows):
             if (
-                self.loop_of_row[i] != stage
+                self.loop_of_row[row_index] != stage
                 or law_row[0] in _FUNCTION_OPERANDS
                 or law_row[0] == "constant"
             ):
@@ -100,17 +106,19 @@ class _Writer:
             for operand in _operands(law_row):
                 if (
                     self._is_computed(operand)
-                    and operand not in loaded
+                    and operand not in loaded_operands
                     and self._comes_from_room(operand, stage)
                 ):
                     yield f"r{operand} = room[{_room_index(operand)} + i]"
-                    loaded.add(operand)
+                    loaded_operands.add(operand)
             operand_names = [self._name(operand, link) for operand in _operands(law_row)]
             if law_row[0] == "whole_power":
-                yield from _integer_power(f"r{_FIRST_REGISTER + i}", operand_names[0], law_row[2])
+                yield from _integer_power(
+                    f"r{_FIRST_REGISTER + row_index}", operand_names[0], law_row[2]
+                )
             else:
                 operation_text = _OPERATION_FORMATS[law_row[0]].format(*operand_names)
-                yield f"r{_FIRST_REGISTER + i} = {operation_text}"
+                yield f"r{_FIRST_REGISTER + row_index} = {operation_text}"
         for operand in sorted(self._operands_in_room(stage)):
             yield f"room[{_room_index(operand)} + i] = {self._name(operand, link)}"
         if self.loop_of_row[-1] == stage:

@@ -31,7 +31,7 @@ class WrittenOutput:
 
 
 _LISTENED_MODULES = ListOf(
-    Reference("a module, or several in brackets", ("modules",)), least=1, single=True
+    Reference("a module, or several in brackets", ("modules",)), count_min=1, single=True
 )
 _SOF = Record(
     "SOF",

@@ -73,7 +73,7 @@ def read_acts(
         struck_act = _struck_modules(act_body, struck_masses)
         if struck_act is None:
             continue
-        struck_places, reach = struck_act
+        struck_places, impulse_range = struck_act
         act_modules = drawn_acts.modules(act_body, modules_of)
         holds = tuple(
             Hold((Name(mass, act_body.place),), impulses)
@@ -84,7 +84,7 @@ def read_acts(
             Act(
                 act_name,
                 struck_places,
-                reach,
+                impulse_range,
                 act_body.place,
                 act_modules,
                 holds=(*_release_holds(act_body), *holds),
@@ -106,20 +106,20 @@ def _struck_modules(
             )
             return None
         if pressing:
-            mass, reach = pressing[0]
-            return (Name(mass, act_body.place),), reach
+            mass, impulse_range = pressing[0]
+            return (Name(mass, act_body.place),), impulse_range
         if not any(act_body.written(word) for word in BOW_FIELDS):
             message = (
                 f"{act_body.context.label('')} has no 'impulse': the softest and the hardest stroke"
             )
             act_body.error("E103", f"{message}, such as 3mNs..40mNs; a bow has `draw` and `press`")
         return None
-    soft, hard = act_body["impulse"]
-    if not 0.0 < soft < hard:
+    softest, loudest = act_body["impulse"]
+    if not 0.0 < softest < loudest:
         message = f"{act_body.context.label('impulse')}: the softest and the hardest stroke are "
         act_body.error("E202", message + "expected, both above 0, such as 3mNs..40mNs", "impulse")
-        soft, hard = _SUBSTITUTE_IMPULSES  # strikes by this act are not refused once more
-    return act_body["at"] or (), ImpulseRange(soft, hard, act_body["turns"])
+        softest, loudest = _SUBSTITUTE_IMPULSES  # strikes by this act are not refused once more
+    return act_body["at"] or (), ImpulseRange(softest, loudest, act_body["turns"])
 
 
 def _release_holds(body: Values) -> tuple[Hold, ...]:

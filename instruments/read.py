@@ -25,7 +25,7 @@ from ergon.instruments.transpose import (
 )
 from ergon.notation.tables import tuning
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.compound import ListOf, NamesOf, merged
+from ergon.notation.tables.compound import ListOf, NamesOf, schema_of_types
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.named_values import named_amounts
 from ergon.notation.tables.notes import Notes, check_note
@@ -258,7 +258,7 @@ def _merged_schema(base_schema: dict[str, Any], other_schema: dict[str, Any]) ->
     """A schema with the properties and types that another has in addition."""
     first_type, their = base_schema.get("type"), other_schema.get("type")
     if isinstance(first_type, list) and isinstance(their, list) and not {*first_type} & {*their}:
-        return merged(other_schema, base_schema)
+        return schema_of_types(other_schema, base_schema)
     merged_schema = {
         key: _merged_schema(value, other_schema[key])
         if isinstance(value, dict) and isinstance(other_schema.get(key), dict)
@@ -331,11 +331,11 @@ def _values_and_modules(
 
 def with_ground_point(module: Module) -> tuple[Module, ...]:
     """A module; for a DRY with `to`, preceded by the fixed point on which it rubs."""
-    to = module.fields.get("to")
-    if module.kind != "DRY" or to is None:
+    end_name = module.fields.get("to")
+    if module.kind != "DRY" or end_name is None:
         return (module,)
     ground = Module(f"{module.name} ground", "SOL", {"X0": 0.0}, module.place)
-    ends = (Name(ground.name, module.place), to)
+    ends = (Name(ground.name, module.place), end_name)
     return ground, replace(module, fields={**module.fields, "to": None, "between": ends})
 
 
@@ -343,8 +343,8 @@ def _completed_values(kind: str, values: Values, axes: int = 1) -> Values | None
     """The fields of a module with those computed from others; None if an error was reported."""
     if axes > 1:
         return values
-    complete = {"BANK": with_listed_modes, "MODES": with_levels_at_places}.get(kind)
-    return from_material(kind, values) if complete is None else complete(values)
+    complete_fields = {"BANK": with_listed_modes, "MODES": with_levels_at_places}.get(kind)
+    return from_material(kind, values) if complete_fields is None else complete_fields(values)
 
 
 def make_module(module_name: str, kind_name: str, values: Values, n_axes: int = 1) -> Module:
@@ -378,16 +378,16 @@ def _built_module(
         written_fields.pop(source_field, None)
     module_kind.complete(module_values, written_fields)
     module_kind.check(module_values)
-    becomes, written = (
+    built_kind, written_kind = (
         (module_kind.built_kind, kind_name) if module_kind.built_kind else (kind_name, "")
     )
     return Module(
         module_name,
-        becomes,
+        built_kind,
         written_fields,
         module_values.place,
         Places(module_values.nodes),
-        written,
+        written_kind,
     )
 
 
@@ -562,7 +562,7 @@ def _with_own_pitch(instrument_values: Values, body_values: Values) -> Values | 
             field_value,
             instrument_values.nodes[field_name],
         )
-    retuned = Values(
+    values_at_pitch = Values(
         body_values.record,
         body_values.node,
         body_values.context,
@@ -571,4 +571,4 @@ def _with_own_pitch(instrument_values: Values, body_values: Values) -> Values | 
         body_values.free,
         body_values.kind,
     )
-    return _completed_values(instrument_values.kind, retuned)
+    return _completed_values(instrument_values.kind, values_at_pitch)

@@ -77,11 +77,13 @@ class ModuleRules:
                 return None
         elif module.kind in GENERATOR_KINDS and module_part.axes == 1:
             _check_start_members(module, module_label, part_names.collector)
-        named = following_names.with_targets(
+        named_module = following_names.with_targets(
             replace(module, fields=module_fields), module_part, part_names, module_label
         )
         body = self._written_values.get(module.name)
-        return with_checked_law(named, self._law_texts, body, module_label, part_names.collector)
+        return with_checked_law(
+            named_module, self._law_texts, body, module_label, part_names.collector
+        )
 
 
 def with_checked_law(
@@ -185,9 +187,9 @@ def _resolve_drive(
     fields["to"] = target
     source = fields["from"]
     if isinstance(source, Name) and source not in takes:
-        full = f"{part.prefix}.{source}"
-        if full in takes:
-            fields["from"] = Name(full, source.place)
+        full_name = f"{part.prefix}.{source}"
+        if full_name in takes:
+            fields["from"] = Name(full_name, source.place)
         else:
             message = f"{label}: {quote(source)} is neither a take nor a number"
             part_names.collector.error(
@@ -278,14 +280,16 @@ def _is_distance(
         return False
     first, second = output_targets
     n_axes = [part_names.parts[end.part].axes for end in output_targets]
-    problem = ""
+    problem_text = ""
     if _point_key(first) == _point_key(second):
-        problem = f"both points are {second.text}; a distance is that of two different points"
+        problem_text = f"both points are {second.text}; a distance is that of two different points"
     elif n_axes[0] != n_axes[1]:
-        problem = f"{quote(first.text)} has {n_axes[0]} axes and {quote(second.text)} {n_axes[1]}"
-    if problem:
-        part_names.collector.error("E304", f"{output_label}: {problem}", second.place)
-    return not problem
+        problem_text = (
+            f"{quote(first.text)} has {n_axes[0]} axes and {quote(second.text)} {n_axes[1]}"
+        )
+    if problem_text:
+        part_names.collector.error("E304", f"{output_label}: {problem_text}", second.place)
+    return not problem_text
 
 
 def _names_of_notes(name: Name, part: PartContents, part_names: PartNames) -> list[Name]:
@@ -310,8 +314,10 @@ def _output_target(
             return Target(
                 output_part.name, output_module.name, 0, 1, str(target_name), target_name.place
             )
-        head = target_name.split(".")[0] if target_name not in output_part.modules else target_name
-        module = output_part.modules.get(str(head)) or output_part.modules.get("")
+        first_name = (
+            target_name.split(".")[0] if target_name not in output_part.modules else target_name
+        )
+        module = output_part.modules.get(str(first_name)) or output_part.modules.get("")
         if module is not None and module.kind in ("CEL", "BANK"):
             return part_names.target(target_name, "body", output_label, output_part)
     return part_names.target(target_name, family, output_label, output_part)

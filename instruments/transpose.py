@@ -127,8 +127,12 @@ CENTS_SHAPE = Text(_parse_cents, "an interval, such as 2st", is_value=True)  # i
 
 def interval_between(low: float, high: float) -> Interval:
     """The interval from one frequency [Hz] to another."""
-    a, b = _cents_above_a4(low), _cents_above_a4(high)
-    return Interval(high / low) if a is None or b is None else interval_of_cents(float(b - a))
+    low_cents, high_cents = _cents_above_a4(low), _cents_above_a4(high)
+    return (
+        Interval(high / low)
+        if low_cents is None or high_cents is None
+        else interval_of_cents(float(high_cents - low_cents))
+    )
 
 
 def transposed_frequency(frequency: float, interval: Interval) -> float:
@@ -232,9 +236,9 @@ def named_pitch(values: Values) -> float | None:
 
     None for a range, and for mechanics.
     """
-    written = values.by_name.get("f")
-    if isinstance(written, tuple):
-        return written[0] if written[0] == written[1] else None
+    written_pitch = values.by_name.get("f")
+    if isinstance(written_pitch, tuple):
+        return written_pitch[0] if written_pitch[0] == written_pitch[1] else None
     module_values = [
         body for body in (values["modules"] or {}).values() if isinstance(body, Values)
     ]
@@ -243,13 +247,19 @@ def named_pitch(values: Values) -> float | None:
         fields = body_values.by_name.get(body_values.kind)
         if isinstance(fields, Values):
             fields = from_material(body_values.kind, fields, quietly=True) or fields
-        f = fields.by_name.get("f") if isinstance(fields, Values) else None
-        if isinstance(f, tuple) and body_values.kind == "MODES":
-            f = min(f, default=None)
-        elif isinstance(f, tuple) and not isinstance(f, Each) and f[0] == f[1]:
-            f = f[0]
-        if isinstance(f, float) and not (body_values.kind == "CEL" and f < AUDIBLE_FREQUENCY_MIN):
-            frequencies.append(f)
+        frequency = fields.by_name.get("f") if isinstance(fields, Values) else None
+        if isinstance(frequency, tuple) and body_values.kind == "MODES":
+            frequency = min(frequency, default=None)
+        elif (
+            isinstance(frequency, tuple)
+            and not isinstance(frequency, Each)
+            and frequency[0] == frequency[1]
+        ):
+            frequency = frequency[0]
+        if isinstance(frequency, float) and not (
+            body_values.kind == "CEL" and frequency < AUDIBLE_FREQUENCY_MIN
+        ):
+            frequencies.append(frequency)
     return frequencies[0] if len(frequencies) == 1 else None
 
 
@@ -285,12 +295,14 @@ def _transposed_fields(kind: str, fields: Values, interval: Interval) -> Values:
     if is_mechanics(kind, fields):
         return fields
     fields = from_material(kind, fields, quietly=True) or fields
-    moved = {
+    moved_fields = {
         name: transposed_value(name, value, interval) for name, value in fields.by_name.items()
     }
     if KINDS[kind].role == "law" or fields.written("modes"):
-        moved["interval"] = moved["interval"].plus(interval) if "interval" in moved else interval
-    return replace(fields, by_name=moved)
+        moved_fields["interval"] = (
+            moved_fields["interval"].plus(interval) if "interval" in moved_fields else interval
+        )
+    return replace(fields, by_name=moved_fields)
 
 
 def is_mechanics(kind: str, fields: Values) -> bool:
@@ -302,13 +314,13 @@ def keeps_pitch(kind: str, fields: Mapping[str, Any]) -> bool:
     """Whether a module with these fields, in SI units, is below audible frequencies, or is
     friction.
     """
-    f, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
+    frequency, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
     if KINDS[kind].role == "friction":
         return True  # the module belongs to the bow
     if kind != "CEL":
         return False
-    if isinstance(f, float):
-        return f < AUDIBLE_FREQUENCY_MIN
+    if isinstance(frequency, float):
+        return frequency < AUDIBLE_FREQUENCY_MIN
     if not isinstance(stiffness, float) or not isinstance(mass, float):
         return False
     return stiffness < mass * (2.0 * math.pi * AUDIBLE_FREQUENCY_MIN) ** 2
@@ -324,8 +336,8 @@ def transposed_value(name: str, value: Any, interval: Interval) -> Any:
                 (transposed_frequency(f, interval), transposed_value(name, t, interval))
                 for f, t in value
             )
-        moved = (transposed_value(name, field_number, interval) for field_number in value)
-        return Each(moved) if isinstance(value, Each) else tuple(moved)
+        moved_values = (transposed_value(name, field_number, interval) for field_number in value)
+        return Each(moved_values) if isinstance(value, Each) else tuple(moved_values)
     if isinstance(value, Band):
         f, t60 = (
             transposed_value("f", value.f, interval),

@@ -60,8 +60,8 @@ class AdmittanceOptions(ReadOptions):
             raise OptionError("high", f"is {high:g} Hz; it must be above low, {low:g} Hz")
         if self.count < 2:
             raise OptionError("count", f"is {self.count}; it must be at least 2")
-        spaced = np.linspace if self.linear else np.geomspace
-        return np.asarray(spaced(low, high, self.count))
+        spacing = np.linspace if self.linear else np.geomspace
+        return np.asarray(spacing(low, high, self.count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +110,9 @@ class Admittance:
         if len(self.observed) > CURVES_MAX:
             reason = f"draws at most {CURVES_MAX} points; name fewer"
             raise OptionError("svg", reason)
-        f, levels = self.frequencies.tolist(), self.decibels.tolist()
-        pairs = zip(self.observed, levels, strict=True)
-        curves = [Curve(f"velocity of {name}", f, row) for name, row in pairs]
+        frequency_list, levels = self.frequencies.tolist(), self.decibels.tolist()
+        rows_by_output = zip(self.observed, levels, strict=True)
+        curves = [Curve(f"velocity of {name}", frequency_list, row) for name, row in rows_by_output]
         return Picture(draw(curves, title=f"Admittance: force at {self.forced}"))
 
     def _repr_svg_(self) -> str:
@@ -193,8 +193,8 @@ def _moving_mats(
     part_elements: Sequence[_core.Elements],
 ) -> list[int]:
     """Those of the MATs `candidates` that move. Raises OptionError if none does."""
-    moving = {mat for part in part_elements for mat in part.mats}
-    moving_mats = [mat for mat in candidates if mat in moving]
+    movable_mats = {mat for part in part_elements for mat in part.mats}
+    moving_mats = [mat for mat in candidates if mat in movable_mats]
     if not moving_mats:
         raise OptionError(
             option, f"{forced_target.text} is fixed, so no force moves it; name a point that moves"
@@ -214,8 +214,10 @@ def _with_peaks(
             f"peaks are those of one part; name points of one part, not of {', '.join(part_names)}",
         )
     poles = network.part_modes(part_names[0], to=float(frequency_axis[-1])).poles
-    swinging = poles[(poles.real < 0.0) & (poles.imag > 0.0)]
+    oscillating_poles = poles[(poles.real < 0.0) & (poles.imag > 0.0)]
     # Velocity is largest at the frequency that a mode has without its damping.
-    resonances = np.abs(swinging) / (2 * np.pi)
-    inside = resonances[(resonances > frequency_axis[0]) & (resonances < frequency_axis[-1])]
-    return np.unique(np.concatenate([frequency_axis, inside]))
+    resonances = np.abs(oscillating_poles) / (2 * np.pi)
+    resonances_inside = resonances[
+        (resonances > frequency_axis[0]) & (resonances < frequency_axis[-1])
+    ]
+    return np.unique(np.concatenate([frequency_axis, resonances_inside]))

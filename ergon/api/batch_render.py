@@ -140,9 +140,9 @@ def _render_requests(
     return list(wanted_by_path.values())
 
 
-def _refuse_mistakes(read: Sequence[Loaded]) -> None:
+def _refuse_mistakes(loaded_scores: Sequence[Loaded]) -> None:
     """Raise a ScoreError about all scores that have mistakes, if any has."""
-    loaded_with_mistakes = [loaded for loaded in read if loaded.piece is None]
+    loaded_with_mistakes = [loaded for loaded in loaded_scores if loaded.piece is None]
     if loaded_with_mistakes:
         sources: dict[str, Source] = {}
         for loaded in loaded_with_mistakes:

@@ -74,14 +74,14 @@ class Cluster:
 
     def wait(self, futures: Sequence[Future[Any]]) -> None:
         """Return when one of the futures has ended. Raises ClusterError if no worker is left."""
-        without = 0
+        n_polls_without = 0
         while not cf.wait(futures, _POLL_SECONDS, FIRST_COMPLETED).done:
             _core.poll()
             if self.client.status == "running" and self._n_workers():
-                without = 0
+                n_polls_without = 0
                 continue
-            without += 1
-            if self.client.status in ("closing", "closed") or without > _LOST_POLLS_MAX:
+            n_polls_without += 1
+            if self.client.status in ("closing", "closed") or n_polls_without > _LOST_POLLS_MAX:
                 raise self.lost()
 
     def computed(
@@ -117,10 +117,12 @@ class Cluster:
 
     def lost(self) -> ClusterError:
         """The error for a scheduler, or all its workers, that do not answer."""
-        problem = f"the scheduler at {self.on} does not answer"
+        problem_text = f"the scheduler at {self.on} does not answer"
         if self.client.status == "running":
-            problem = f"the scheduler at {self.on} has no workers any more"
-        return ClusterError(f"{problem}; what arrived is kept: the same command goes on from there")
+            problem_text = f"the scheduler at {self.on} has no workers any more"
+        return ClusterError(
+            f"{problem_text}; what arrived is kept: the same command goes on from there"
+        )
 
     def receive(self, answer: Answer) -> None:
         """Count what the worker has computed."""
@@ -178,22 +180,24 @@ class SharedWorkers:
 
 def count_of(on: str, report: Report) -> int:
     """How many processes "local:N" or a scheduler has. Raises OptionError and ClusterError."""
-    local = _local_count(on)
-    if local is not None:
-        return local
+    local_count = _local_count(on)
+    if local_count is not None:
+        return local_count
     with open_cluster(on, report) as cluster:
         return cluster.count
 
 
 def _local_count(on: str) -> int | None:
     """N of "local:N"; None for an address. Raises OptionError."""
-    local = re.fullmatch(r"local:(\d+)", on)
-    if local is not None and not 1 <= int(local[1]) <= _LOCAL_WORKERS_MAX:
-        raise OptionError("on", f"local:{local[1]}: the number is from 1 to {_LOCAL_WORKERS_MAX}")
-    if local is None and not _ADDRESS_PATTERN.fullmatch(on):
+    local_match = re.fullmatch(r"local:(\d+)", on)
+    if local_match is not None and not 1 <= int(local_match[1]) <= _LOCAL_WORKERS_MAX:
+        raise OptionError(
+            "on", f"local:{local_match[1]}: the number is from 1 to {_LOCAL_WORKERS_MAX}"
+        )
+    if local_match is None and not _ADDRESS_PATTERN.fullmatch(on):
         reason = f"'{on}' is neither local:N nor an address such as tcp://HOST:8786"
         raise OptionError("on", reason)
-    return None if local is None else int(local[1])
+    return None if local_match is None else int(local_match[1])
 
 
 @contextlib.contextmanager
@@ -202,7 +206,7 @@ def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
 
     At the end `report` gets the amount of render work of each. Raises OptionError, ClusterError.
     """
-    local = _local_count(on)
+    local_count = _local_count(on)
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
@@ -210,8 +214,8 @@ def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
     _silence_logs()
     with contextlib.ExitStack() as stack:
         address: Any = on
-        if local is not None:
-            address = _started_cluster(stack, local)
+        if local_count is not None:
+            address = _started_cluster(stack, local_count)
         try:
             security = _security(distributed, on) if on.startswith("tls:") else None
             client = stack.enter_context(

@@ -57,8 +57,9 @@ def check_version(client_version: list[Any]) -> None:
     """Raise ClusterError if the machine that asks has another version."""
     if list(client_version) != version():
         asking_version, worker_version = (
-            f"ergon {a} (plans of version {b}, requests of version {c})"
-            for a, b, c in (client_version, version())
+            f"ergon {ergon_version} (plans of version {plan_version}, requests of version "
+            f"{request_version})"
+            for ergon_version, plan_version, request_version in (client_version, version())
         )
         raise ClusterError(
             f"this worker has {worker_version}, and the machine that asks has {asking_version}; "
@@ -123,13 +124,13 @@ def _staged_job(job: Job) -> _StagedJob:
         plan.write_text(job["plan"], encoding="utf-8")
         options = AccuracyOptions(plan=plan, seed=job["seed"])
         loaded = scores.read(path, options, Report())
-        staged = scores.stage_piece(loaded, options, rate=job["rate"])
-        staged_plan = staged.stage.plan
+        staged_score = scores.stage_piece(loaded, options, rate=job["rate"])
+        staged_plan = staged_score.stage.plan
         if staged_plan is None or staged_plan.hash != job["plan_hash"]:
             raise ClusterError(
                 "this worker makes another plan of the same score; install the same ergon"
             )
-    simulation, network = staged.stage.simulation, staged.stage.network
+    simulation, network = staged_score.stage.simulation, staged_score.stage.network
     n_modules = network.n_mat + network.n_lia
     while _staged_jobs and (
         len(_staged_jobs) >= _STAGED_JOBS_MAX or _n_modules() + n_modules > MODULES_MAX

@@ -242,9 +242,11 @@ def _key_model(emulation_options: EmulationOptions) -> NDArray[np.float64] | Non
         -key_weight / emulation_options.stiffness if emulation_options.stiffness else 0.0
     )
     dry, *friction_curve = friction
-    cel = emulation_options.mass, emulation_options.stiffness, emulation_options.damping
+    cel_constants = emulation_options.mass, emulation_options.stiffness, emulation_options.damping
     modes = (number for mode in emulation_options.mode for number in mode)
-    return np.array([*cel, key_weight, dry, rest_position, delay, *friction_curve, *modes])
+    return np.array(
+        [*cel_constants, key_weight, dry, rest_position, delay, *friction_curve, *modes]
+    )
 
 
 def _measured_key(calib: Path, travel: float) -> tuple[_core.Network, int, float, float]:
@@ -265,12 +267,14 @@ def _measured_key(calib: Path, travel: float) -> tuple[_core.Network, int, float
     assembly = Assembly()
     assembly.add_part(calibrated_key.name, calibrated_key.modules)
     assembly.add_links(calibrated_key.name, calibrated_key.modules)
-    push = sum(module.fields["from"] for module in calibrated_key.modules if module.kind == "ENF")
+    weight_force = sum(
+        module.fields["from"] for module in calibrated_key.modules if module.kind == "ENF"
+    )
     assert calibrated_key.measured is not None
     return (
         assembly.network,
         assembly.mats[calibrated_key.name, calibrated_key.struck],
-        push,
+        weight_force,
         calibrated_key.measured[2] or 0.0,
     )
 

@@ -76,13 +76,13 @@ def _recorder_arguments(
             "this performance consists of parts that were computed before, which "
             "have no motion; leave motion out",
         )
-    look = _core.MotionLook(simulation)
+    motion_look = _core.MotionLook(simulation)
     return {
         "simulation": simulation,
-        "look": look,
+        "look": motion_look,
         "timeline": stage.timeline,
-        "manifest": json.dumps(manifest(stage, look, duration), ensure_ascii=False),
-        "places": _point_places(stage, look),
+        "manifest": json.dumps(manifest(stage, motion_look, duration), ensure_ascii=False),
+        "places": _point_places(stage, motion_look),
         "keys": [mat for _, mat, _ in _key_entries(stage)],
         "n_speakers": stage.n_channels,
         "fps": FPS,
@@ -141,7 +141,10 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
             }
             for name, mat, is_real in _key_entries(stage)
         ],
-        "contacts": [{"name": name, "a": a, "b": b} for name, a, b in contacts],
+        "contacts": [
+            {"name": name, "a": first_index, "b": second_index}
+            for name, first_index, second_index in contacts
+        ],
         "speakers": list(_speakers(stage)),
         "sources": [
             {"name": None, "file": shown(place.file), "line": place.line} for place in stage.sources
@@ -192,20 +195,26 @@ def _speakers(stage: Stage) -> Iterator[dict[str, Any]]:
     from ergon.space.directions import angles, point
 
     layout = stage.piece.mix.layout
-    n = stage.n_channels
-    places, channels = tuple(point(-360.0 * i / n, 0.0, 3.0) for i in range(n)), tuple(range(n))
-    if layout is not None and layout.n_channels == n:
-        places, channels = layout.speakers, layout.channels
-    elif n == 2:
-        places = (point(30.0, 0.0, 3.0), point(-30.0, 0.0, 3.0))
-    for channel, speaker_place in zip(channels, places, strict=True):
-        az, el, r = angles(speaker_place)
+    n_channels = stage.n_channels
+    speaker_places, channels = (
+        tuple(
+            point(-360.0 * speaker_index / n_channels, 0.0, 3.0)
+            for speaker_index in range(n_channels)
+        ),
+        tuple(range(n_channels)),
+    )
+    if layout is not None and layout.n_channels == n_channels:
+        speaker_places, channels = layout.speakers, layout.channels
+    elif n_channels == 2:
+        speaker_places = (point(30.0, 0.0, 3.0), point(-30.0, 0.0, 3.0))
+    for channel, speaker_place in zip(channels, speaker_places, strict=True):
+        azimuth, elevation, distance = angles(speaker_place)
         yield {
             "name": str(channel + 1),
             "channel": channel,
-            "az": az,
-            "el": el,
-            "r": r,
+            "az": azimuth,
+            "el": elevation,
+            "r": distance,
             "xyz": list(speaker_place),
         }
 
@@ -236,8 +245,10 @@ def _point_places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
             if (
                 _axis_count(stage, instrument_name) == 1
             ):  # points in space are where their coordinates say
-                bench = np.array([network.position_of(mats[point]) for point in point_indices])
-                point_places[point_indices, :2] = width * _centred_bench(bench)
+                bench_positions = np.array(
+                    [network.position_of(mats[point]) for point in point_indices]
+                )
+                point_places[point_indices, :2] = width * _centred_bench(bench_positions)
             point_places[point_indices] += middle
     return point_places
 
@@ -248,8 +259,8 @@ def _key_places(key_index: int, n_keys: int, n_points: int) -> NDArray[np.float6
     """
     import numpy as np
 
-    x = (key_index - 0.5 * (n_keys - 1)) * _KEY_WIDTH
-    return np.array([(x, _KEYS_Y - 0.5 * _KEY_WIDTH * row, 0.0) for row in range(n_points)])
+    key_x = (key_index - 0.5 * (n_keys - 1)) * _KEY_WIDTH
+    return np.array([(key_x, _KEYS_Y - 0.5 * _KEY_WIDTH * row, 0.0) for row in range(n_points)])
 
 
 def _placing(
@@ -264,18 +275,18 @@ def _placing(
         return 1.0, (0.0, 0.0, 0.0)
     instrument_index = instruments.index(instrument_name)
     columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
-    x = (instrument_index % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
-    return 1.0, (x, instrument_index // columns * _INSTRUMENT_SPACING, 0.0)
+    instrument_x = (instrument_index % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
+    return 1.0, (instrument_x, instrument_index // columns * _INSTRUMENT_SPACING, 0.0)
 
 
-def _centred_bench(bench: NDArray[np.float64]) -> NDArray[np.float64]:
+def _centred_bench(bench_positions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Positions on the bench (n_points, 2); points that are all in its middle are set in a row."""
     import numpy as np
 
-    loose = np.flatnonzero((bench == 0.0).all(axis=1))
-    spread_bench = bench.copy()
-    if len(loose) > 1:
-        spread_bench[loose, 0] = _LOOSE_ROW_LENGTH * (
-            np.arange(len(loose)) / (len(loose) - 1) - 0.5
+    unplaced_points = np.flatnonzero((bench_positions == 0.0).all(axis=1))
+    spread_bench = bench_positions.copy()
+    if len(unplaced_points) > 1:
+        spread_bench[unplaced_points, 0] = _LOOSE_ROW_LENGTH * (
+            np.arange(len(unplaced_points)) / (len(unplaced_points) - 1) - 0.5
         )
     return spread_bench

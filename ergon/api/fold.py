@@ -107,11 +107,11 @@ def fold_file(
     input_files = (path, *([Path(options.head)] if options.head else []))
     if target != "-":
         check_target(Path(target), force=options.force, inputs=input_files)
-    source_field, effects = _source_field(path, info, options, report)
+    source_field, field_effects = _source_field(path, info, options, report)
     filters, target_field = _fold_filters(
         source_field, (to, options.head), info.format.rate, report
     )
-    filters = _filters_with_silent_channels(effects, filters)
+    filters = _filters_with_silent_channels(field_effects, filters)
     bits: Bits = options.bits or _BITS_TO_WRITE.get(info.format.bits, info.format.bits)
     if info.damage is not None:
         report.warn(f"{path}: {info.damage}")
@@ -121,29 +121,29 @@ def fold_file(
     n_frames = info.n_frames + fold.tail
     title = info.title if info.originator == ORIGINATOR else path.stem
     chunks = b"" if target_field is None else chunks_of(target_field, title)
-    stamp = Stamp(title, chunks=chunks)
+    wave_stamp = Stamp(title, chunks=chunks)
     folder = None if target == "-" else Path(target).resolve().parent
     with (
         open_for_writing(target, binary=True, force=options.force, inputs=input_files) as file,
-        FrameSpool(folder, format.n_channels) as spool,
+        FrameSpool(folder, format.n_channels) as frame_spool,
         report.progress("folding", n_frames, format.rate) as progress,
     ):
         true_peak, n_folded = _core.TruePeak(format.n_channels), 0
         blocks = _folded_file(path, info, sound.read_blocks(path), fold.tail)
         for block in _folded_blocks(blocks, fold, format.n_channels):
-            spool.take(block)
+            frame_spool.take(block)
             true_peak.process(block)
             n_folded += len(block)
             progress.update(n_folded)
-        gain = _fold_gain(options, format, spool.peak, true_peak.peak)
-        writer = sound.writer(target, file, format, n_frames, stamp)
-        for block in spool.blocks(_BLOCK_FRAMES):
+        gain = _fold_gain(options, format, frame_spool.peak, true_peak.peak)
+        writer = sound.writer(target, file, format, n_frames, wave_stamp)
+        for block in frame_spool.blocks(_BLOCK_FRAMES):
             if format.bits == "float":
                 writer.write(_core.single(block * gain, 1.0))  # type: ignore[arg-type]
             else:
                 writer.write(_core.pcm(block * gain, 1.0, 16 if format.bits == 16 else 24))
         writer.close()
-    peaks = spool.peak * gain, true_peak.peak * gain
+    peaks = frame_spool.peak * gain, true_peak.peak * gain
     return Folded(target, format.n_channels, n_frames, format.rate, *peaks, gain, writer.sha256)
 
 
@@ -201,9 +201,9 @@ def _folded_blocks(
     import numpy as np
 
     for block in blocks:
-        folded = np.zeros((len(block), n_channels))
-        fold.process(block, folded)
-        yield folded
+        folded_block = np.zeros((len(block), n_channels))
+        fold.process(block, folded_block)
+        yield folded_block
 
 
 def _folded_file(
@@ -243,8 +243,8 @@ def _speakers_by_channel(layout: Layout) -> Field:
     """The loudspeakers of a layout in the order of their channels."""
     from ergon.space.fold_filters import Field
 
-    placed = sorted(zip(layout.channels, layout.speakers, strict=True))
-    return Field(tuple(place for _, place in placed))
+    placed_speakers = sorted(zip(layout.channels, layout.speakers, strict=True))
+    return Field(tuple(place for _, place in placed_speakers))
 
 
 def _field_of_word(
@@ -279,7 +279,13 @@ def _filters_with_silent_channels(
     import numpy as np
 
     all_filters = np.zeros((len(filters) + len(left_out), *filters.shape[1:]))
-    all_filters[[i for i in range(len(all_filters)) if i not in left_out]] = filters
+    all_filters[
+        [
+            channel_index
+            for channel_index in range(len(all_filters))
+            if channel_index not in left_out
+        ]
+    ] = filters
     return all_filters
 
 
@@ -362,9 +368,15 @@ def _head_of_file(path: str | Path, source_field: Field) -> Head:
     from ergon.space import fold_filters, head
     from ergon.space.directions import point, unit_vectors
 
-    measured = sofa.read(Path(path))
-    directions = unit_vectors(point(a, e, 1.0) for a, e in measured.angles.tolist())
+    measured_head = sofa.read(Path(path))
+    directions = unit_vectors(
+        point(azimuth, elevation, 1.0) for azimuth, elevation in measured_head.angles.tolist()
+    )
     source_directions = fold_filters.directions_of(source_field)
     return head.prepared(
-        directions, measured.responses, measured.rate, source_directions, measured.delays
+        directions,
+        measured_head.responses,
+        measured_head.rate,
+        source_directions,
+        measured_head.delays,
     )

@@ -77,8 +77,8 @@ def prepare(
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     _check_instruments(piece, parts)
-    live = [player.name for player in piece.players.values() if player.hand == "live"]
-    _check_untouched(piece, parts, live, "freeze")
+    live_players = [player.name for player in piece.players.values() if player.hand == "live"]
+    _check_untouched(piece, parts, live_players, "freeze")
     stage = scores.stage_piece(
         loaded,
         options,
@@ -141,8 +141,12 @@ def _check_instruments(piece: Piece, part_names: Iterable[str]) -> None:
                 "this instrument has no route to a channel; add a route to the mix",
                 value=part,
             )
-        close = nearest(part, audible_names)
-        hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(audible_names)}"
+        nearest_part = nearest(part, audible_names)
+        hint = (
+            f"; did you mean '{nearest_part}'?"
+            if nearest_part
+            else f"; there are {', '.join(audible_names)}"
+        )
         raise OptionError("freeze", f"the score has no instrument '{part}'{hint}")
 
 
@@ -217,10 +221,10 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
     return frozen
 
 
-def are_free(piece: Piece, frozen: Frozen, real_players: Iterable[str]) -> None:
+def can_be_frozen(piece: Piece, frozen: Frozen, real_players: Iterable[str]) -> None:
     """Raise OptionError if a hand can feel a frozen part."""
-    live = [player.name for player in piece.players.values() if player.hand == "live"]
-    _check_untouched(piece, frozen.parts, dict.fromkeys((*live, *real_players)), "frozen")
+    live_players = [player.name for player in piece.players.values() if player.hand == "live"]
+    _check_untouched(piece, frozen.parts, dict.fromkeys((*live_players, *real_players)), "frozen")
 
 
 def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:

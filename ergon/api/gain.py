@@ -59,9 +59,9 @@ def gain_of(
     computed_span = (
         "the piece" if gain_result.seconds is None else f"its first {gain_result.seconds:.0f} s"
     )
-    gained = f"{20 * log10(gain_result.gain):+.1f} dB"
+    gain_in_db = f"{20 * log10(gain_result.gain):+.1f} dB"
     report.say(
-        f"gain {gained}, from a preflight that computed {computed_span} unheard; --gain sets "
+        f"gain {gain_in_db}, from a preflight that computed {computed_span} unheard; --gain sets "
         "another"
     )
     return gain_result.gain

@@ -37,11 +37,11 @@ def boards_of(piece: Piece, options: PerformanceOptions) -> list[Board]:
         for name in options_by_player:
             if name not in piece.players:
                 raise OptionError("live", no_player_message(piece, name))
-        opened = boards(options_by_player, device_urls() if options_by_player else {})
-        for board in opened:
+        opened_boards = boards(options_by_player, device_urls() if options_by_player else {})
+        for board in opened_boards:
             if is_led(board.url):
                 parse_led_address(board.url)
-        return opened
+        return opened_boards
     except BoardError as error:
         raise OptionError("live", str(error)) from None
 
@@ -52,12 +52,12 @@ def driven_players(
     """The players whose real keys their parts drive. Raises OptionError."""
     from ergon.live.led_address import is_led
 
-    driven = frozenset(text.partition("=")[0] for text in options.drive)
-    with_part = {play.player for play in piece.parts}
+    driven_names = frozenset(text.partition("=")[0] for text in options.drive)
+    players_with_part = {play.player for play in piece.parts}
     for board in boards:
         for _, player_name in board.axes:
             player = piece.players[player_name]
-            if player_name not in driven:
+            if player_name not in driven_names:
                 continue
             player_key = piece.keys[player.key]
             if is_led(board.url):
@@ -71,14 +71,14 @@ def driven_players(
                     f"moves; measure it with `ergon metrology {board.url}`, and write "
                     f"`calib: FILE` in the key"
                 )
-            elif player_name not in with_part and not player.standin:
+            elif player_name not in players_with_part and not player.standin:
                 refusal_reason = (
                     f"{player_name} has no written part and no stand-in that could drive the key"
                 )
             else:
                 continue
             raise OptionError("drive", refusal_reason, value=player_name)
-    return driven
+    return driven_names
 
 
 def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands:
@@ -95,12 +95,12 @@ def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands
             for board in boards
             for _, player in board.axes
         }
-        opened = open_led_hands(boards, keys)
+        opened_hands = open_led_hands(boards, keys)
     except BoardError as error:
         raise OptionError("live", str(error)) from None
-    for sentence in opened.sentences:
+    for sentence in opened_hands.sentences:
         report.say(sentence)
-    return opened
+    return opened_hands
 
 
 def _led_key(score_key: Key) -> LedKey:
@@ -131,35 +131,38 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
 
     try:
         calibrations = [known_axes(board.url) for board in boards]
-        unsure = [
+        uncalibrated_axes = [
             [axis for axis in board.axes if axis[0] not in calibrated_axes(board.url)]
             if board.has_motor and not unchecked
             else []
             for board in boards
         ]
-        players = [player for axes in unsure for _, player in axes]
+        players = [player for axes in uncalibrated_axes for _, player in axes]
         if players:
-            request = _LET_GO_MESSAGE if len(players) == 1 else _LET_GO_ALL_MESSAGE
-            report.say(request.format(", ".join(players)))
-        trials = _tried_together(boards, unsure, calibrations)
-        for board, axes, board_calibrations, moved in zip(
-            boards, unsure, calibrations, trials, strict=True
+            request_text = _LET_GO_MESSAGE if len(players) == 1 else _LET_GO_ALL_MESSAGE
+            report.say(request_text.format(", ".join(players)))
+        axes_tried = _tried_together(boards, uncalibrated_axes, calibrations)
+        for board, axes, board_calibrations, new_axes in zip(
+            boards, uncalibrated_axes, calibrations, axes_tried, strict=True
         ):
             for number, player in axes:
                 _find_direction(
-                    board, number, player, board_calibrations, moved.get(number), report
+                    board, number, player, board_calibrations, new_axes.get(number), report
                 )
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     except _core.EngineError as error:
         raise DeviceError(str(error)) from None
-    pairs = zip(boards, calibrations, strict=True)
-    return [replace(board, calibrations=board_calibrations) for board, board_calibrations in pairs]
+    boards_and_axes = zip(boards, calibrations, strict=True)
+    return [
+        replace(board, calibrations=board_calibrations)
+        for board, board_calibrations in boards_and_axes
+    ]
 
 
 def _tried_together(
     boards: Sequence[Board],
-    unsure: Sequence[Sequence[tuple[int, str]]],
+    uncalibrated_axes: Sequence[Sequence[tuple[int, str]]],
     calibrations: Sequence[dict[int, Axis]],
 ) -> list[dict[int, Axis]]:
     """The axes of each device that move as they should when all are pushed at the same time.
@@ -171,7 +174,7 @@ def _tried_together(
     from ergon.live.calibration import axes_as_known
 
     def trial(board_index: int) -> dict[int, Axis]:
-        axis_numbers = [number for number, _ in unsure[board_index]]
+        axis_numbers = [number for number, _ in uncalibrated_axes[board_index]]
         if not axis_numbers or boards[board_index].kind == "haply":
             return {}
         calibrations_before = calibrations[board_index]
@@ -180,7 +183,7 @@ def _tried_together(
             {number: calibrations_before.get(number) for number in axis_numbers},
         )
 
-    if sum(map(len, unsure)) < 2:
+    if sum(map(len, uncalibrated_axes)) < 2:
         return [{} for _ in boards]
     with ThreadPoolExecutor(len(boards)) as pool:
         return list(pool.map(trial, range(len(boards))))
@@ -261,6 +264,6 @@ def no_player_message(piece: Piece, name: str) -> str:
     """The sentence for a player whom the score does not have."""
     from ergon.notation.text.spelling import nearest
 
-    close = nearest(name, piece.players)
-    hint = f"; did you mean '{close}'?" if close else ""
+    nearest_player = nearest(name, piece.players)
+    hint = f"; did you mean '{nearest_player}'?" if nearest_player else ""
     return f"the score has no player '{name}'{hint}"

@@ -33,20 +33,20 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
 
     path = Path(name)
     if not is_file(path):
-        shipped = {
+        shipped_layouts = {
             layout_path.stem: layout_path
             for layout_path in sorted((SHIPPED / "layouts").glob("*.yaml"))
         }
-        if path.name not in shipped or path.name != str(name):
-            close = nearest(path.stem, shipped)
-            suggestion_text = f"did you mean {close}? " if close else ""
-            shipped_names = ", ".join(shipped)
+        if path.name not in shipped_layouts or path.name != str(name):
+            nearest_name = nearest(path.stem, shipped_layouts)
+            suggestion_text = f"did you mean {nearest_name}? " if nearest_name else ""
+            shipped_names = ", ".join(shipped_layouts)
             message = (
                 f"{quote(str(name))} is not a layout file; {suggestion_text}The library has "
                 f"{shipped_names}"
             )
             raise NoLayoutError(message.replace("; The", "; the"))
-        path = shipped[path.name]
+        path = shipped_layouts[path.name]
     collector = Collector()
     score_files = Files(collector, path.parent, bounds=FileBounds.around(path.parent, trust=True))
     layout = build_mix.layout(path.name, path.parent, Place(str(path), 1, 1), score_files)

@@ -83,12 +83,12 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         led.close()
         raise
     try:
-        hands = free_path(journal.path.with_suffix(".take")) if real_hands else None
+        take_path = free_path(journal.path.with_suffix(".take")) if real_hands else None
         about = {"journal": journal.path.name}
         config = replace(
-            config, record=hands, about=about, pages=pages, boards=led.boards, driven=driven
+            config, record=take_path, about=about, pages=pages, boards=led.boards, driven=driven
         )
-        make, opening = _make_engine(
+        make_engine, opening = _make_engine(
             version,
             first_version.clock,
             first_version.past,
@@ -100,13 +100,13 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         with scores.staging(version.texts.load, report):
             session = Session(
                 version,
-                make,
+                make_engine,
                 margin=_CHANGE_LEAD_SECONDS,
                 journal=journal,
                 real=real_hands,
                 store=user_store(),
                 clock=first_version.clock,
-                hands=hands,
+                hands=take_path,
                 disk=first_version.disk,
                 watches=options.watch,
                 past=first_version.past,
@@ -119,7 +119,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         journal.path.unlink(missing_ok=True)  # nothing has begun
         led.close()
         raise
-    opening_fields = opening(session.schedule.engine.tick_frames, hands).fields()
+    opening_fields = opening(session.schedule.engine.tick_frames, take_path).fields()
     journal.append("session", **opening_fields, disk=session.disk.hashes_by_name(version.texts))
     engine = session.schedule.engine
     assert isinstance(engine, LiveEngine)
@@ -189,27 +189,29 @@ def _session_beginning(
     from ergon.scores.edits.texts import Texts
 
     if session_options.resume is not None:
-        resume = Path(session_options.resume)
+        resume_path = Path(session_options.resume)
         if session_options.frozen is not None:
             raise OptionError(
                 "frozen", "the journal of --resume names its frozen parts; leave this option out"
             )
         try:
-            journal_content = read_journal(resume, path, resumes=True, trust=session_options.trust)
-            if gap := journal_content.gaps.sentence(str(resume)):
-                report.warn(gap)
-            opening = journal_content.start
-            gain_and_reference = opening.gain, opening.reference
+            journal_content = read_journal(
+                resume_path, path, resumes=True, trust=session_options.trust
+            )
+            if gap_sentence := journal_content.gaps.sentence(str(resume_path)):
+                report.warn(gap_sentence)
+            session_start = journal_content.start
+            gain_and_reference = session_start.gain, session_start.reference
             return _SessionBeginning(
                 *resumed_state(journal_content),
                 gain_and_reference,
                 journal_content.disk,
-                opening.frozen,
+                session_start.frozen,
             )
         except JournalError as error:
             raise OptionError("resume", str(error)) from None
         except NotTakenError as error:
-            raise OptionError("resume", f"{resume}: {error}") from None
+            raise OptionError("resume", f"{resume_path}: {error}") from None
     if path is None:
         return _empty_piece()
     loaded = scores.read(
@@ -254,7 +256,7 @@ def _frozen_and_folder(
         if folder is None:
             path = Path(session_options.frozen or "")
             frozen = freeze.read(piece, path, None, report)
-            freeze.are_free(piece, frozen, real_players)
+            freeze.can_be_frozen(piece, frozen, real_players)
             listening = build_network(piece, frozenset(frozen.parts)).listening
             folder = frozen_folder(path, frozen, piece, listening)
         loaded_parts = load_frozen(folder, version, real_players)
@@ -262,8 +264,10 @@ def _frozen_and_folder(
         raise OptionError(option, str(error)) from None
     part_names = [part.name for part in loaded_parts]
     if part_names:
-        end = scores.where(piece, min(part.n_frames for part in loaded_parts) / piece.rate)
-        report.say(f"from {folder.folder}: {', '.join(part_names)}, up to {end} of the score")
+        end_position = scores.where(piece, min(part.n_frames for part in loaded_parts) / piece.rate)
+        report.say(
+            f"from {folder.folder}: {', '.join(part_names)}, up to {end_position} of the score"
+        )
     other_parts = [part.name for part in folder.parts if part.name not in part_names]
     if other_parts:
         report.say(f"computed live, because the session has changed them: {', '.join(other_parts)}")
@@ -282,16 +286,16 @@ def _performance_config(
 
     master = piece.mix.master
     scores.integer_rate(piece.rate)
-    audio = session_options.card
-    if audio.startswith("file:"):  # typed lines need a session in real time
-        audio = audio.replace("file:", "clock:", 1)
+    sound_card = session_options.card
+    if sound_card.startswith("file:"):  # typed lines need a session in real time
+        sound_card = sound_card.replace("file:", "clock:", 1)
     gain, reference = gain_and_reference or (None, piece.mix.reference())
     if gain is None or session_options.gain is not None:
         gain = gain_of(
             piece, partial(_preflight_stage, piece, frozen), session_options.gain, report
         )
     return PlaybackConfig(
-        audio=audio,
+        audio=sound_card,
         gain=gain,
         limit=master.limit if master is not None and master.limit is not None else 1.0,
         highpass=HIGHPASS_HZ,
@@ -316,10 +320,14 @@ def _preflight_stage(piece: Piece, frozen: Sequence[LoadedPart]) -> Stage:
 
     if not (piece.parts or piece.strikes):
         piece, frozen = rehearsal_piece(piece), ()
-    silent = frozenset(part.name for part in frozen)
-    staged = stage(piece, planned=True, store=user_store(), silent=silent, on_fault="mute")
-    staged.recalled_outputs = place_samples(frozen, staged.listening, Clock(0.0), staged.rate)
-    return staged
+    frozen_names = frozenset(part.name for part in frozen)
+    preflight_stage = stage(
+        piece, planned=True, store=user_store(), silent=frozen_names, on_fault="mute"
+    )
+    preflight_stage.recalled_outputs = place_samples(
+        frozen, preflight_stage.listening, Clock(0.0), preflight_stage.rate
+    )
+    return preflight_stage
 
 
 def _make_engine(

@@ -38,16 +38,16 @@ def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
     from ergon.live.midi_ports import MidiError, SystemInput
     from ergon.live.midi_sender import TimedSender
 
-    opened: list[InputPort | TimedSender] = []
+    opened_ports: list[InputPort | TimedSender] = []
 
     def port(option: str, port_name: str, make: Callable[[str], Port]) -> Port:
         try:
             port = make(port_name)
         except MidiError as error:
-            for opened_port in opened:
+            for opened_port in opened_ports:
                 opened_port.close()
             raise OptionError(option, str(error), value=port_name) from None
-        opened.append(port)
+        opened_ports.append(port)
         return port
 
     midi_inputs = [port("midi", name, SystemInput) for name in options.midi]
@@ -76,13 +76,13 @@ def attach_midi(session: Session, performance: _core.Performance, ports: MidiPor
     if ports.clock_to is not None:
         session.attach(ClockOut(session.schedule, performance, ports.clock_to))
     if ports.clock_from is not None:
-        ear = HearingClock(session.schedule.rate, 0)
-        clock = ClockIn(session, ear.instant_of, ports.clock_from)
-        session.attach(clock, partial(_follow_clock, ear, clock, performance))
+        hearing_clock = HearingClock(session.schedule.rate, 0)
+        clock = ClockIn(session, hearing_clock.instant_of, ports.clock_from)
+        session.attach(clock, partial(_follow_clock, hearing_clock, clock, performance))
 
 
 def _follow_clock(
-    ear: HearingClock, clock: ClockIn, performance: _core.Performance, now: float
+    hearing_clock: HearingClock, clock: ClockIn, performance: _core.Performance, now: float
 ) -> None:
-    ear.update(performance.status(), now)
+    hearing_clock.update(performance.status(), now)
     clock.follow(now)

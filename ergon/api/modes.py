@@ -112,8 +112,11 @@ class PartModes:
         """The note next to each mode, and the distance from it [cents]; below 8 Hz "", 0."""
         from ergon.notation.tables.notes import nearest_note
 
-        pitches = (float(f) for f in self.frequencies)
-        return tuple(nearest_note(f) if f >= _NOTE_FREQUENCY_MIN else ("", 0.0) for f in pitches)
+        pitches = (float(frequency) for frequency in self.frequencies)
+        return tuple(
+            nearest_note(frequency) if frequency >= _NOTE_FREQUENCY_MIN else ("", 0.0)
+            for frequency in pitches
+        )
 
     def plot(self) -> Picture:
         """The modes by pitch, and cents from the nearest note."""
@@ -130,11 +133,11 @@ class PartModes:
         import numpy as np
 
         magnitudes = np.abs(self.points[point])
-        largest = magnitudes.max(initial=0.0)
+        magnitude_max = magnitudes.max(initial=0.0)
         with np.errstate(divide="ignore"):
             return (
-                20 * np.log10(magnitudes / largest)
-                if largest > 0
+                20 * np.log10(magnitudes / magnitude_max)
+                if magnitude_max > 0
                 else np.full(magnitudes.shape, -np.inf)
             )
 
@@ -147,8 +150,8 @@ def stave_picture(part_modes: Sequence[PartModes], name: str) -> Picture:
     for part in part_modes:
         modes_with_notes = zip(part.frequencies, part.notes, mode_labels(part), strict=True)
         modes = [
-            PitchedMode(float(f), cents, label)
-            for f, (note, cents), label in modes_with_notes
+            PitchedMode(float(frequency), cents, label)
+            for frequency, (note, cents), label in modes_with_notes
             if note
         ]
         modes_by_part.append((part.part, modes))
@@ -159,8 +162,9 @@ def mode_labels(part: PartModes) -> list[str]:
     """`1  A4 +2.1  0.5 s` for each mode."""
     modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
     return [
-        f"{number}  {f'{note} {cents:+.1f}' if note else f'{f:.3g} Hz'}  {_t60_text(float(t60))}"
-        for number, (f, t60, (note, cents)) in enumerate(modes_with_decays, 1)
+        f"{number}  {f'{note} {cents:+.1f}' if note else f'{frequency:.3g} Hz'}  "
+        f"{_t60_text(float(t60))}"
+        for number, (frequency, t60, (note, cents)) in enumerate(modes_with_decays, 1)
     ]
 
 
@@ -170,14 +174,17 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
     modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
     rows = [
         (
-            str(i + 1),
+            str(mode_index + 1),
             note,
             f"{cents:+.1f}" if note else "",
-            f"{f:.2f} Hz",
+            f"{frequency:.2f} Hz",
             _t60_text(float(t60)),
-            *("–" if level[i] < _LEVEL_DB_MIN else f"{level[i]:.1f} dB" for level in levels),
+            *(
+                "–" if level[mode_index] < _LEVEL_DB_MIN else f"{level[mode_index]:.1f} dB"
+                for level in levels
+            ),
         )
-        for i, (f, t60, (note, cents)) in enumerate(modes_with_decays)
+        for mode_index, (frequency, t60, (note, cents)) in enumerate(modes_with_decays)
     ]
     return [("", "note", "cents", "frequency", "T60", *part.points), *rows]
 
@@ -220,9 +227,9 @@ def modes_of(
 
     network = built.network
     engine_modes = _engine_modes(network, name, search_bounds)
-    decay = -engine_modes.poles.real
-    is_damped = decay > LN_1000 / _T60_MAX
-    t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
+    decay_rates = -engine_modes.poles.real
+    is_damped = decay_rates > LN_1000 / _T60_MAX
+    t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay_rates, 1.0), np.inf)
     indices_by_point = points_of(piece, built, name, engine_modes.mats)
     shapes_at_points = {
         label: engine_modes.shapes[:, indices].sum(axis=1)
@@ -285,9 +292,9 @@ def _named_points(piece: Piece, part_name: str) -> Iterator[tuple[str, Sequence[
         for output in piece.instruments[part_name].outputs:
             if output.is_movement:
                 yield f"out {output.name}" if output.name else "out", output.targets
-    touched = [target for strike in piece.strikes for target in strike.to]
+    struck_targets = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
         end_targets = module.ends
         if len({end.part for end in end_targets} | {owner}) > 1:
-            touched += end_targets
-    yield from (("", (target,)) for target in touched if target.part == part_name)
+            struck_targets += end_targets
+    yield from (("", (target,)) for target in struck_targets if target.part == part_name)

@@ -94,8 +94,12 @@ class AccuracyOptions(ReadOptions):
                 "draft", ": a draft has no accuracy; leave one out", excludes=contrary_option
             )
         if self.method is not None and self.method not in METHODS:
-            close = nearest(self.method, METHODS)
-            hint = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"
+            nearest_method = nearest(self.method, METHODS)
+            hint = (
+                f"; did you mean '{nearest_method}'?"
+                if nearest_method
+                else f": {', '.join(METHODS)}"
+            )
             raise OptionError("method", f"there is no '{self.method}'{hint}")
         if not written_options and followed is not None and followed.budget is not None:
             method = followed.budget.get("method")

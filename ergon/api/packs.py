@@ -103,14 +103,14 @@ def _packed_files(score: str, loaded: Loaded) -> Pack:
 
     scores.piece_of(loaded)
     score_place = _place_in_folder(score)
-    packed: dict[str, bytes] = {}
+    files_by_name: dict[str, bytes] = {}
     n_bytes_left = BYTES_MAX
     for input_name in dict.fromkeys(map(str, loaded.inputs)):
-        ships = shipped(Path(input_name))
+        library_file = shipped(Path(input_name))
         packed_name = (
             _place_in_folder(input_name)
-            if ships is None
-            else os.path.join(os.path.dirname(score_place), ships)
+            if library_file is None
+            else os.path.join(os.path.dirname(score_place), library_file)
         )
         is_stdin = input_name == scores.STDIN
         packed_bytes = (
@@ -118,15 +118,20 @@ def _packed_files(score: str, loaded: Loaded) -> Pack:
             if is_stdin
             else read_bounded(Path(input_name), n_bytes_left)
         )
-        if packed.setdefault(packed_name, packed_bytes) != packed_bytes:
+        if files_by_name.setdefault(packed_name, packed_bytes) != packed_bytes:
             raise PackError(
-                f"{packed_name} and the file {ships} of the library would be one file in a pack; "
+                f"{packed_name} and the file {library_file} of the library would be one file in "
+                "a pack; "
                 "rename your own"
             )
         n_bytes_left = max(0, n_bytes_left - len(packed_bytes))
-    root = os.path.commonpath([os.path.dirname(path) for path in packed])
-    names = {path: Path(os.path.relpath(path, root)).as_posix() for path in packed}
-    return Pack(names[score_place], __version__, {names[path]: packed[path] for path in packed})
+    root = os.path.commonpath([os.path.dirname(path) for path in files_by_name])
+    names = {path: Path(os.path.relpath(path, root)).as_posix() for path in files_by_name}
+    return Pack(
+        names[score_place],
+        __version__,
+        {names[path]: files_by_name[path] for path in files_by_name},
+    )
 
 
 def _check_same(pack: Pack, loaded: Loaded) -> None:
@@ -135,17 +140,19 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
 
     with _unpacked_score(pack) as score:
         loaded_again = load(score)
-        inside = os.path.realpath(score)[: -len(pack.score)]
+        folder_prefix = os.path.realpath(score)[: -len(pack.score)]
         for path in loaded_again.inputs:
-            if not os.path.realpath(path).startswith(inside):
+            if not os.path.realpath(path).startswith(folder_prefix):
                 raise PackError(f"{path} would be read from outside the pack")
         if loaded_again.piece is None:
-            problem = next(
-                mistake for mistake in loaded_again.diagnostics if mistake.severity == "error"
+            first_error = next(
+                diagnostic
+                for diagnostic in loaded_again.diagnostics
+                if diagnostic.severity == "error"
             )
-            line_number = problem.place.line
+            line_number = first_error.place.line
             raise PackError(
-                f"{pack.score}:{line_number}: {problem.message}; in a pack files are named "
+                f"{pack.score}:{line_number}: {first_error.message}; in a pack files are named "
                 "relative to the file that names them"
             )
         if digest_of(loaded_again.piece) != digest_of(scores.piece_of(loaded)):

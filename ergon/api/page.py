@@ -49,7 +49,7 @@ def page(
     options = replace(options or FileOptions(), motion=True)
     with TemporaryDirectory(prefix="ergon-page-") as name:
         folder = Path(name)
-        shown = render_view(Path(score), folder, options, report)
+        rendered_view = render_view(Path(score), folder, options, report)
         target = folder / "page.html"
-        share_file(shown, target, folder, report)
+        share_file(rendered_view, target, folder, report)
         return Page(target.read_text(encoding="utf-8"))

@@ -90,10 +90,10 @@ def _local_key(address: str) -> str:
     if address.endswith(":0"):
         return secrets.token_hex(16)
     try:
-        secret = _secret_of_user()
+        user_secret = _secret_of_user()
     except (OSError, NotPrivateError):
         return secrets.token_hex(16)
-    return hmac.new(secret, address.encode(), "sha256").hexdigest()[:32]
+    return hmac.new(user_secret, address.encode(), "sha256").hexdigest()[:32]
 
 
 def _secret_of_user() -> bytes:

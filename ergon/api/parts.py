@@ -38,15 +38,19 @@ def selected_parts(piece: Piece, names: Sequence[str]) -> tuple[str, ...]:
     part_names = (*piece.keys, *piece.instruments)
     for asked_name in names:
         if asked_name not in part_names:
-            close = nearest(asked_name, part_names)
+            nearest_part = nearest(asked_name, part_names)
             part_list = f"there are {', '.join(part_names)}" if part_names else "the score has none"
-            reason = f"did you mean '{close}'?" if close else part_list
+            reason = f"did you mean '{nearest_part}'?" if nearest_part else part_list
             raise OptionError("parts", f"no instrument or key is called '{asked_name}'; {reason}")
         refuse_several_axes("parts", piece, asked_name)
-    flat = [n for n in part_names if n not in piece.instruments or not _space_of(piece, n)]
-    if part_names and not flat and not names:
+    flat_parts = [
+        part_name
+        for part_name in part_names
+        if part_name not in piece.instruments or not _space_of(piece, part_name)
+    ]
+    if part_names and not flat_parts and not names:
         refuse_several_axes("parts", piece, part_names[0])
-    return tuple(dict.fromkeys(names)) or tuple(flat)
+    return tuple(dict.fromkeys(names)) or tuple(flat_parts)
 
 
 def refuse_several_axes(option: str, piece: Piece, name: str) -> None:
@@ -91,9 +95,9 @@ def stretches_no_spring(
     shapes_with_fixed = np.column_stack([shapes, np.zeros(len(shapes))])
     element_weights = np.array([kind != "BUT" for kind in elements.kinds], dtype=float)
     element_weights *= elements.stiffness
-    stretched = np.abs(link_elongations(shapes, elements)) ** 2 @ element_weights
-    moved = (
+    stretch_energy = np.abs(link_elongations(shapes, elements)) ** 2 @ element_weights
+    motion_energy = (
         np.abs(shapes_with_fixed[:, elements.a]) ** 2
         + np.abs(shapes_with_fixed[:, elements.b]) ** 2
     ) @ element_weights
-    return np.asarray(stretched <= 1e-12 * moved)
+    return np.asarray(stretch_energy <= 1e-12 * motion_energy)

@@ -69,13 +69,13 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     piece = _with_stand_ins(score_piece, options.standin)
     loaded = replace(loaded, piece=piece)
     boards = boards_of(piece, options)
-    driven = driven_players(piece, options, boards)
+    driven_names = driven_players(piece, options, boards)
     real_hands = {player: None for board in boards for _, player in board.axes}
     osc = osc_of(options.osc, options.osc_to, report)
     frozen = None
     if options.frozen is not None:
         frozen = freeze.read(score_piece, Path(options.frozen), options.seed, report)
-        freeze.are_free(piece, frozen, real_hands)
+        freeze.can_be_frozen(piece, frozen, real_hands)
     boards = calibrated_boards(boards, options.unchecked, report)
     stage = scores.stage_piece(
         loaded,
@@ -92,7 +92,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
         stems = freeze.verified(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = replace(
-        _performance_config(piece, stage, boards, options, stems, report), driven=driven
+        _performance_config(piece, stage, boards, options, stems, report), driven=driven_names
     )
     hands = led_hands(piece, boards, report)
     try:
@@ -132,11 +132,13 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
     """Warn of each hand whose forces are scaled because its device cannot bear the piece."""
     for hand_limit in performance.hand_limits():
         if hand_limit.scale < 1.0:
-            live = stage.live_hands[hand_limit.hand]
+            live_hand = stage.live_hands[hand_limit.hand]
             report.warn(
-                f"{live.player} on {live.key}: the piece is {hand_limit.stiffness:,.0f} N/m stiff "
+                f"{live_hand.player} on {live_hand.key}: the piece is "
+                f"{hand_limit.stiffness:,.0f} N/m stiff "
                 f"at this key, and the device is stable up to {hand_limit.limit:,.0f} N/m at "
-                f"{stage.rate / live.tick_frames:.0f} Hz; forces on {live.player} are scaled to "
+                f"{stage.rate / live_hand.tick_frames:.0f} Hz; forces on {live_hand.player} "
+                "are scaled to "
                 f"{hand_limit.scale:.0%}"
             )
 
@@ -160,7 +162,7 @@ def _with_stand_ins(piece: Piece, pairs: Sequence[str]) -> Piece:
             raise OptionError(
                 "standin", f"no take or gesture is called '{standin_name}'", value=standin_pair
             )
-        if any(play.player == player_name for play in piece.parts):
+        if any(part_play.player == player_name for part_play in piece.parts):
             raise OptionError(
                 "standin",
                 f"{player_name} has a written part, which is the stand-in",

@@ -64,7 +64,10 @@ def struck_bars(loaded: Loaded, report: Report) -> tuple[Sequence[StruckNote], S
     notes = struck_notes(stage)
     if not notes:
         raise ErgonError("no instrument is struck in this piece")
-    bars = [Bar(n.instrument, n.begin, n.end, _midi_key(n.pitch), n.strength) for n in notes]
+    bars = [
+        Bar(note.instrument, note.begin, note.end, _midi_key(note.pitch), note.strength)
+        for note in notes
+    ]
     return notes, bars, f"notes of {stage.piece.title or 'a piece'}"
 
 
@@ -80,7 +83,7 @@ def drawn_curves(
 
     Raises ScoreError, and ErgonError if the score has nothing of this name.
     """
-    from ergon.view.motion import asked_and_done
+    from ergon.view.motion import wanted_and_actual
 
     piece = scores.piece_of(loaded)
     if name is None:
@@ -102,14 +105,14 @@ def drawn_curves(
     first_gesture = gestures[0]
     start = max(0.0, min(gesture.start for gesture in gestures) - _JOIN_DURATION)
     stop = max(gesture.stop for gesture in gestures)
-    reach = piece.keys[first_gesture.key].reach
-    curves = asked_and_done(
+    lever_ratio = piece.keys[first_gesture.key].reach
+    curves = wanted_and_actual(
         stage.simulation,
         first_gesture.key_index,
         first_gesture.struck_mat,
         start,
         stop,
-        reach,
+        lever_ratio,
     )
     instant = "" if key is not None else f" at {scores.where(piece, first_gesture.start)}"
     return curves, f"{name}{instant} on {first_gesture.key}"
@@ -125,13 +128,15 @@ def _stage_and_gestures(
     if key_name is None:
         stage = scores.stage_piece(loaded, None, report).stage
         if gesture_name in piece.players:
-            played = [gesture for gesture in stage.gestures if gesture.player == gesture_name]
-            if not played:
+            played_gestures = [
+                gesture for gesture in stage.gestures if gesture.player == gesture_name
+            ]
+            if not played_gestures:
                 raise ErgonError(f"{gesture_name} plays nothing in this piece")
-            return stage, played
-        played = [gesture for gesture in stage.gestures if gesture.name == gesture_name]
-        if played:
-            return stage, played[:1]
+            return stage, played_gestures
+        played_gestures = [gesture for gesture in stage.gestures if gesture.name == gesture_name]
+        if played_gestures:
+            return stage, played_gestures[:1]
     if gesture_name in piece.players:
         raise ErgonError("--key is for a gesture or a take; a player has a key of its own")
     if not piece.keys:
@@ -145,8 +150,8 @@ def _nearest_name(unknown_word: str, known_names: Iterable[str]) -> str:
     from ergon.notation.text.spelling import nearest
 
     known_names = list(known_names)
-    close = nearest(unknown_word, known_names)
-    hint = f"; did you mean '{close}'?" if close else ""
+    nearest_name = nearest(unknown_word, known_names)
+    hint = f"; did you mean '{nearest_name}'?" if nearest_name else ""
     return f"{hint} (there is {', '.join(known_names)})" if known_names else hint
 
 

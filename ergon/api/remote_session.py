@@ -91,13 +91,13 @@ def _serve_session(
     except BaseException:
         server_socket.close()
         raise
-    about = {
+    session_about = {
         "version": __version__,
         "score": os.path.abspath(session.schedule.head.texts.path),
         "journal": "" if session.journal is None else str(session.journal.path.absolute()),
     }
     follow = partial(SoundingPlaces, session.schedule)
-    SessionServer(session, server_socket, about, stop_on_signals, follow).run()
+    SessionServer(session, server_socket, session_about, stop_on_signals, follow).run()
 
 
 # --- the prompt's process ------------------------------------------------------------------------
@@ -111,7 +111,7 @@ def _join_session(
     from ergon.repl.wire.remote import RemoteSession
 
     try:
-        remote = RemoteSession(socket_path, _join_command(session_options))
+        remote_session = RemoteSession(socket_path, _join_command(session_options))
     except NoSessionError as error:
         if path is None and session_options.resume is None:
             raise OptionError(
@@ -120,15 +120,15 @@ def _join_session(
         return _start_engine(path, session_options, socket_path, report)
     except ProtocolError as error:
         raise ErgonError(f"{socket_path}: {error}") from None
-    score = str(remote.about.get("score", ""))
+    score = str(remote_session.about.get("score", ""))
     if session_options.resume is not None or (path is not None and os.path.abspath(path) != score):
-        remote.close()
+        remote_session.close()
         raise ErgonError(
             f"a session at {socket_path} plays {score} already; `{_join_command(session_options)}` "
             "joins it, --socket with another path begins another session"
         )
     report.say(f"joined the session that plays {score}")
-    return remote
+    return remote_session
 
 
 def _start_engine(
@@ -149,27 +149,27 @@ def _start_engine(
         "--engine",
     ]
     with (
-        _new_log_file(Path(session_options.journal).with_suffix(".log")) as sink,
-        open(sink.name, "rb") as log_file,
+        _new_log_file(Path(session_options.journal).with_suffix(".log")) as log_sink,
+        open(log_sink.name, "rb") as log_file,
     ):
-        log = Path(sink.name)
+        log_path = Path(log_sink.name)
         process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
-            stdout=sink,
-            stderr=sink,
+            stdout=log_sink,
+            stderr=log_sink,
             start_new_session=True,
             creationflags=_DETACHED_FLAGS,
         )
         try:
             while True:
-                code = process.poll()  # asked before its last output is read
+                exit_code = process.poll()  # asked before its last output is read
                 _write_stderr(log_file.read())
-                if code is not None:
-                    log.unlink()
-                    raise EngineExitError(abs(code))
+                if exit_code is not None:
+                    log_path.unlink()
+                    raise EngineExitError(abs(exit_code))
                 with contextlib.suppress(NoSessionError):
-                    remote = RemoteSession(socket_path, _join_command(session_options))
+                    remote_session = RemoteSession(socket_path, _join_command(session_options))
                     break
                 time.sleep(_POLL_SECONDS)
             _write_stderr(log_file.read())
@@ -181,9 +181,11 @@ def _start_engine(
         except BaseException:  # Ctrl-C while waiting: the engine is not wanted
             process.terminate()
             raise
-    journal = os.path.relpath(str(remote.about.get("journal", "")) or session_options.journal)
-    report.say(f"the engine is process {process.pid}; it writes {journal} and {log}")
-    return remote
+    journal = os.path.relpath(
+        str(remote_session.about.get("journal", "")) or session_options.journal
+    )
+    report.say(f"the engine is process {process.pid}; it writes {journal} and {log_path}")
+    return remote_session
 
 
 def _new_log_file(path: Path) -> IO[bytes]:

@@ -99,13 +99,15 @@ def faint_diagnostics(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]
 
     mix_place = piece.mix.place or piece.place
     if _is_silent(bits, peak):
-        help = "`ergon check --simulate` says what moves and what touches"
-        return [Diagnostic("W324", "the file is silent", mix_place, None, help)]
+        help_text = "`ergon check --simulate` says what moves and what touches"
+        return [Diagnostic("W324", "the file is silent", mix_place, None, help_text)]
     if peak >= _FAINT_PEAK or (bits == "float" and piece.mix.master is None):
         return []
     message = f"the highest peak of the file is {20.0 * math.log10(peak):.1f} dBFS, below -40 dBFS"
-    help = "raise the gain of its routes, or let the master do it: `master: {loudness: -20LUFS}`"
-    return [Diagnostic("W325", message, mix_place, None, help)]
+    help_text = (
+        "raise the gain of its routes, or let the master do it: `master: {loudness: -20LUFS}`"
+    )
+    return [Diagnostic("W325", message, mix_place, None, help_text)]
 
 
 def _is_silent(bits: Bits, peak: float) -> bool:
@@ -166,9 +168,9 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     if options.on is not None:
         check_shared(options)
     recorded = _recorded_hands(loaded, options, report)
-    loaded, complete = _with_inputs(loaded, options), loaded.piece
+    loaded, complete_piece = _with_inputs(loaded, options), loaded.piece
     loaded = choose_routes(loaded, options.only, options.except_)
-    staged = scores.stage_piece(
+    staged_score = scores.stage_piece(
         loaded,
         options,
         report,
@@ -177,19 +179,19 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         real_hands=None if recorded is None else recorded.hands,
         is_seen=file_options.see is not None,
         recalls_sound=True,
-        complete=complete,
+        complete=complete_piece,
     )
-    job = job_of(staged.piece, staged.stage, target, options)
+    job = job_of(staged_score.piece, staged_score.stage, target, options)
     job = replace(job, inputs=(*loaded.inputs, *options.files))
     if recorded is not None:
         job = replace(job, level=recorded.level)
     elif options.input is not None and not job.level.is_levelled:
-        job = replace(job, level=scores.played_level(staged.piece))
+        job = replace(job, level=scores.played_level(staged_score.piece))
     if file_options.motion:
         from .film import film
 
-        job = replace(job, film=film(staged.stage, job))
-    return PreparedRender(loaded, staged.stage, job, staged.plan_s, options)
+        job = replace(job, film=film(staged_score.stage, job))
+    return PreparedRender(loaded, staged_score.stage, job, staged_score.plan_s, options)
 
 
 def write(prepared: PreparedRender, report: Report, cluster: Cluster | None = None) -> Completed:
@@ -208,16 +210,16 @@ def write(prepared: PreparedRender, report: Report, cluster: Cluster | None = No
         rendered = render_files(stage, job, progress)
         stage.reports = rendered.outcome
     job = replace(job, stop=job.start + rendered.n_frames)
-    faint = tuple(faint_diagnostics(stage.piece, job.format.bits, rendered.mix.peak))
-    scores.show(report, prepared.loaded, faint)
+    faint_warnings = tuple(faint_diagnostics(stage.piece, job.format.bits, rendered.mix.peak))
+    scores.show(report, prepared.loaded, faint_warnings)
     reports = stage.simulation if stage.reports is None else stage.reports
-    return Completed(rendered, job, prepared.plan_s, stage.network, reports, faint)
+    return Completed(rendered, job, prepared.plan_s, stage.network, reports, faint_warnings)
 
 
 def check_shared(options: RenderOptions) -> None:
     """Refuse options that other processes cannot serve. Raises OptionError."""
     is_motion = isinstance(options, FileOptions) and options.motion
-    excluded = {
+    excluded_options = {
         "hands": options.hands is not None,
         "input": options.input is not None,
         "motion": is_motion,
@@ -225,7 +227,7 @@ def check_shared(options: RenderOptions) -> None:
         "except_": options.except_ is not None,
         "trust": options.trust,
     }
-    for name, is_given in excluded.items():
+    for name, is_given in excluded_options.items():
         if is_given:
             raise OptionError("on", "; leave one of the two out", excludes=name)
 
@@ -242,13 +244,13 @@ def _job_with_workers(
     from .cluster import job_of, open_cluster, share_work
 
     options = prepared.options
-    sent = job_of(prepared.loaded, prepared.stage, options.rate, options.seed)
+    cluster_job = job_of(prepared.loaded, prepared.stage, options.rate, options.seed)
     with (
         open_cluster(cluster_address, report)
         if cluster is None
         else nullcontext(cluster) as workers
     ):
-        yield replace(job, workers=share_work(workers, sent))
+        yield replace(job, workers=share_work(workers, cluster_job))
 
 
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
@@ -370,9 +372,11 @@ def _recorded_hands(
     from ergon.live.recorded import RecordingMismatchError, read_hand_recording
 
     piece = scores.piece_of(loaded)
-    played = piece if render_options.rate is None else replace(piece, rate=render_options.rate)
+    piece_at_rate = (
+        piece if render_options.rate is None else replace(piece, rate=render_options.rate)
+    )
     try:
-        recorded = read_hand_recording(Path(render_options.hands), played)
+        recorded = read_hand_recording(Path(render_options.hands), piece_at_rate)
     except RecordingMismatchError as error:
         raise OptionError("hands", str(error)) from None
     for warning in recorded.warnings:

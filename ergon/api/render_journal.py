@@ -59,34 +59,42 @@ def render_journal(
     with _journal_errors(path):
         journal_content = read_journal(path, trust=options.trust)
         with scores.staging(journal_content.start.texts.load, report):
-            replayed = ReplayedSession(journal_content)
-    for warning in replayed.warnings:
+            replayed_session = ReplayedSession(journal_content)
+    for warning in replayed_session.warnings:
         report.warn(warning)
-    if not replayed.n_frames:
+    if not replayed_session.n_frames:
         raise ErgonError(f"{path}: the session played nothing")
-    opening, running = journal_content.start, replayed.running
+    session_start, running = journal_content.start, replayed_session.running
     piece, plan = running.version.piece, running.stage.plan
     job = RenderJob(
         target=str(out) if out is not None else path.with_suffix(".wav").name,
         format=WaveFormat(
-            scores.integer_rate(replayed.rate), replayed.n_channels, options.bits or 24
+            scores.integer_rate(replayed_session.rate),
+            replayed_session.n_channels,
+            options.bits or 24,
         ),
         start=0,
-        stop=replayed.n_frames,
-        level=Level(None, opening.limit, opening.highpass, opening.gain, opening.reference),
+        stop=replayed_session.n_frames,
+        level=Level(
+            None,
+            session_start.limit,
+            session_start.highpass,
+            session_start.gain,
+            session_start.reference,
+        ),
         stamp=Stamp(
             piece.title,
             digest_of(piece),
             plan.hash if plan else "",
-            chunks_of_layout(piece.mix.layout, replayed.n_channels, piece.title),
+            chunks_of_layout(piece.mix.layout, replayed_session.n_channels, piece.title),
         ),
         block=options.block,
         threads=options.threads,
         force=options.force,
         inputs=(
             path,
-            *(() if opening.take is None else (opening.take.path,)),
-            *(() if opening.frozen is None else opening.frozen.files),
+            *(() if session_start.take is None else (session_start.take.path,)),
+            *(() if session_start.frozen is None else session_start.frozen.files),
             *(
                 input_path
                 for texts in journal_content.all_texts()
@@ -97,10 +105,12 @@ def render_journal(
     )
     with (
         _journal_errors(path),
-        report.progress(f"rendering {path.name}", replayed.n_frames, replayed.rate) as progress,
+        report.progress(
+            f"rendering {path.name}", replayed_session.n_frames, replayed_session.rate
+        ) as progress,
     ):
-        rendered = render_files(replayed, job, progress.update)
-    stage = replayed.running.stage
+        rendered = render_files(replayed_session, job, progress.update)
+    stage = replayed_session.running.stage
     return Completed(rendered, job, 0.0, stage.network, stage.simulation)
 
 

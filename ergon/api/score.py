@@ -152,14 +152,16 @@ def stage_piece(
     piece = piece_of(loaded)
     start_time = time.perf_counter()
     # Parameters are in physical units: another rate needs no other score.
-    played = piece if rate is None else replace(piece, rate=rate)
-    build = stage_or_plan
+    piece_at_rate = piece if rate is None else replace(piece, rate=rate)
+    stage_function = stage_or_plan
     if options is not None:
-        followed = options.followed()
-        played = replace(played, accuracy=options.accuracy(played.accuracy, followed))
-        pins = followed.choices if followed is not None else None
+        followed_plan = options.followed()
+        piece_at_rate = replace(
+            piece_at_rate, accuracy=options.accuracy(piece_at_rate.accuracy, followed_plan)
+        )
+        pins = followed_plan.choices if followed_plan is not None else None
         correction = machine_speed.read_correction() or 1.0
-        build = partial(
+        stage_function = partial(
             stage,
             planned=True,
             pins=pins,
@@ -171,8 +173,8 @@ def stage_piece(
         )
     waiting = (report or Report()).waiting("planning")
     with staging(lambda: loaded, report), waiting:
-        staged = build(
-            played,
+        staged_piece = stage_function(
+            piece_at_rate,
             store=user_store(),
             threads=threads,
             real_hands=real_hands,
@@ -180,16 +182,22 @@ def stage_piece(
             on_fault=on_fault,
         )
     plan_s = time.perf_counter() - start_time
-    if options is not None and options.draft and staged.plan is not None:
+    if options is not None and options.draft and staged_piece.plan is not None:
         (report or Report()).say(
-            draft_error(staged.plan) if staged.is_draft else "draft, planned as an earlier render"
+            draft_error(staged_piece.plan)
+            if staged_piece.is_draft
+            else "draft, planned as an earlier render"
         )
     show(
         report,
         loaded,
-        [*warn_unused(complete or piece), *warn_implausible(played), *staged.diagnostics],
+        [
+            *warn_unused(complete or piece),
+            *warn_implausible(piece_at_rate),
+            *staged_piece.diagnostics,
+        ],
     )
-    return Staged(piece, staged, plan_s)
+    return Staged(piece, staged_piece, plan_s)
 
 
 def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) -> Stage:
@@ -203,14 +211,14 @@ def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) 
     check_seed(seed)
     piece = piece_of(loaded)
     with staging(lambda: loaded, report):
-        staged = stage_recording(piece, seed=seed, store=user_store())
-    show(report, loaded, staged.diagnostics)
-    if staged.rate != piece.rate:
+        staged_recording = stage_recording(piece, seed=seed, store=user_store())
+    show(report, loaded, staged_recording.diagnostics)
+    if staged_recording.rate != piece.rate:
         report.warn(
             f"the scheme is unstable at {piece.rate:g} Hz; "
-            f"the ergons are those of a simulation at {staged.rate:g} Hz"
+            f"the ergons are those of a simulation at {staged_recording.rate:g} Hz"
         )
-    return staged
+    return staged_recording
 
 
 def show(report: Report | None, loaded: Loaded, diagnostics: Sequence[Diagnostic]) -> None:

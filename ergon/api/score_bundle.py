@@ -42,21 +42,21 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
     """A score that was read, with its files. Raises NotBundledError and OSError."""
     scores.piece_of(loaded)
     texts = {_place_in_bundle(name): document.text for name, document in loaded.files.items()}
-    bundle = {place: text.encode() for place, text in texts.items()}
-    bytes_left = _BYTES_MAX - sum(map(len, bundle.values()))
+    bytes_by_place = {place: text.encode() for place, text in texts.items()}
+    bytes_left = _BYTES_MAX - sum(map(len, bytes_by_place.values()))
     for input_path in loaded.inputs:
         file_place = _place_in_bundle(str(input_path))
-        if file_place not in bundle and bytes_left >= 0:
-            bundle[file_place] = read_bounded(Path(file_place), bytes_left)
-            bytes_left -= len(bundle[file_place])
+        if file_place not in bytes_by_place and bytes_left >= 0:
+            bytes_by_place[file_place] = read_bounded(Path(file_place), bytes_left)
+            bytes_left -= len(bytes_by_place[file_place])
     if bytes_left < 0:
         raise NotBundledError(
             f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
             "that goes to another process"
         )
-    root = os.path.commonpath([os.path.dirname(place) for place in bundle])
-    names = {place: Path(os.path.relpath(place, root)).as_posix() for place in bundle}
-    files = {names[place]: content for place, content in bundle.items()}
+    root = os.path.commonpath([os.path.dirname(place) for place in bytes_by_place])
+    names = {place: Path(os.path.relpath(place, root)).as_posix() for place in bytes_by_place}
+    files = {names[place]: content for place, content in bytes_by_place.items()}
     return ScoreBundle(score=names[_place_in_bundle(path)], root=root, files=files)
 
 

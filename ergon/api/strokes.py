@@ -29,7 +29,7 @@ class _StrokeReach(NamedTuple):
     [N·s].
     """
 
-    begins: float
+    begin_instant: float
     reach: float
 
 
@@ -39,7 +39,7 @@ class _ContactPlayer(NamedTuple):
     """
 
     singular: str
-    more: str
+    plural: str
     strokes: Iterable[_StrokeReach]
 
 
@@ -83,23 +83,25 @@ def _contact_warning(
         earlier_strokes = [
             stroke
             for stroke in strokes
-            if stroke.begins <= (first_closed or last_closed) / simulated.rate
+            if stroke.begin_instant <= (first_closed or last_closed) / simulated.rate
         ]
         later_strokes = [
             stroke
             for stroke in strokes[len(earlier_strokes) :]
-            if stroke.begins > last_closed / simulated.rate
+            if stroke.begin_instant > last_closed / simulated.rate
         ]
         if (first_closed and not earlier_strokes) or len(earlier_strokes) + len(
             later_strokes
         ) < len(strokes):
             continue  # something else closed it, or several strokes did
-        least = earlier_strokes[-1].reach * (1 - _ROUNDING_TOLERANCE) if first_closed else 0.0
-        n_as_far = sum(stroke.reach >= least and stroke.reach > 0.0 for stroke in later_strokes)
+        reach_min = earlier_strokes[-1].reach * (1 - _ROUNDING_TOLERANCE) if first_closed else 0.0
+        n_as_far = sum(stroke.reach >= reach_min and stroke.reach > 0.0 for stroke in later_strokes)
         if n_as_far:
             contact_time = scores.where(piece, first_closed / simulated.rate)
             message = f"contact {quote(contact.full_name)} closes at {contact_time} only, "
-            message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.singular}"
+            message += (
+                f"though {n_as_far} later {player.plural if n_as_far > 1 else player.singular}"
+            )
             help = "`ergon check --simulate` lists how far masses swing; the mass that is struck "
             help += "may not have returned"
             return Diagnostic("W334", message, contact.module.place, None, help)
@@ -112,7 +114,10 @@ def _contact_players(
     """Keys that close a contact, and strikes on one of its ends."""
     for key, direction in _closing_keys(piece, contact, module_kinds):
         strokes = (
-            s for g in simulated.gestures if g.key == key for s in _gesture_strokes(g, direction)
+            gesture_stroke
+            for staged_gesture in simulated.gestures
+            if staged_gesture.key == key
+            for gesture_stroke in _gesture_strokes(staged_gesture, direction)
         )
         yield _ContactPlayer(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
     timeline, mats = simulated.stage.timeline, simulated.stage.built.assembly.mats
@@ -144,17 +149,17 @@ def _closing_keys(
     for end in contact.ends:
         if key := struck_keys.get((end.part, end.module)):
             yield key, _closing_direction(contact, end)
-    thrown = {(e.part, e.module) for e in contact.ends} - struck_keys.keys()
+    thrown_end = {(e.part, e.module) for e in contact.ends} - struck_keys.keys()
     for _, piece_module in piece.modules():
         if piece_module.kind != "BUT" or piece_module is contact:
             continue
         targets_by_module = {(end.part, end.module): end for end in piece_module.ends}
-        between = thrown & targets_by_module.keys()
+        between = thrown_end & targets_by_module.keys()
         if any(kinds[end] in _THROWN_KINDS for end in between):
             yield from (
-                (struck_keys[w], _closing_direction(piece_module, e))
-                for w, e in targets_by_module.items()
-                if w in struck_keys
+                (struck_keys[struck_key], _closing_direction(piece_module, e))
+                for struck_key, e in targets_by_module.items()
+                if struck_key in struck_keys
             )
 
 
@@ -168,19 +173,19 @@ def _gesture_strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stro
     """The strokes of a written gesture in a direction, each from one turn to the turn back."""
     if gesture.layer:
         return  # a layer adds to an unknown path
-    begins, lowest, highest = gesture.start, float("inf"), -float("inf")
+    begin_instant, lowest, highest = gesture.start, float("inf"), -float("inf")
     for begins_at, x in zip(gesture.t, gesture.x, strict=True):
         reach_forward = direction * x
         if reach_forward < highest - _ROUNDING_TOLERANCE:
             if highest > lowest + _ROUNDING_TOLERANCE:
-                yield _StrokeReach(begins, highest)
-            begins, lowest, highest = begins_at, reach_forward, reach_forward
+                yield _StrokeReach(begin_instant, highest)
+            begin_instant, lowest, highest = begins_at, reach_forward, reach_forward
             continue
         if (
             reach_forward <= lowest + _ROUNDING_TOLERANCE
             and highest <= lowest + _ROUNDING_TOLERANCE
         ):
-            begins, lowest = begins_at, min(lowest, reach_forward)
+            begin_instant, lowest = begins_at, min(lowest, reach_forward)
         highest = max(highest, reach_forward)
     if highest > lowest + _ROUNDING_TOLERANCE:
-        yield _StrokeReach(begins, highest)
+        yield _StrokeReach(begin_instant, highest)

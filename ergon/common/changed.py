@@ -37,14 +37,14 @@ def changed_part(old_values: Sequence[_Item], new_values: Sequence[_Item]) -> Ch
     """
     if old_values is new_values:
         return Changed(len(new_values), (), ())
-    shared = min(len(old_values), len(new_values))
-    first_changed = next(compress(count(), map(is_not, old_values, new_values)), shared)
+    shared_count = min(len(old_values), len(new_values))
+    first_changed = next(compress(count(), map(is_not, old_values, new_values)), shared_count)
     if first_changed == len(old_values) == len(new_values):
         return Changed(first_changed, (), ())
     n_same_at_end = next(
-        compress(count(), map(is_not, reversed(old_values), reversed(new_values))), shared
+        compress(count(), map(is_not, reversed(old_values), reversed(new_values))), shared_count
     )
-    n_same_at_end = min(n_same_at_end, shared - first_changed)
+    n_same_at_end = min(n_same_at_end, shared_count - first_changed)
     return Changed(
         first_changed,
         old_values[first_changed : len(old_values) - n_same_at_end],

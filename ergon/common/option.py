@@ -100,8 +100,8 @@ def option(
 
     One whose default is False is a flag, one whose default is empty may be given several times.
     """
-    declared = Option(help, accepts, metavar, shown, is_required)
-    return field(default=default, metadata={"option": declared})
+    option_declaration = Option(help, accepts, metavar, shown, is_required)
+    return field(default=default, metadata={"option": option_declaration})
 
 
 def documented(option_class: type[T]) -> type[T]:

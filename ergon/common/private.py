@@ -32,8 +32,8 @@ def make_private_folder(folder: Path) -> None:
 
     In one that is there and is the user's own, others may not write any more. Raises OSError.
     """
-    missing = [path for path in (folder, *folder.parents) if not os.path.lexists(path)]
-    for path in reversed(missing):
+    missing_folders = [path for path in (folder, *folder.parents) if not os.path.lexists(path)]
+    for path in reversed(missing_folders):
         with contextlib.suppress(FileExistsError):  # made by another process meanwhile
             path.mkdir(mode=0o700)
             path.chmod(0o700)  # a umask can take the owner's rights too

@@ -32,6 +32,8 @@ def shown(shown_text: str) -> str:
 def shown_in_json(shown_text: str) -> str:
     """The same for a text of JSON."""
     for folder, pack in _packs.items():
-        inside, name = json.dumps(folder + os.sep)[1:-1], json.dumps(pack)[1:-1]
-        shown_text = shown_text.replace(inside, f"{name}:").replace(json.dumps(folder)[1:-1], name)
+        folder_text, name = json.dumps(folder + os.sep)[1:-1], json.dumps(pack)[1:-1]
+        shown_text = shown_text.replace(folder_text, f"{name}:").replace(
+            json.dumps(folder)[1:-1], name
+        )
     return shown_text

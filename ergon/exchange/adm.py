@@ -83,9 +83,9 @@ def _axml_content(layout: ChannelLayout, piece_title: str) -> str:
     type_label = _TYPE_ID_BY_NAME[layout_kind]
     pack = f"AP_{type_label}{_FIRST_CHANNEL_ID:04x}"
     quoted_title = quoteattr("".join(c for c in piece_title if c.isprintable()) or "ergon")
-    typed = f'typeLabel="{type_label}" typeDefinition="{layout_kind}"'
-    farthest = max((r for *_, r in layout.speakers), default=1.0) or 1.0
-    absolute = f' absoluteDistance="{farthest:.6g}"' if layout.order is None else ""
+    type_attributes = f'typeLabel="{type_label}" typeDefinition="{layout_kind}"'
+    distance_max = max((r for *_, r in layout.speakers), default=1.0) or 1.0
+    distance_attribute = f' absoluteDistance="{distance_max:.6g}"' if layout.order is None else ""
     elements = [
         f'<audioProgramme audioProgrammeID="APR_1001" audioProgrammeName={quoted_title}>',
         "<audioContentIDRef>ACO_1001</audioContentIDRef></audioProgramme>",
@@ -96,7 +96,7 @@ def _axml_content(layout: ChannelLayout, piece_title: str) -> str:
         *(f"<audioTrackUIDRef>ATU_{i:08x}</audioTrackUIDRef>" for i in range(1, len(ids) + 1)),
         "</audioObject>",
         f'<audioPackFormat audioPackFormatID="{pack}" audioPackFormatName={quoted_title} '
-        f"{typed}{absolute}>",
+        f"{type_attributes}{distance_attribute}>",
         *(f"<audioChannelFormatIDRef>AC_{number}</audioChannelFormatIDRef>" for number in ids),
         "</audioPackFormat>",
     ]
@@ -104,9 +104,9 @@ def _axml_content(layout: ChannelLayout, piece_title: str) -> str:
         channel_name = f"{i + 1}"
         elements += [
             f'<audioChannelFormat audioChannelFormatID="AC_{format_id}" '
-            f'audioChannelFormatName="{channel_name}" {typed}>'
+            f'audioChannelFormatName="{channel_name}" {type_attributes}>'
             f'<audioBlockFormat audioBlockFormatID="AB_{format_id}_00000001">',
-            *_block_format(layout, i, farthest),
+            *_block_format(layout, i, distance_max),
             "</audioBlockFormat></audioChannelFormat>",
             f'<audioStreamFormat audioStreamFormatID="AS_{format_id}" '
             f'audioStreamFormatName="{channel_name}" '
@@ -130,7 +130,7 @@ def _axml_content(layout: ChannelLayout, piece_title: str) -> str:
     )
 
 
-def _block_format(layout: ChannelLayout, speaker_index: int, farthest: float) -> list[str]:
+def _block_format(layout: ChannelLayout, speaker_index: int, distance_max: float) -> list[str]:
     if layout.order is not None:
         n = next(n for n in range(speaker_index + 1) if speaker_index < (n + 1) ** 2)
         degree = speaker_index - n * n - n
@@ -143,7 +143,7 @@ def _block_format(layout: ChannelLayout, speaker_index: int, farthest: float) ->
         f"<speakerLabel>{speaker_index + 1}</speakerLabel>",
         f'<position coordinate="azimuth">{azimuth:.6f}</position>',
         f'<position coordinate="elevation">{elevation:.6f}</position>',
-        f'<position coordinate="distance">{distance / farthest:.6f}</position>',
+        f'<position coordinate="distance">{distance / distance_max:.6f}</position>',
     ]
 
 
@@ -167,9 +167,9 @@ def read(info: WaveInfo) -> ChannelLayout | None:
     if not format_names or None in labels.values():
         return None
     if labels:
-        described = iter(channel_formats)
+        channel_elements = iter(channel_formats)
         return _speakers_of_channels(
-            [labels.get(i) or next(described) for i in range(len(format_names))], root
+            [labels.get(i) or next(channel_elements) for i in range(len(format_names))], root
         )
     channel_kinds = {
         channel_format.get("typeDefinition") or channel_format.get("typeLabel")
@@ -228,12 +228,12 @@ def _speakers_of_channels(
     distance_texts = (pack.get("absoluteDistance") for pack in root.iter("audioPackFormat"))
     radius = next((_finite_number(text) for text in distance_texts if text), 1.0)
     speakers: list[Angles] = []
-    effects = []
+    effects_channels = []
     for channel, definition in enumerate(channels):
         if isinstance(definition, str) or _is_effects(definition):
             common_direction = place_of(definition) if isinstance(definition, str) else None
             if common_direction is None:
-                effects.append(channel)
+                effects_channels.append(channel)
             else:
                 speakers.append((*common_direction[:2], radius))
             continue
@@ -259,7 +259,7 @@ def _speakers_of_channels(
         ):
             raise XmlError("a loudspeaker lies out of range")
         speakers.append((azimuth, elevation, distance))
-    return ChannelLayout(tuple(speakers), effects=tuple(effects))
+    return ChannelLayout(tuple(speakers), effects=tuple(effects_channels))
 
 
 def _is_effects(channel_element: ElementTree.Element) -> bool:

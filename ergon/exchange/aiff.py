@@ -104,7 +104,7 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     end_offset = open_file.seek(0, 2)
     open_file.seek(12)
     format: WaveFormat | None = None
-    byte_order, stated, stated_title = _BIG_ENDIAN, 0, ""
+    byte_order, stated_frames, stated_title = _BIG_ENDIAN, 0, ""
     sound_place, stop_offset = None, end_offset
     named_marks: list[tuple[str, int]] = []
     other_chunks: list[tuple[str, int]] = []
@@ -119,7 +119,7 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
             break  # the bytes after the samples are no chunk
         if chunk_name == b"COMM":
             content = read_exactly(open_file, min(chunk_size, 1024), _CUT_HEADER_MESSAGE)
-            format, byte_order, stated = _parse_comm(content, is_compressed=is_compressed)
+            format, byte_order, stated_frames = _parse_comm(content, is_compressed=is_compressed)
         elif chunk_name == b"SSND" and sound_place is None:
             offset, _ = struct.unpack(">II", read_exactly(open_file, 8, _CUT_HEADER_MESSAGE))
             sound_place = start_offset + 8 + offset
@@ -139,11 +139,11 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         elif chunk_name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
             other_chunks.append((chunk_name.decode("latin-1"), chunk_size))
         open_file.seek(start_offset + chunk_size + chunk_size % 2)
-    if format is None or (sound_place is None and stated):
+    if format is None or (sound_place is None and stated_frames):
         raise NotWaveError("this AIFF file holds no samples")
     sound_place = end_offset if sound_place is None else sound_place
     frame_bytes = format.frame_bytes
-    n_frames = min(stated, max(0, stop_offset - sound_place) // frame_bytes)
+    n_frames = min(stated_frames, max(0, stop_offset - sound_place) // frame_bytes)
     info = WaveInfo(
         "AIFC" if is_compressed else "AIFF",
         format,
@@ -151,7 +151,7 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         sound_place,
         n_frames * frame_bytes,
         description=stated_title,
-        missing=(stated - n_frames) * frame_bytes,
+        missing=(stated_frames - n_frames) * frame_bytes,
         others=tuple(other_chunks),
         marks=tuple(named_marks),
     )

@@ -44,9 +44,9 @@ def blocks_of(header: bytes) -> bytes:
     pieces, block_start = [header[:12]], 12
     while block_start < len(header):
         size = int.from_bytes(header[block_start + 4 : block_start + 8], "little")
-        inside = 0 if header.startswith(_DATA_CHUNK_ID, block_start) else size + size % 2
-        pieces.append(header[block_start : block_start + 8 + inside])
-        block_start += 8 + inside
+        data_size = 0 if header.startswith(_DATA_CHUNK_ID, block_start) else size + size % 2
+        pieces.append(header[block_start : block_start + 8 + data_size])
+        block_start += 8 + data_size
     contents = [_RIFF_APPLICATION_ID + piece for piece in pieces]
     kind = bytes([_APPLICATION])
     return b"".join(kind + len(content).to_bytes(3, "big") + content for content in contents)

@@ -47,9 +47,12 @@ def gltf_text(
         )
     if exaggeration is None:
         exaggeration = _automatic_exaggeration(motion, manifest["parts"], other_axes.union(space))
-    point_places, moved = motion.places(), motion.displacements(frame_instants.tolist())
-    scene = _Scene(frame_instants)
-    drawn: dict[int, tuple[int, NDArray[np.float64]]] = {}
+    point_places, point_displacements = (
+        motion.places(),
+        motion.displacements(frame_instants.tolist()),
+    )
+    scene = GltfScene(frame_instants)
+    node_by_point: dict[int, tuple[int, NDArray[np.float64]]] = {}
     for manifest_part in manifest["parts"]:
         parent_node = scene.node({"name": manifest_part["name"]})
         child_nodes = []
@@ -62,22 +65,24 @@ def gltf_text(
                 space_point = space[point_index]
                 point_place, path = (
                     space_point.rest(point_places),
-                    space_point.path(point_places, moved),
+                    space_point.path(point_places, point_displacements),
                 )
                 child_nodes.append(scene.point(space_point.name, point_place, path))
-                drawn[point_index] = child_nodes[-1], path
+                node_by_point[point_index] = child_nodes[-1], path
                 continue
             point_place = point_places[point_index, :3] + [0.0, 0.0, point_places[point_index, 3]]
             path = np.tile(point_place, (len(frame_instants), 1))
-            if np.isfinite(moved[:, point_index]).all():
-                path[:, 2] += exaggeration * moved[:, point_index]
+            if np.isfinite(point_displacements[:, point_index]).all():
+                path[:, 2] += exaggeration * point_displacements[:, point_index]
             child_nodes.append(scene.point(point_names[point_index], point_place, path))
         if child_nodes:
             scene.nodes[parent_node]["children"] = child_nodes
         scene.roots.append(parent_node)
     if space_links:
         parent_node = scene.node({"name": "springs"})
-        end_points = ((drawn[in_space[end].axes[0]] for end in link.ends) for link in space_links)
+        end_points = (
+            (node_by_point[in_space[end].axes[0]] for end in link.ends) for link in space_links
+        )
         scene.nodes[parent_node]["children"] = [
             scene.line(a, b, link.broken)
             for (a, b), link in zip(end_points, space_links, strict=True)
@@ -94,18 +99,18 @@ def _automatic_exaggeration(
     Parts in space are drawn as they are.
     """
     kinds = [chunk.kind for chunk in motion.chunks()]
-    peaks = [i for i, kind in enumerate(kinds) if kind == _POINT_VERTICES]
-    if not peaks:
+    peak_chunks = [i for i, kind in enumerate(kinds) if kind == _POINT_VERTICES]
+    if not peak_chunks:
         return 1.0
-    payload = motion.payload(peaks[-1])
+    payload = motion.payload(peak_chunks[-1])
     peak_values = struct.unpack(f"<{len(payload) // 4}f", payload[: len(payload) // 4 * 4])
     part_peaks = (
         peak
         for peak, part in zip(peak_values, manifest_parts, strict=False)
         if part["first"] not in in_space
     )
-    largest = max(part_peaks, default=0.0)
-    return 0.05 / largest if largest > 0.0 else 1.0
+    peak_max = max(part_peaks, default=0.0)
+    return 0.05 / peak_max if peak_max > 0.0 else 1.0
 
 
 def _to_gltf_axes(places: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -117,7 +122,7 @@ def _to_gltf_axes(places: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 @dataclass(slots=True)
-class _Scene:
+class GltfScene:
     """Nodes, meshes and animations of a scene; all numbers lie in one buffer."""
 
     instants: NDArray[np.float64]

@@ -34,12 +34,12 @@ def chunks(file_bytes: bytes) -> list[Chunk]:
     """
     if file_bytes[:4] not in _GROUP_IDS[:3]:
         raise NotIffError("the file does not begin with FORM, LIST or CAT, as every IFF file does")
-    walked: list[Chunk] = []
+    chunks_read: list[Chunk] = []
     for chunk in _walked_chunks(file_bytes, 0, len(file_bytes), 0):
-        walked.append(chunk)
-        if len(walked) > _CHUNKS_MAX:
+        chunks_read.append(chunk)
+        if len(chunks_read) > _CHUNKS_MAX:
             raise NotIffError(f"the file has more than {_CHUNKS_MAX:,} chunks")
-    return walked
+    return chunks_read
 
 
 def _walked_chunks(
@@ -54,19 +54,21 @@ def _walked_chunks(
                 f"byte {start_offset:,}: {stop_offset - start_offset} bytes are too few for a chunk"
             )
         identifier, chunk_size = header_bytes[:4], int.from_bytes(header_bytes[4:], "big")
-        inside = start_offset + _HEAD_BYTES
+        content_start = start_offset + _HEAD_BYTES
         if not all(32 <= byte < 127 for byte in identifier):
             raise NotIffError(f"byte {start_offset:,}: {identifier!r} is not the name of a chunk")
         chunk_name = identifier.decode("ascii")
-        if inside + chunk_size > stop_offset:
+        if content_start + chunk_size > stop_offset:
             raise NotIffError(
                 f"byte {start_offset:,}: the chunk {chunk_name} has {chunk_size:,} bytes, and "
-                f"{stop_offset - inside:,} follow"
+                f"{stop_offset - content_start:,} follow"
             )
         if identifier in _GROUP_IDS:
-            group = file_bytes[inside : inside + 4].decode("ascii", "replace")
+            group = file_bytes[content_start : content_start + 4].decode("ascii", "replace")
             yield Chunk(depth, chunk_name, group, chunk_size)
-            yield from _walked_chunks(file_bytes, inside + 4, inside + chunk_size, depth + 1)
+            yield from _walked_chunks(
+                file_bytes, content_start + 4, content_start + chunk_size, depth + 1
+            )
         else:
             yield Chunk(depth, chunk_name, "", chunk_size)
-        start_offset = inside + chunk_size + chunk_size % 2
+        start_offset = content_start + chunk_size + chunk_size % 2

@@ -47,8 +47,8 @@ class ReadLayout:
         """Sentences on what was left out, and on outputs with gaps between them."""
         if self.outputs == [*range(1, len(self.outputs) + 1)]:
             return self.left_out
-        stated = ", ".join(map(str, self.outputs))
-        return [*self.left_out, f"its loudspeakers keep their outputs: {stated}"]
+        stated_outputs = ", ".join(map(str, self.outputs))
+        return [*self.left_out, f"its loudspeakers keep their outputs: {stated_outputs}"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def _read_iem(data: bytes) -> ReadLayout:
     if not isinstance(speaker_rows, list) or not all(isinstance(row, dict) for row in speaker_rows):
         raise LayoutFileError("it has no list `LoudspeakerLayout: Loudspeakers`")
     real_rows = [row for row in speaker_rows if not _is_true(row.get("IsImaginary"))]
-    numbered: list[tuple[float, Angles]] = []
+    numbered_speakers: list[tuple[float, Angles]] = []
     left_out: list[str] = []
     if n_imaginary := len(speaker_rows) - len(real_rows):
         speakers_are = "loudspeaker is" if n_imaginary == 1 else "loudspeakers are"
@@ -120,11 +120,11 @@ def _read_iem(data: bytes) -> ReadLayout:
         speaker_angles = _checked_angles(
             speaker_row.get("Azimuth"), speaker_row.get("Elevation"), speaker_row.get("Radius", 1.0)
         )
-        numbered.append((channel, speaker_angles))
+        numbered_speakers.append((channel, speaker_angles))
         if _finite_number(speaker_row.get("Gain", 1.0), "Gain") != 1.0:
             left_out.append(_dropped_note("gain", channel))
         left_out += _unread_notes(speaker_row, _IEM_FIELDS, channel)
-    return _ordered_speakers(numbered, left_out)
+    return _ordered_speakers(numbered_speakers, left_out)
 
 
 _IEM_FIELDS = ("Azimuth", "Elevation", "Radius", "IsImaginary", "Channel", "Gain")
@@ -141,8 +141,10 @@ def _is_true(value: Any) -> bool:
 def _write_ear(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
     yaml_lines = [f"# made by ergon: {printable(title)}\n", "speakers:\n"]
     for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True):
-        az, el, r = map(_rounded_number, (azimuth, elevation, distance))
-        position = f"{{az: {az}, el: {el}, r: {r}}}"
+        azimuth_text, elevation_text, distance_text = map(
+            _rounded_number, (azimuth, elevation, distance)
+        )
+        position = f"{{az: {azimuth_text}, el: {elevation_text}, r: {distance_text}}}"
         yaml_lines.append(
             f"  - {{channel: {number - 1}, names: L{number}, position: {position}}}\n"
         )
@@ -157,7 +159,7 @@ def _read_ear(data: bytes) -> ReadLayout:
     speaker_rows = document.get("speakers") if isinstance(document, dict) else document
     if not isinstance(speaker_rows, list) or not all(isinstance(row, dict) for row in speaker_rows):
         raise LayoutFileError("it has no list `speakers`")
-    numbered, left_out = [], []
+    numbered_speakers, left_out = [], []
     for i, speaker_row in enumerate(speaker_rows):
         channel_number = _finite_number(speaker_row.get("channel", i), "channel")
         names = _speaker_names(speaker_row)
@@ -174,12 +176,12 @@ def _read_ear(data: bytes) -> ReadLayout:
         speaker_angles = _checked_angles(
             speaker_place.get("az"), speaker_place.get("el", 0.0), speaker_place.get("r", 1.0)
         )
-        numbered.append((channel_number, speaker_angles))
+        numbered_speakers.append((channel_number, speaker_angles))
         if _finite_number(speaker_row.get("gain_linear", 1.0), "gain") != 1.0:
             left_out.append(_dropped_note("gain", channel_number + 1))
         left_out += _unread_notes(speaker_row, _EAR_FIELDS, channel_number + 1)
         left_out += _unread_notes(speaker_place, ("az", "el", "r"), channel_number + 1)
-    return _ordered_speakers(numbered, left_out, 0)
+    return _ordered_speakers(numbered_speakers, left_out, 0)
 
 
 _EAR_FIELDS = ("channel", "names", "position", "gain_linear")
@@ -207,13 +209,13 @@ _SPATGRIS_DISPLAY_FIELDS = ("UUID", "SPEAKER_GROUP_NAME", "COLOUR", "COLOR")
 
 def _write_spatgris(speakers: Sequence[Angles], output_numbers: Sequence[int], title: str) -> str:
     """Cartesian: x to the right, y to the front; the farthest loudspeaker of a dome is 1 away."""
-    farthest = max((distance for *_, distance in speakers), default=1.0) or 1.0
+    distance_max = max((distance for *_, distance in speakers), default=1.0) or 1.0
     text_lines = [
         '<?xml version="1.0" encoding="UTF-8"?>\n<!-- made by ergon -->\n',
         f'<{_SPATGRIS_ROOT} VERSION="3.1.0" SPAT_MODE="Dome" DIFFUSION="0" GENERAL_MUTE="0">\n',
     ]
     for output_number, (azimuth, elevation, distance) in zip(output_numbers, speakers, strict=True):
-        x, y, z = point(azimuth, elevation, distance / farthest)
+        x, y, z = point(azimuth, elevation, distance / distance_max)
         text_lines.append(
             f'  <SPEAKER_{output_number} STATE="normal" GAIN="0" DIRECT_OUT_ONLY="0">\n'
             f'    <POSITION X="{_rounded_number(x)}" Y="{_rounded_number(y)}" '
@@ -235,10 +237,10 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
         )
     for group in root_element.iter("SPEAKER_GROUP"):
         rotations = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
-        moved = [*rotations, *_parse_axes(group.get(_SPATGRIS_PLACE, "0, 0, 0"))]
-        if any(_finite_number(element, "place of a group") for element in moved):
+        group_transform = [*rotations, *_parse_axes(group.get(_SPATGRIS_PLACE, "0, 0, 0"))]
+        if any(_finite_number(element, "place of a group") for element in group_transform):
             raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
-    numbered, left_out = [], []
+    numbered_speakers, left_out = [], []
     for element in root_element.iter():
         number_element = (
             element.get("SPEAKER_PATCH_ID", "") if element.tag == "SPEAKER" else element.tag[8:]
@@ -264,7 +266,7 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
             raise LayoutFileError(f"loudspeaker {printable(number_element[:20])} has no position")
         x, y, z = (_finite_number(axis, "position") for axis in axes)
         output_number = _finite_number(number_element, "number of an output")
-        numbered.append((output_number, _checked_angles(*angles((x, y, z)))))
+        numbered_speakers.append((output_number, _checked_angles(*angles((x, y, z)))))
         if _finite_number(element.get("GAIN", 0.0), "gain"):
             left_out.append(_dropped_note("gain", output_number))
         if element.find("HIGHPASS") is not None:
@@ -280,7 +282,7 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
             left_out.append(
                 f"output {output_number:g} is {printable(state_text[:20])} there; it sounds here"
             )
-    return _ordered_speakers(numbered, left_out)
+    return _ordered_speakers(numbered_speakers, left_out)
 
 
 def _parse_axes(text: str) -> list[str]:
@@ -292,14 +294,16 @@ def _parse_axes(text: str) -> list[str]:
 
 
 def _ordered_speakers(
-    numbered: list[tuple[float, Angles]], left_out: Sequence[str] = (), first_channel: int = 1
+    numbered_speakers: list[tuple[float, Angles]],
+    left_out: Sequence[str] = (),
+    first_channel: int = 1,
 ) -> ReadLayout:
     """Loudspeakers with their outputs, which count from `first_channel`. Raises LayoutFileError."""
-    if not 1 <= len(numbered) <= SPEAKERS_MAX:
+    if not 1 <= len(numbered_speakers) <= SPEAKERS_MAX:
         raise LayoutFileError(
-            f"it has {len(numbered):,} loudspeakers; 1 to {SPEAKERS_MAX:,} are read"
+            f"it has {len(numbered_speakers):,} loudspeakers; 1 to {SPEAKERS_MAX:,} are read"
         )
-    speaker_numbers = [number for number, _ in numbered]
+    speaker_numbers = [number for number, _ in numbered_speakers]
     if len(set(speaker_numbers)) < len(speaker_numbers):
         raise LayoutFileError("two of its loudspeakers have one channel")
     if not all(number.is_integer() for number in speaker_numbers):
@@ -309,7 +313,7 @@ def _ordered_speakers(
             f"outputs are counted from {first_channel} to {_OUTPUT_MAX:,}, here from "
             f"{min(speaker_numbers):.10g} to {max(speaker_numbers):.10g}"
         )
-    in_order = sorted(numbered, key=lambda pair: pair[0])
+    in_order = sorted(numbered_speakers, key=lambda pair: pair[0])
     outputs = [int(number) + 1 - first_channel for number, _ in in_order]
     return ReadLayout([speaker_angles for _, speaker_angles in in_order], outputs, list(left_out))
 
@@ -375,8 +379,8 @@ def as_yaml(
     """A layout of ergon (YAML) for `layout:` of a score; the farthest loudspeaker is `radius` [m]
     away. `output_numbers` are written where they do not follow one another.
     """
-    farthest = max(distance for *_, distance in speakers)
-    scale = 1.0 if radius is None or not farthest else radius / farthest
+    distance_max = max(distance for *_, distance in speakers)
+    scale = 1.0 if radius is None or not distance_max else radius / distance_max
     yaml_lines = [
         "ergon: 1 # made by ergon\n",
         f"title: {json.dumps(printable(piece_title), ensure_ascii=False)}\n",

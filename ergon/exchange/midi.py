@@ -164,21 +164,21 @@ def tempo_steps(
     for step in range(max(1, math.ceil(length_beats * STEPS_PER_BEAT))):
         step_beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
         n_quarters = (ruler.tick(end) - ruler.tick(step_beat)) / TICKS_PER_QUARTER
-        micros = (seconds_at(end) - seconds_at(step_beat)) * 1e6
-        if abs(error + tempo * n_quarters - micros) > _DRIFT_MICROSECONDS_MAX:
-            exact = micros / n_quarters
-            closer_count = math.floor(exact) if error > 0 else math.ceil(exact)
+        microseconds = (seconds_at(end) - seconds_at(step_beat)) * 1e6
+        if abs(error + tempo * n_quarters - microseconds) > _DRIFT_MICROSECONDS_MAX:
+            exact_tempo = microseconds / n_quarters
+            closer_count = math.floor(exact_tempo) if error > 0 else math.ceil(exact_tempo)
             if not 1 <= closer_count <= _TEMPO_MICROSECONDS_MAX:
                 raise ValueError(
                     f"MIDI cannot represent the tempo at beat {step_beat:g}: a quarter note lasts "
-                    f"{exact / 1e6:.6g} s there, and in a MIDI file from 1 µs to "
+                    f"{exact_tempo / 1e6:.6g} s there, and in a MIDI file from 1 µs to "
                     f"{_TEMPO_MICROSECONDS_MAX / 1e6:.5g} s "
                     f"({60e6 / _TEMPO_MICROSECONDS_MAX:.3g} quarters a minute)"
                 )
             if closer_count != tempo:
                 tempo = closer_count
                 tempo_changes.append((step_beat, tempo))
-        error += tempo * n_quarters - micros
+        error += tempo * n_quarters - microseconds
     return tempo_changes
 
 

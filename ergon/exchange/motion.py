@@ -67,10 +67,15 @@ def write_npz(output_file: BinaryIO, motion: Motion, frame_instants: NDArray[np.
     """
     import numpy as np
 
-    point_places, moved = motion.places(), motion.displacements(frame_instants.tolist())
+    point_places, point_displacements = (
+        motion.places(),
+        motion.displacements(frame_instants.tolist()),
+    )
     arrays: dict[str, NDArray[Any]] = {}
     if space := points_in_space(read_manifest(motion).get("space"), motion.names):
-        paths = [point.path(point_places, moved).astype(np.float32) for point in space]
+        paths = [
+            point.path(point_places, point_displacements).astype(np.float32) for point in space
+        ]
         arrays["space_names"] = np.array([point.name for point in space])
         arrays["space_positions"] = np.stack(paths, axis=1)
         links = links_in_space(motion, space)
@@ -82,7 +87,7 @@ def write_npz(output_file: BinaryIO, motion: Motion, frame_instants: NDArray[np.
         t=frame_instants,
         names=np.array(motion.names),
         places=point_places,
-        displacement=moved.astype(np.float32),
+        displacement=point_displacements.astype(np.float32),
         manifest=np.array(motion.manifest),
         **arrays,
     )

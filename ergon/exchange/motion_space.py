@@ -45,18 +45,20 @@ class SpacePoint:
             rest_place[axis] += places[point, 3]
         return rest_place
 
-    def path(self, places: NDArray[np.float64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Its positions [m]   (n_instants, 3); `moved` (n_instants, n_points) are the file's
-        displacements.
+    def path(
+        self, places: NDArray[np.float64], displacements: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Its positions [m]   (n_instants, 3); `displacements` (n_instants, n_points) are the
+        file's displacements.
 
         A coordinate that is not known at all instants stays at rest.
         """
         import numpy as np
 
-        path = np.tile(self.rest(places), (len(moved), 1))
+        path = np.tile(self.rest(places), (len(displacements), 1))
         for axis, point in self._coordinates():
-            if np.isfinite(moved[:, point]).all():
-                path[:, axis] += moved[:, point]
+            if np.isfinite(displacements[:, point]).all():
+                path[:, axis] += displacements[:, point]
         return path
 
     def _coordinates(self) -> Iterator[tuple[int, int]]:
@@ -101,10 +103,10 @@ def points_of_parts(manifest: dict[str, Any], point_names: Sequence[str]) -> lis
     for point in points_in_space(manifest.get("space"), point_names):
         members = [bisect_right(part_ends, coordinate) for coordinate in point.axes]
         is_of_body = part_tables[members[-1]]["name"] != part_tables[members[0]]["name"]
-        moved = [part for part in members if part_tables[part]["kind"] != "none"]
+        moving_parts = [part for part in members if part_tables[part]["kind"] != "none"]
         for part in members:
             point_counts[part] -= 1
-        point_counts[members[-1] if is_of_body else (moved or members)[0]] += 1
+        point_counts[members[-1] if is_of_body else (moving_parts or members)[0]] += 1
     return point_counts
 
 
@@ -134,21 +136,22 @@ def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLin
     link_pairs = np.frombuffer(link_table, "<u4", offset=_NUMBER_BYTES).reshape(-1, 2)
     if link_pairs.size and int(link_pairs.max()) >= len(motion.names):
         raise NotMotionError("its table of links names no such points")
-    broken = np.full(len(link_pairs), np.inf)
+    break_instants = np.full(len(link_pairs), np.inf)
     for offset, chunk in chunks:
         if chunk.kind == _BROKEN_CHUNK:
             change_rows = np.frombuffer(motion.payload(offset), [("dt", "<f4"), ("link", "<u4")])
             if change_rows.size and int(change_rows["link"].max()) >= len(link_pairs):
                 raise NotMotionError("a link that broke is not in its table")
             np.minimum.at(
-                broken, change_rows["link"], chunk.seconds + change_rows["dt"].astype(float)
+                break_instants, change_rows["link"], chunk.seconds + change_rows["dt"].astype(float)
             )
     number = np.full(len(motion.names), -1)
     number[[point.axes[0] for point in space]] = np.arange(len(space))
     end_points = number[link_pairs]
-    drawn = np.flatnonzero((end_points >= 0).all(axis=1))
+    visible_links = np.flatnonzero((end_points >= 0).all(axis=1))
     return [
-        SpaceLink((int(end_points[i, 0]), int(end_points[i, 1])), float(broken[i])) for i in drawn
+        SpaceLink((int(end_points[i, 0]), int(end_points[i, 1])), float(break_instants[i]))
+        for i in visible_links
     ]
 
 

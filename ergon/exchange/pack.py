@@ -137,12 +137,12 @@ def _parsed_pack(pack_bytes_read: bytes) -> Pack:
     if len(manifest) > _MANIFEST_BYTES_MAX:
         raise PackError(f"{_MANIFEST} has more than {_MANIFEST_BYTES_MAX >> 20} MB")
     files_by_name = {}
-    for entry_name, octets in content_by_name.items():
+    for entry_name, file_bytes in content_by_name.items():
         if not entry_name.startswith(_FILES):
             raise PackError(
                 f"{_quoted_name(entry_name)} is no file of a pack, which are in {_FILES}"
             )
-        files_by_name[entry_name.removeprefix(_FILES)] = octets
+        files_by_name[entry_name.removeprefix(_FILES)] = file_bytes
     _check_names(files_by_name)
     return _with_manifest(parse_json(manifest), files_by_name)
 
@@ -244,16 +244,16 @@ def _with_manifest(manifest: Any, packed_files: Mapping[str, bytes]) -> Pack:
             f"the pack has format {printable(str(manifest.get('format')))[:40]}, and this ergon "
             f"reads format {FORMAT}; a newer ergon may read it"
         )
-    version, score, listed = (manifest.get(key) for key in ("ergon", "score", "files"))
-    if not isinstance(version, str) or not isinstance(listed, dict):
+    version, score, listed_files = (manifest.get(key) for key in ("ergon", "score", "files"))
+    if not isinstance(version, str) or not isinstance(listed_files, dict):
         raise PackError(f"{_MANIFEST} lacks the version of ergon or the list of files")
-    if mismatched := sorted(listed.keys() ^ packed_files.keys()):
-        kind = "is missing" if mismatched[0] in listed else f"is not in {_MANIFEST}"
-        raise PackError(f"the pack is damaged: the file {_quoted_name(mismatched[0])} {kind}")
+    if mismatched_names := sorted(listed_files.keys() ^ packed_files.keys()):
+        kind = "is missing" if mismatched_names[0] in listed_files else f"is not in {_MANIFEST}"
+        raise PackError(f"the pack is damaged: the file {_quoted_name(mismatched_names[0])} {kind}")
     if not isinstance(score, str) or score not in packed_files:
         raise PackError(f"{_MANIFEST} does not say which of its files is the score")
     for file_name, file_data in packed_files.items():
-        listed_entry = listed[file_name] if isinstance(listed[file_name], dict) else {}
+        listed_entry = listed_files[file_name] if isinstance(listed_files[file_name], dict) else {}
         digest = listed_entry.get("sha256")
         if not isinstance(digest, str) or not _HASH_PATTERN.fullmatch(digest):
             raise PackError(f"{_MANIFEST} has no SHA-256 of {_quoted_name(file_name)}")

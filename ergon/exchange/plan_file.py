@@ -50,8 +50,8 @@ def plan_text(choices: Sequence[IslandChoice], digest: str, **further_fields: ob
     # One choice per line, so that two plans can be compared by eye and by diff.
     lines = ",\n  ".join(json.dumps(choice, separators=(",", ":")) for choice in choices)
     header = "".join(f', "{name}": {json.dumps(value)}' for name, value in further_fields.items())
-    head = f'{{"ergon_plan": {PLAN_VERSION}, "hash": "{digest}"{header}, "choices": ['
-    return f"{head}\n  {lines}\n]}}\n"
+    header_text = f'{{"ergon_plan": {PLAN_VERSION}, "hash": "{digest}"{header}, "choices": ['
+    return f"{header_text}\n  {lines}\n]}}\n"
 
 
 def write(

@@ -78,14 +78,18 @@ def columns(recording: Recording) -> list[Column]:
     channel_names = [name.translate(_HEADER_SUBSTITUTES) for name in recording.names]
     if len(set(channel_names)) < len(channel_names) or {"t", "tick"} & set(channel_names):
         channel_names = [str(i + 1) for i in range(len(channel_names))]
-    tick_positions, forces, sent = recording.positions(), recording.forces(), recording.sent()
+    tick_positions, forces, sent_forces = (
+        recording.positions(),
+        recording.forces(),
+        recording.sent(),
+    )
     flags, clocks = recording.flags(), recording.clocks()
     row_columns: list[Column] = [("t [s]", instants(recording)), ("tick [1]", recording.ticks())]
     for i, channel_name in enumerate(channel_names):
         row_columns += [
             (f"{channel_name} [m]", tick_positions[:, i]),
             (f"{channel_name} force [N]", forces[:, i]),
-            (f"{channel_name} sent [N]", sent[:, i]),
+            (f"{channel_name} sent [N]", sent_forces[:, i]),
             (f"{channel_name} flags [1]", flags[:, i]),
             (f"{channel_name} clock [1]", clocks[:, i]),
         ]

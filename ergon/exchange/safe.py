@@ -111,9 +111,9 @@ class _Terminal(io.BytesIO):
 
     def write(self, data: ReadableBuffer, /) -> int:
         """Print whole characters in UTF-8."""
-        octets = bytes(data)
-        sys.stdout.write(clean(octets.decode(errors="replace")))
-        return len(octets)
+        data_bytes = bytes(data)
+        sys.stdout.write(clean(data_bytes.decode(errors="replace")))
+        return len(data_bytes)
 
 
 @contextlib.contextmanager
@@ -216,15 +216,15 @@ class FileGroup:
                 pending.file.close()
         for pending in self.pending:
             self.check(pending.path)  # somebody else may have written there meanwhile
-        moved: list[
+        moved_files: list[
             tuple[_PendingFile, Path | None]
         ] = []  # files that were moved, with their predecessors
         try:
             for pending in self.pending:
-                moved.append((pending, self._keep_old(pending.target)))
+                moved_files.append((pending, self._keep_old(pending.target)))
                 self._move(pending)
         except BaseException:
-            for pending, path_before in reversed(moved):
+            for pending, path_before in reversed(moved_files):
                 if not pending.has_its_name():
                     continue
                 if path_before is None:

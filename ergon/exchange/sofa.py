@@ -142,15 +142,15 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
         raise SofaError(f"{path}: {refusal_reason}; the ears of a head are nearer")
     delay_seconds = np.broadcast_to(delays, (len(responses), 2)) / rate
     kinds = dict(zip(_ARRAY_NAMES, header["types"], strict=False))
-    head = {
+    head_places = {
         name: Places(arrays[name], kinds[name] or "cartesian")
         for name in _ARRAY_NAMES[4:]
         if name in arrays and arrays[name].size
     }
     source = Places(measured_places, _place_kind(header))
     try:
-        angles = directions(source, head)
-        if is_right_first(head.get(EARS)):
+        angles = directions(source, head_places)
+        if is_right_first(head_places.get(EARS)):
             responses, delay_seconds = responses[:, ::-1], delay_seconds[:, ::-1]
     except SofaSpaceError as error:
         raise SofaError(f"{path}: {error}") from None

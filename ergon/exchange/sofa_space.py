@@ -40,8 +40,15 @@ class Places:
             return self.rows
         azimuth, elevation, r = self.rows.T
         azimuth, elevation = np.radians(azimuth), np.radians(elevation)
-        flat = r * np.cos(elevation)
-        return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], 1)
+        horizontal_length = r * np.cos(elevation)
+        return np.stack(
+            [
+                horizontal_length * np.cos(azimuth),
+                horizontal_length * np.sin(azimuth),
+                r * np.sin(elevation),
+            ],
+            1,
+        )
 
 
 def directions(source: Places, head: Mapping[str, Places]) -> NDArray[np.float64]:
@@ -58,17 +65,17 @@ def directions(source: Places, head: Mapping[str, Places]) -> NDArray[np.float64
     is_usual = not place.any() and not view[:, 1:].any() and (view[:, 0] > 0.0).all()
     if is_usual and not up[:, 1].any() and (up[:, 2] > 0.0).all() and source.kind == "spherical":
         return rows[:, :2]
-    front = view / np.linalg.norm(view, axis=1, keepdims=True)
-    above = up - front * (front * up).sum(axis=1, keepdims=True)
-    height = np.linalg.norm(above, axis=1, keepdims=True)
+    forwards = view / np.linalg.norm(view, axis=1, keepdims=True)
+    upwards = up - forwards * (forwards * up).sum(axis=1, keepdims=True)
+    height = np.linalg.norm(upwards, axis=1, keepdims=True)
     if not (height > 1e-6 * np.linalg.norm(up, axis=1, keepdims=True)).all():
         raise SofaSpaceError(f"{UP} points where {VIEW} does")
-    above /= height
-    towards = source.points("SourcePosition") - place
-    if not towards.any(axis=1).all():
+    upwards /= height
+    source_vectors = source.points("SourcePosition") - place
+    if not source_vectors.any(axis=1).all():
         raise SofaSpaceError("a direction is the place of the head itself")
-    left = np.cross(above, front)
-    x, y, z = ((towards * axis).sum(axis=1) for axis in (front, left, above))
+    leftwards = np.cross(upwards, forwards)
+    x, y, z = ((source_vectors * axis).sum(axis=1) for axis in (forwards, leftwards, upwards))
     radians = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
     return radians * (180.0 / np.pi)
 
@@ -77,15 +84,15 @@ def _head_places(name: str, head: Mapping[str, Places], n: int) -> NDArray[np.fl
     """A row of the head, or one for each of `n` sources; the usual one where it is not said."""
     import numpy as np
 
-    usual = np.array([_DEFAULT_PLACES[name]])
+    default_place = np.array([_DEFAULT_PLACES[name]])
     if name not in head:
-        return usual
+        return default_place
     if head[name].rows.shape not in ((1, 3), (n, 3)):
         sizes = " by ".join(map(str, head[name].rows.shape))
         raise SofaSpaceError(f"{name} is {sizes}; expected 1 or {n} by 3")
     points = head[name].points(name)
     is_said = points.any(axis=1, keepdims=True)
-    return np.where(is_said, points, usual)
+    return np.where(is_said, points, default_place)
 
 
 def is_right_first(ears: Places | None) -> bool:

@@ -96,6 +96,6 @@ def place_of(speaker_label: str) -> Angles | None:
     label_match = _LABEL_PATTERN.fullmatch(speaker_label)
     if label_match is None:
         raise ValueError(speaker_label)
-    layer, sign, turn = label_match.groups()
-    azimuth = _AZIMUTH_BY_CODE.get(turn) or float(turn)
-    return (-azimuth if sign == "-" else azimuth), _ELEVATION_BY_LAYER[layer], 1.0
+    layer_code, sign, azimuth_code = label_match.groups()
+    azimuth = _AZIMUTH_BY_CODE.get(azimuth_code) or float(azimuth_code)
+    return (-azimuth if sign == "-" else azimuth), _ELEVATION_BY_LAYER[layer_code], 1.0

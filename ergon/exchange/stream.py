@@ -46,7 +46,7 @@ class ErgonNames:
 def stream_header(form: Form, *, title: str, rate: float, score: str) -> str:
     """The first lines of a stream."""
     if form == "json":
-        about = {
+        header_fields = {
             "v": STREAM_VERSION,
             "event": "stream",
             "by": "made by ergon",
@@ -54,7 +54,7 @@ def stream_header(form: Form, *, title: str, rate: float, score: str) -> str:
             "rate_hz": rate,
             "score": score,
         }
-        return json_text(about) + "\n"
+        return json_text(header_fields) + "\n"
     facts = ["made by ergon", f"{rate:g} Hz", f"score {score}", " ".join(title.split())]
     rows = io.StringIO()
     csv.writer(rows, lineterminator="\n").writerow(COLUMN_NAMES)
@@ -76,8 +76,8 @@ def _ergon_rows(ergons: Ergons, ergon_names: ErgonNames) -> Iterator[Sequence[ob
     struck_by_mat: dict[int, tuple[str, float]] = {}
     source_by_mat: dict[int, str] = {}
     columns = ("time", "mat", "mass", "speed", "impulse", "source")
-    lists = [ergons[column].tolist() for column in columns]
-    for time, mat, struck_mass, speed, impulse, ergon_place in zip(*lists, strict=True):
+    column_lists = [ergons[column].tolist() for column in columns]
+    for time, mat, struck_mass, speed, impulse, ergon_place in zip(*column_lists, strict=True):
         if mat not in struck_by_mat:
             struck_name = ergon_names.struck(int(mat))
             struck_by_mat[mat] = struck_name, ergon_names.reach(struck_name)

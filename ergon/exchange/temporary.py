@@ -143,12 +143,12 @@ def _new_names(folder: Path, file_name: str) -> Iterator[Path]:
         remove_abandoned(folder)
     file_name = os.fsencode(file_name)[:_NAME_MAX].decode(errors="ignore") or "_"
     while True:
-        drawn = os.urandom(_HEX_DIGITS // 2).hex()
-        yield folder / f".{file_name}.{drawn}{_check_digits(file_name, drawn)}.part"
+        random_digits = os.urandom(_HEX_DIGITS // 2).hex()
+        yield folder / f".{file_name}.{random_digits}{_check_digits(file_name, random_digits)}.part"
 
 
-def _check_digits(name: str, drawn: str) -> str:
-    identity = f"temporary file of ergon\0{platform.node()}\0{drawn}\0{name}"
+def _check_digits(name: str, random_digits: str) -> str:
+    identity = f"temporary file of ergon\0{platform.node()}\0{random_digits}\0{name}"
     return hashlib.sha256(identity.encode(errors="surrogateescape")).hexdigest()[:_HEX_DIGITS]
 
 

@@ -125,8 +125,8 @@ class WaveInfo:
         """What is wrong with a file that can be read all the same; None if it is whole."""
         if not self.missing:
             return None
-        stated = (self.size + self.missing) // self.format.frame_bytes
-        frames = f"of {stated:,} frames {self.n_frames:,} are there"
+        stated_frames = (self.size + self.missing) // self.format.frame_bytes
+        frames = f"of {stated_frames:,} frames {self.n_frames:,} are there"
         return f"the file is shorter than its header says: {frames}"
 
     @property
@@ -156,7 +156,7 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
     if not 1 <= format.n_channels <= CHANNELS_MAX:
         raise ValueError(f"a file has 1 to {CHANNELS_MAX} channels, not {format.n_channels}")
     data_size = n_frames * format.frame_bytes
-    origin = ORIGINATOR.encode()
+    originator_bytes = ORIGINATOR.encode()
     chunks_bytes = b"".join(
         (
             _padded_chunk(b"fmt ", _pack_format(format)),
@@ -164,7 +164,7 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
             _padded_chunk(
                 b"bext",
                 _BEXT_FORMAT.pack(
-                    stamp.description(), origin, b"", _BEXT_DATE, _BEXT_TIME, 0, 1, b""
+                    stamp.description(), originator_bytes, b"", _BEXT_DATE, _BEXT_TIME, 0, 1, b""
                 ),
             ),
             stamp.chunks,
@@ -193,18 +193,18 @@ def _cue_chunks(marks: Sequence[tuple[str, int]]) -> bytes:
     A frame past 32 bits has no place in them and is left out. The layout is that of Microsoft and
     IBM, "Multimedia programming interface and data specifications 1.0" (1991).
     """
-    placed = [(name, frame) for name, frame in marks if frame <= 0xFFFFFFFF]
-    if not placed:
+    placed_marks = [(name, frame) for name, frame in marks if frame <= 0xFFFFFFFF]
+    if not placed_marks:
         return b""
     cue_points = (
         _CUE_FORMAT.pack(number, frame, b"data", 0, 0, frame)
-        for number, (_, frame) in enumerate(placed, 1)
+        for number, (_, frame) in enumerate(placed_marks, 1)
     )
     labels = (
         _padded_chunk(b"labl", struct.pack("<I", number) + name.encode() + b"\0")
-        for number, (name, _) in enumerate(placed, 1)
+        for number, (name, _) in enumerate(placed_marks, 1)
     )
-    cue = struct.pack("<I", len(placed)) + b"".join(cue_points)
+    cue = struct.pack("<I", len(placed_marks)) + b"".join(cue_points)
     return _padded_chunk(b"cue ", cue) + _padded_chunk(b"LIST", b"adtl" + b"".join(labels))
 
 
@@ -327,8 +327,8 @@ def _next_chunk(open_file: BinaryIO, end_offset: int) -> int:
     if not end_offset & 1:
         return end_offset
     open_file.seek(end_offset)
-    following = open_file.read(5)
-    is_bare = following[:4] in _COMMON_CHUNKS and following[1:] not in _COMMON_CHUNKS
+    next_bytes = open_file.read(5)
+    is_bare = next_bytes[:4] in _COMMON_CHUNKS and next_bytes[1:] not in _COMMON_CHUNKS
     return end_offset if is_bare else end_offset + 1
 
 

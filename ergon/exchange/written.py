@@ -50,25 +50,25 @@ def digest(hashed_file: BinaryIO, samples_hash: str | None = None) -> str:
     except NotWaveError:
         return _plain_digest(hashed_file)
     n_bytes = info.n_frames * info.format.frame_bytes
-    hashed = hashlib.sha256()
+    hash_state = hashlib.sha256()
     hashed_file.seek(0)
-    _hash_next_bytes(hashed, hashed_file, info.offset)
+    _hash_next_bytes(hash_state, hashed_file, info.offset)
     if samples_hash is None:
         hashed_samples = hashlib.sha256()
         _hash_next_bytes(hashed_samples, hashed_file, n_bytes)
         samples_hash = hashed_samples.hexdigest()
-    hashed.update(samples_hash.encode())
+    hash_state.update(samples_hash.encode())
     hashed_file.seek(info.offset + n_bytes)
-    _hash_next_bytes(hashed, hashed_file)
-    return hashed.hexdigest()
+    _hash_next_bytes(hash_state, hashed_file)
+    return hash_state.hexdigest()
 
 
 def _plain_digest(hashed_file: BinaryIO) -> str:
     """The hash of all bytes of a file."""
     hashed_file.seek(0)
-    hashed = hashlib.sha256()
-    _hash_next_bytes(hashed, hashed_file)
-    return hashed.hexdigest()
+    hash_state = hashlib.sha256()
+    _hash_next_bytes(hash_state, hashed_file)
+    return hash_state.hexdigest()
 
 
 def _hash_next_bytes(hashed: hashlib._Hash, file: BinaryIO, n_bytes: float = math.inf) -> None:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 class AutomatedValues:
     """(MAT, K [N/m], Z [N·s/m], M [kg]) of CELs, and (LIA, factor of its force) of links."""
 
-    ties: tuple[tuple[int, float, float, float], ...] = ()
-    factors: tuple[tuple[int, float], ...] = ()
+    cel_values: tuple[tuple[int, float, float, float], ...] = ()
+    link_factors: tuple[tuple[int, float], ...] = ()
 
 
 MAX_SETS = 64  # combinations of values that are checked against each key, at most
@@ -39,14 +39,14 @@ def tangible_paths(stage: Stage, mat: int, held_mats: Sequence[int]) -> dict[Mod
 
     def key(module_key: ModuleKey, numbers: Sequence[float]) -> bytes:
         engine_values = _engine_values(stage, [module_key], [numbers])
-        reached = stage.network.reachable_network(
+        reachable_network = stage.network.reachable_network(
             mat,
             stage.rate,
             held=list(held_mats),
-            ties=list(engine_values.ties),
-            factors=list(engine_values.factors),
+            ties=list(engine_values.cel_values),
+            factors=list(engine_values.link_factors),
         )
-        return reached.key()
+        return reachable_network.key()
 
     paths_by_module = {}
     for module_key, path_points in stage.paths.items():
@@ -63,14 +63,14 @@ def _engine_values(
 ) -> AutomatedValues:
     """Values of modules as the engine takes them. No hand feels the automation of a BANK."""
     assembly = stage.built.assembly
-    ties, link_factors = [], []
+    cel_values, link_factors = [], []
     for module_key, module_numbers in zip(module_keys, number_rows, strict=True):
         if len(module_numbers) == 3:
-            k, z, m = module_numbers
-            ties.append((assembly.mats[module_key], k, z, m))
+            stiffness, damping, mass = module_numbers
+            cel_values.append((assembly.mats[module_key], stiffness, damping, mass))
         else:
             link_factors += [(link, max(module_numbers)) for link in assembly.links_of(module_key)]
-    return AutomatedValues(tuple(ties), tuple(link_factors))
+    return AutomatedValues(tuple(cel_values), tuple(link_factors))
 
 
 def tangible_modules(stage: Stage, players: Collection[str]) -> dict[str, list[str]]:
@@ -90,16 +90,22 @@ def tangible_modules(stage: Stage, players: Collection[str]) -> dict[str, list[s
 
 
 def value_sets(
-    stage: Stage, paths: Mapping[ModuleKey, Points], since: float
+    stage: Stage, paths: Mapping[ModuleKey, Points], begin_instant: float
 ) -> Iterator[AutomatedValues]:
-    """The combinations of values that modules take from the instant `since` [s] on, each once.
+    """The combinations of values that modules take from the instant `begin_instant` [s] on, each
+    once.
 
     They include every combination that is held; along a change, enough of them that any other
     lies within a ratio of 1.2 of one of them.
     """
     module_keys = list(paths)
     path_rows = list(paths.values())
-    instants = sorted({since, *(p[0] for points in path_rows for p in points if p[0] > since)})
+    instants = sorted(
+        {
+            begin_instant,
+            *(point[0] for points in path_rows for point in points if point[0] > begin_instant),
+        }
+    )
     known_keys: set[object] = set()
     for value_set, duration in _values_along(path_rows, instants):
         value_key = (
@@ -126,36 +132,41 @@ def _values_along(
         values_now = [value_at(points, end_instant) for points in module_paths]
         yield values_before, values_now == values_before
         if end_instant - begin_instant > SHORT_CHANGE and values_now != values_before:
-            n = max(
+            n_steps = max(
                 1,
                 math.ceil(
                     math.log(_largest_ratio(values_before, values_now)) / math.log(CHECK_RATIO)
                 ),
             )
-            for place in range(1, n):
-                yield _interpolated(values_before, values_now, place / n), False
+            for place in range(1, n_steps):
+                yield _interpolated(values_before, values_now, place / n_steps), False
         begin_instant, values_before = end_instant, values_now
     yield values_before, True
 
 
-def _ratio_step(x: float) -> int | None:
-    return None if x <= 0.0 else round(math.log(x) / math.log(CHECK_RATIO))
+def _ratio_step(ratio: float) -> int | None:
+    return None if ratio <= 0.0 else round(math.log(ratio) / math.log(CHECK_RATIO))
 
 
-def _largest_ratio(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> float:
-    pairs = [
+def _largest_ratio(
+    first_rows: Sequence[Sequence[float]], second_rows: Sequence[Sequence[float]]
+) -> float:
+    number_pairs = [
         pair
-        for first_number, second_number in zip(a, b, strict=True)
+        for first_number, second_number in zip(first_rows, second_rows, strict=True)
         for pair in zip(first_number, second_number, strict=True)
         if min(pair) > 0.0
     ]
-    return max((max(pair) / min(pair) for pair in pairs), default=1.0)
+    return max((max(pair) / min(pair) for pair in number_pairs), default=1.0)
 
 
 def _interpolated(
-    a: Sequence[Sequence[float]], b: Sequence[Sequence[float]], share: float
+    first_rows: Sequence[Sequence[float]], second_rows: Sequence[Sequence[float]], share: float
 ) -> list[tuple[float, ...]]:
     return [
-        tuple(x + (y - x) * share for x, y in zip(first_number, second_number, strict=True))
-        for first_number, second_number in zip(a, b, strict=True)
+        tuple(
+            first_value + (second_value - first_value) * share
+            for first_value, second_value in zip(first_number, second_number, strict=True)
+        )
+        for first_number, second_number in zip(first_rows, second_rows, strict=True)
     ]

@@ -119,7 +119,7 @@ def boards(devices_by_player: Mapping[str, str], urls_by_name: Mapping[str, str]
     axes_by_device: dict[str, list[tuple[int, str]]] = {}
     names_by_url: dict[str, str] = {}
     for player, device_text in devices_by_player.items():
-        url, axis_number = resolve(device_text, urls_by_name)
+        url, axis_number = url_and_axis(device_text, urls_by_name)
         kind, _, address = url.partition("?")[0].partition(":")
         if kind in PAGE_KINDS and not address:  # each player has a key of the page
             url = url.replace(":", f":{player}", 1)
@@ -139,7 +139,7 @@ def boards(devices_by_player: Mapping[str, str], urls_by_name: Mapping[str, str]
     ]
 
 
-def resolve(device_text: str, urls_by_name: Mapping[str, str]) -> tuple[str, int]:
+def url_and_axis(device_text: str, urls_by_name: Mapping[str, str]) -> tuple[str, int]:
     """(URL, axis) of `URL#3`, or of `name` or `name.3` of the user's file. Raises BoardError."""
     if ":" in device_text:
         url, _, axis_text = device_text.partition("#")
@@ -159,18 +159,18 @@ def resolve(device_text: str, urls_by_name: Mapping[str, str]) -> tuple[str, int
             ", ".join(urls_by_name) or "none yet (`ergon devices` says where to write one)"
         )
         raise BoardError(f"no device is called {device}; known: {known_names}")
-    board_url, first_axis = resolve(urls_by_name[device], {})
+    board_url, first_axis = url_and_axis(urls_by_name[device], {})
     return board_url, first_axis if axis is None else int(axis)
 
 
-def parse_live_options(pairs: Sequence[str]) -> dict[str, str]:
+def parse_live_options(option_texts: Sequence[str]) -> dict[str, str]:
     """`PLAYER=DEVICE` of each `--live`. Raises BoardError."""
     devices_by_player: dict[str, str] = {}
-    for pair in pairs:
-        player, is_pair, device = pair.partition("=")
+    for option_text in option_texts:
+        player, is_pair, device = option_text.partition("=")
         if not is_pair or not player or not device:
             raise BoardError(
-                f"{pair}: a hand is PLAYER=DEVICE, such as remi=firefader:/dev/ttyACM0"
+                f"{option_text}: a hand is PLAYER=DEVICE, such as remi=firefader:/dev/ttyACM0"
             )
         if player in devices_by_player:
             raise BoardError(f"{player} is given two devices; a player has one")

@@ -255,7 +255,9 @@ def _with_table(config_text: str, table_lines: list[str]) -> str:
     line_end = "\r\n" if "\r\n" in config_text else "\n"
     table_text = line_end.join(table_lines) + line_end
     text_rows = config_text.splitlines(keepends=True)
-    row_index = next((i for i, row in enumerate(text_rows) if row.strip() == table_lines[0]), None)
+    row_index = next(
+        (index for index, row in enumerate(text_rows) if row.strip() == table_lines[0]), None
+    )
     if row_index is None:
         blank_line = (
             ""

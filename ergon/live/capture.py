@@ -16,15 +16,15 @@ _RATE = 44100
 
 
 def capture(
-    boards: Sequence[Board], path: Path, *, tick: float, record_seconds: float | None
+    boards: Sequence[Board], path: Path, *, tick_rate: float, record_seconds: float | None
 ) -> _core.Performance:
-    """Begin to record hands at `tick` [Hz]; nothing pushes them. Raises EngineError.
+    """Begin to record hands at `tick_rate` [Hz]; nothing pushes them. Raises EngineError.
 
     The performed piece consists of keys that nothing touches, so that no force arises.
     """
     import numpy as np
 
-    tick_frames = max(1, round(_RATE / tick))
+    tick_frames = max(1, round(_RATE / tick_rate))
     network = _core.Network()
     network.part("hands")
     recorded_axes = [(board, number, player) for board in boards for number, player in board.axes]
@@ -33,8 +33,8 @@ def capture(
     rest_positions = np.zeros(1)
     for mat in mats:
         timeline.hand(mat, tick_frames, positions=rest_positions)
-    hands = {player: hand for hand, (_, _, player) in enumerate(recorded_axes)}
-    about = {
+    hand_by_player = {player: hand for hand, (_, _, player) in enumerate(recorded_axes)}
+    description = {
         "made": f"by ergon {_core.__version__}",
         "day": time.strftime("%Y-%m-%d %H:%M:%S"),
         "axes": [axis_header(board, number) for board, number, _ in recorded_axes],
@@ -54,13 +54,13 @@ def capture(
         boards=[
             _core.LiveBoard(
                 board.url,
-                [(number, hands[player]) for number, player in board.axes],
+                [(number, hand_by_player[player]) for number, player in board.axes],
                 0.0,
                 [axis.for_core(number) for number, axis in board.calibrations.items()],
             )
             for board in boards
         ],
         record=_core.RecordTarget(
-            path, [(player, "") for _, _, player in recorded_axes], json.dumps(about)
+            path, [(player, "") for _, _, player in recorded_axes], json.dumps(description)
         ),
     )

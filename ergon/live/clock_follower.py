@@ -15,7 +15,7 @@ from .midi_messages import CLOCKS_PER_BEAT, Message, SongPosition, Transport
 _CLOCKS_KEPT = 96  # clocks from which tempo and phase are estimated: four beats
 _CLOCKS_MIN = 12  # clocks before anything is estimated
 _ERROR_MAX = 0.006  # [s]; a clock further off the estimate is late, or the tempo has jumped
-_CLOCKS_OF_A_JUMP = 12  # such clocks in a row after which the tempo has jumped
+_CLOCKS_BEFORE_JUMP = 12  # such clocks in a row after which the tempo has jumped
 # A clock is late if it lags behind the line by more than this many times the median error, and by
 # more than this time [s].
 _LATE_FACTOR, _LATE_MIN = 4.0, 0.002
@@ -75,9 +75,9 @@ class ClockFollower:
     def _move_to(self, clocks: int) -> None:
         """Continue counting from another position; the estimate of the tempo is kept."""
         n_clocks = clocks - self._next
-        moved = [(number + n_clocks, instant) for number, instant in self._clocks]
+        moved_clocks = [(number + n_clocks, instant) for number, instant in self._clocks]
         self._clocks.clear()
-        self._clocks.extend(moved)
+        self._clocks.extend(moved_clocks)
         self._stray_clocks = [
             (number + n_clocks, instant) for number, instant in self._stray_clocks
         ]
@@ -102,12 +102,12 @@ class ClockFollower:
         # After a delay in a program or a wire, several clocks come at once, and then it goes on as
         # before. Only if so many in a row are off the estimate has the tempo jumped.
         self._stray_clocks.append(observation)
-        if len(self._stray_clocks) == _CLOCKS_OF_A_JUMP:
+        if len(self._stray_clocks) == _CLOCKS_BEFORE_JUMP:
             self._clocks.clear()
             self._clocks.extend(self._stray_clocks)
             self._stray_clocks.clear()
 
-    def is_heard(self, now: float) -> bool:
+    def is_receiving(self, now: float) -> bool:
         """Whether clocks are coming."""
         return now - self._last <= _SILENCE
 
@@ -125,22 +125,22 @@ class ClockFollower:
                 for number, instant in clocks
             ]
             lateness_max = max(_LATE_MIN, _LATE_FACTOR * median(map(abs, errors)))
-            punctual = [
+            punctual_clocks = [
                 clock for clock, error in zip(clocks, errors, strict=True) if error <= lateness_max
             ]
-            if len(punctual) == len(clocks) or len(punctual) < _CLOCKS_MIN // 2:
+            if len(punctual_clocks) == len(clocks) or len(punctual_clocks) < _CLOCKS_MIN // 2:
                 break
-            clocks, clock_line = punctual, _fit_line(punctual)
+            clocks, clock_line = punctual_clocks, _fit_line(punctual_clocks)
         return clock_line if _BEAT_MIN <= clock_line.length <= _BEAT_MAX else None
 
 
 def _fit_line(clocks: list[tuple[int, float]]) -> BeatEstimate:
     """The least-squares line through clocks: (number, instant [s])."""
-    n = len(clocks)
+    n_clocks = len(clocks)
     first_number, first_instant = clocks[0]
     clock_numbers = [number - first_number for number, _ in clocks]
     instants = [instant - first_instant for _, instant in clocks]
-    mean_number, mean_instant = sum(clock_numbers) / n, sum(instants) / n
+    mean_number, mean_instant = sum(clock_numbers) / n_clocks, sum(instants) / n_clocks
     number_variation = sum((number - mean_number) ** 2 for number in clock_numbers)
     pairs = zip(clock_numbers, instants, strict=True)
     clock_length = (

@@ -53,12 +53,12 @@ def parse_messages(datagram: bytes) -> list[tuple[str, list[object]]]:
     return messages
 
 
-def _unbundled(datagram: bytes, deepest: int) -> Iterator[bytes]:
+def _unbundled(datagram: bytes, depth_left: int) -> Iterator[bytes]:
     """The messages of bundles; sizes are checked here, because python-osc does not."""
     if not datagram.startswith(_BUNDLE):
         yield datagram
         return
-    if deepest == 0 or len(datagram) < _BUNDLE_HEADER_BYTES:
+    if depth_left == 0 or len(datagram) < _BUNDLE_HEADER_BYTES:
         raise MalformedDatagramError
     message_offset = _BUNDLE_HEADER_BYTES
     while message_offset < len(datagram):
@@ -66,7 +66,9 @@ def _unbundled(datagram: bytes, deepest: int) -> Iterator[bytes]:
         message_offset += 4
         if message_size == 0 or message_size % 4 or message_offset + message_size > len(datagram):
             raise MalformedDatagramError
-        yield from _unbundled(datagram[message_offset : message_offset + message_size], deepest - 1)
+        yield from _unbundled(
+            datagram[message_offset : message_offset + message_size], depth_left - 1
+        )
         message_offset += message_size
 
 

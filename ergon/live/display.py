@@ -97,13 +97,13 @@ class PerformanceViewer:
     def _playing(self, elapsed_seconds: float) -> list[tuple[str, str]]:
         from bisect import bisect_right
 
-        upto = bisect_right(self._gestures, elapsed_seconds, key=lambda gesture: gesture.start)
-        latest: dict[str, str] = {}
+        n_begun = bisect_right(self._gestures, elapsed_seconds, key=lambda gesture: gesture.start)
+        latest_by_player: dict[str, str] = {}
         # The last few that began are enough: a hand plays one gesture at a time, and its layers.
-        for gesture in self._gestures[max(0, upto - 64) : upto]:
+        for gesture in self._gestures[max(0, n_begun - 64) : n_begun]:
             if gesture.stop > elapsed_seconds:
-                latest[gesture.player] = gesture.name
-        return list(latest.items())
+                latest_by_player[gesture.player] = gesture.name
+        return list(latest_by_player.items())
 
 
 def decibels_of(peak: float) -> float:
@@ -113,17 +113,17 @@ def decibels_of(peak: float) -> float:
 
 def view_lines(view: PerformanceView, line_width: int) -> list[str]:
     """The view as lines of at most `line_width` characters, without colours."""
-    playing = " · ".join(f"{player} {gesture}" for player, gesture in view.playing) or "—"
+    playing_text = " · ".join(f"{player} {gesture}" for player, gesture in view.playing) or "—"
     level_text = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
-    counts = " · ".join([f"late {view.late}", *view.troubles])
+    count_text = " · ".join([f"late {view.late}", *view.troubles])
     if view.panicked:
-        playing = f"PANIC  {playing}"
-    shown = [
-        f"{view.where:>9}  {playing}",
-        f"{'':9}  load {view.load:4.0%} · {level_text} · {counts}",
+        playing_text = f"PANIC  {playing_text}"
+    shown_lines = [
+        f"{view.where:>9}  {playing_text}",
+        f"{'':9}  load {view.load:4.0%} · {level_text} · {count_text}",
     ]
-    shown += [_key_line(key) for key in view.keys]
-    return [line[:line_width] for line in shown]
+    shown_lines += [_key_line(key) for key in view.keys]
+    return [line[:line_width] for line in shown_lines]
 
 
 def _key_line(hand_view: HandView) -> str:
@@ -141,9 +141,9 @@ def _key_line(hand_view: HandView) -> str:
     )
 
 
-def meter_of(x: float, low: float, high: float) -> str:
+def meter_of(value: float, low: float, high: float) -> str:
     """A text meter that shows x between two ends."""
-    share = (x - low) / (high - low) if high > low else 0.5
+    share = (value - low) / (high - low) if high > low else 0.5
     cell = min(max(round(share * (_METER_WIDTH - 1)), 0), _METER_WIDTH - 1)
     middle = (_METER_WIDTH - 1) // 2
     cells = ["·"] * _METER_WIDTH
@@ -182,23 +182,24 @@ def view_record(view: PerformanceView, status_frame: int) -> dict[str, object]:
 
 def force_sentence(bounds: HandForceBounds) -> str:
     """The part of the piece's force that a hand gets, in words."""
-    last_scale = bounds.last
+    last_scale = bounds.last_scale
     if last_scale.scale >= 1.0:
         return f"{bounds.player} gets the full force of the piece again"
     return (
         f"{bounds.player} gets {_percent(last_scale.scale)} of the force of the piece: the piece "
         "is "
-        f"{last_scale.met:,.0f} N/m stiff at this key, and its device is stable up to "
-        f"{last_scale.limit:,.0f} N/m"
+        f"{last_scale.stiffness_met:,.0f} N/m stiff at this key, and its device is stable up to "
+        f"{last_scale.stiffness_limit:,.0f} N/m"
     )
 
 
 def why_too_stiff(bounds: HandForceBounds) -> str:
     """Why a line is refused with which a hand's device would not be stable."""
-    least = bounds.least
+    least_scale = bounds.least_scale
     return (
-        f"with this line the piece would be {least.met:,.0f} N/m stiff at the key of "
-        f"{bounds.player}, whose device is stable up to {least.limit:,.0f} N/m: "
+        f"with this line the piece would be {least_scale.stiffness_met:,.0f} N/m stiff at the "
+        "key of "
+        f"{bounds.player}, whose device is stable up to {least_scale.stiffness_limit:,.0f} N/m: "
         f"{bounds.player} would get less than {FORCE_SCALE_MIN:.0%} of the force; "
         "use a smaller K or a larger Z"
     )

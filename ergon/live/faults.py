@@ -42,28 +42,28 @@ def measure_faults() -> list[FaultRow]:
     Raises EngineError if an emulator does not answer its own driver.
     """
     fault_rows: dict[str, list[FaultResult]] = {}
-    for measured in _core.measure_faults():
+    for measurement in _core.measure_faults():
         cell = FaultResult(
-            measured.device,
-            _result_text(measured),
-            measured.seconds,
-            measured.bound if measured.excluded is None else None,
-            measured.force,
-            measured.rise,
-            measured.exceeds,
+            measurement.device,
+            _result_text(measurement),
+            measurement.seconds,
+            measurement.bound if measurement.excluded is None else None,
+            measurement.force,
+            measurement.rise,
+            measurement.exceeds,
         )
-        fault_rows.setdefault(measured.fault, []).append(cell)
+        fault_rows.setdefault(measurement.fault, []).append(cell)
     return [FaultRow(fault, cells) for fault, cells in fault_rows.items()]
 
 
-def _result_text(measured: _core.FaultMeasurement) -> str:
-    if measured.excluded is not None:
-        return f"not made: {measured.excluded}"
-    if measured.unbounded is not None:
-        return f"no bound: {measured.unbounded}"
-    if measured.seconds is None:
+def _result_text(measurement: _core.FaultMeasurement) -> str:
+    if measurement.excluded is not None:
+        return f"not made: {measurement.excluded}"
+    if measurement.unbounded is not None:
+        return f"no bound: {measurement.unbounded}"
+    if measurement.seconds is None:
         return "it does not end"
-    return f"{1e3 * measured.seconds:.4g} ms"
+    return f"{1e3 * measurement.seconds:.4g} ms"
 
 
 def bounds_text(row: FaultRow) -> str:

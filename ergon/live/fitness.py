@@ -50,19 +50,19 @@ def describe_machine() -> Finding:
     """Kernel and processors."""
     cpus = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     system = f"{platform.system()} {platform.release()}"
-    todo = ""
+    advice = ""
     if (cpus or 1) < 2:
-        todo = "physics and sound share one processor: expect gaps, and play with --ahead 4096"
+        advice = "physics and sound share one processor: expect gaps, and play with --ahead 4096"
     numbers = {"system": platform.system(), "kernel": platform.release(), "cpus": cpus}
-    return Finding("machine", f"{system}, {cpus} CPUs", todo, numbers)
+    return Finding("machine", f"{system}, {cpus} CPUs", advice, numbers)
 
 
 def describe_laws() -> Finding:
     """Whether laws that are computed often are compiled to machine code."""
     numba, missing_reason = load_numba()
     if numba is None:
-        todo = "`pip install numba` where scores of a hundred laws are slow; all else is the same"
-        return Finding("laws", f"computed step by step: {missing_reason}", todo, {"numba": None})
+        advice = "`pip install numba` where scores of a hundred laws are slow; all else is the same"
+        return Finding("laws", f"computed step by step: {missing_reason}", advice, {"numba": None})
     version = str(numba.__version__)
     law_text = f"compiled by numba {version} where that is faster"
     return Finding("laws", law_text, numbers={"numba": version})
@@ -123,12 +123,14 @@ def _cost_ratio(
 def describe_thread(checkup: Checkup) -> Iterator[Finding]:
     """The priority and rights of the physics thread, as the kernel reports them."""
     if checkup.priority is None:
-        finding_sentence, todo = "no real-time priority", _RIGHTS_ADVICE
+        finding_sentence, advice = "no real-time priority", _RIGHTS_ADVICE
         if platform.system() != "Linux":
-            todo = "this system gives none; keep other programs closed, and play with --ahead 4096"
+            advice = (
+                "this system gives none; keep other programs closed, and play with --ahead 4096"
+            )
     else:
-        finding_sentence, todo = f"SCHED_FIFO {checkup.priority}", ""
-    yield Finding("thread", finding_sentence, todo, {"fifo": checkup.priority})
+        finding_sentence, advice = f"SCHED_FIFO {checkup.priority}", ""
+    yield Finding("thread", finding_sentence, advice, {"fifo": checkup.priority})
     finding_sentence = "locked in RAM" if checkup.locked else "not locked: it may be swapped out"
     yield Finding(
         "memory",
@@ -145,14 +147,14 @@ def measure_wakeups(checkup: Checkup, noun: str = "wake-up") -> Finding:
     wakeup_sentence = (
         f"{quantiles_text(lateness)}; {n_late_ticks:,} of {len(lateness):,} ticks late"
     )
-    todo = ""
+    advice = ""
     if n_late_ticks > _LATE_TICKS_MAX * len(lateness):
-        todo = (
+        advice = (
             "the machine is too busy: close other programs, set the processor's governor to "
             "performance, and keep more ready for the card (--ahead 4096)"
         )
     numbers = {"ticks": len(lateness), "late_ticks": n_late_ticks, **histogram(lateness)}
-    return Finding(noun, wakeup_sentence, todo, numbers)
+    return Finding(noun, wakeup_sentence, advice, numbers)
 
 
 def measure_sound(spec: str) -> Finding:
@@ -166,22 +168,22 @@ def measure_sound(spec: str) -> Finding:
         out.play(np.zeros((rate // 2, 2), dtype=np.float32))
         out.finish(5.0)
         info = out.info
-        gaps = out.underruns
+        underruns = out.underruns
         out.close()
     except _core.EngineError as error:
-        todo = (
+        advice = (
             "start PipeWire, PulseAudio or JACK; without one `--audio file:x.wav` keeps the sound"
         )
-        return Finding("sound", str(error), todo, {"backend": None})
+        return Finding("sound", str(error), advice, {"backend": None})
     total_latency = FRAMES_AHEAD / rate + info.latency
     sound_sentence = f"{info.sentence}; heard {1e3 * total_latency:.0f} ms after it is computed"
-    todo = ""
+    advice = ""
     if info.backend == "null":
-        todo = "no server answers: start PipeWire, PulseAudio or JACK to hear anything"
-    elif gaps:
-        todo = "half a second of silence had gaps: ask for a larger --block, or --ahead 4096"
+        advice = "no server answers: start PipeWire, PulseAudio or JACK to hear anything"
+    elif underruns:
+        advice = "half a second of silence had gaps: ask for a larger --block, or --ahead 4096"
     elif info.block > 1024:
-        todo = "the server takes large blocks: --block 256 asks for smaller ones"
+        advice = "the server takes large blocks: --block 256 asks for smaller ones"
     sound_figures: dict[str, object] = {
         "backend": info.backend,
         "device": info.device,
@@ -189,9 +191,9 @@ def measure_sound(spec: str) -> Finding:
         "block": info.block,
         "latency_s": info.latency,
         "total_s": total_latency,
-        "gaps": gaps,
+        "gaps": underruns,
     }
-    return Finding("sound", sound_sentence, todo, sound_figures)
+    return Finding("sound", sound_sentence, advice, sound_figures)
 
 
 def measure_device(url: str, test_seconds: float) -> list[Finding]:
@@ -201,24 +203,24 @@ def measure_device(url: str, test_seconds: float) -> list[Finding]:
         checkup, lockstep = device.checkup(test_seconds, TICK_SECONDS), device.lockstep
     finally:
         device.close()
-    trips = checkup.round_trips()
-    n_requests = len(trips) + checkup.unanswered
+    round_trips = checkup.round_trips()
+    n_requests = len(round_trips) + checkup.unanswered
     device_sentence = (
-        f"{quantiles_text(trips)}; {checkup.unanswered:,} of {n_requests:,} unanswered"
+        f"{quantiles_text(round_trips)}; {checkup.unanswered:,} of {n_requests:,} unanswered"
     )
-    todo = []
+    advice = []
     timer = latency_timer(url)
     if timer is not None and timer > 1:
         port = os.path.basename(os.path.realpath(url.partition(":")[2].partition("?")[0]))
-        todo.append(
+        advice.append(
             f"its FTDI chip holds bytes back for {timer} ms: "
             f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{port}/latency_timer"
         )
     if checkup.unanswered > _LATE_TICKS_MAX * n_requests:
-        todo.append("replies are lost: try another cable or port, without a hub")
-    slow_trip = quantile(trips, 0.99)
+        advice.append("replies are lost: try another cable or port, without a hub")
+    slow_trip = quantile(round_trips, 0.99)
     if not lockstep and slow_trip > _LATE_SHARE * TICK_SECONDS:
-        todo.append("it needs most of a tick; `tick: 500Hz` in a score gives it more time")
+        advice.append("it needs most of a tick; `tick: 500Hz` in a score gives it more time")
     device_figures: dict[str, object] = {
         "url": url,
         "asked": n_requests,
@@ -227,24 +229,26 @@ def measure_device(url: str, test_seconds: float) -> list[Finding]:
         "drift_ppm": checkup.drift_ppm,
         "latency_timer_ms": timer,
         "per_second": n_requests / checkup.seconds if checkup.seconds else None,
-        **histogram(trips),
+        **histogram(round_trips),
     }
     return [
-        Finding("device", f"{url}: {device_sentence}", "; ".join(todo), device_figures),
-        _force_delay(url, trips, lockstep=lockstep),
+        Finding("device", f"{url}: {device_sentence}", "; ".join(advice), device_figures),
+        _force_delay(url, round_trips, lockstep=lockstep),
     ]
 
 
-def _force_delay(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
+def _force_delay(url: str, round_trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
     """The delay from the position of a hand to the force that answers it."""
-    structural = STRUCTURAL_TICKS * TICK_SECONDS
-    median_delay, p99_delay = (structural + quantile(trips, part) for part in (0.5, 0.99))
+    structural_delay = STRUCTURAL_TICKS * TICK_SECONDS
+    median_delay, p99_delay = (
+        structural_delay + quantile(round_trips, part) for part in (0.5, 0.99)
+    )
     delay_text = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(p99_delay)}"
     delay_sentence = (
         f"{url}: {duration_text(median_delay)} from a position to its force, which is "
         f"{STRUCTURAL_TICKS} "
         f"tick of {duration_text(TICK_SECONDS)} and a round trip of "
-        f"{duration_text(median_delay - structural)}; {delay_text}"
+        f"{duration_text(median_delay - structural_delay)}; {delay_text}"
     )
     delay_figures: dict[str, object] = {
         "url": url,
@@ -286,8 +290,10 @@ def histogram(wake_seconds: NDArray[np.float64]) -> dict[str, object]:
     import numpy as np
 
     bins = np.zeros(24, dtype=int)
-    us = np.maximum(np.floor(1e6 * wake_seconds + 1e-6), 0.0).astype(int)
-    widths = np.array([int(n).bit_length() for n in us], dtype=int)
+    microseconds = np.maximum(np.floor(1e6 * wake_seconds + 1e-6), 0.0).astype(int)
+    widths = np.array(
+        [int(wake_microseconds).bit_length() for wake_microseconds in microseconds], dtype=int
+    )
     np.add.at(bins, np.minimum(widths, len(bins) - 1), 1)
     names = (("p50_s", 0.5), ("p99_s", 0.99), ("p999_s", 0.999), ("max_s", 1.0))
     quantiles: dict[str, object] = {name: quantile(wake_seconds, part) for name, part in names}

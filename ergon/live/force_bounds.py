@@ -49,8 +49,8 @@ class ForceScale:
     """
 
     scale: float
-    met: float
-    limit: float
+    stiffness_met: float
+    stiffness_limit: float
 
     @property
     def is_enough(self) -> bool:
@@ -62,14 +62,14 @@ class ForceScale:
 class HandForceBounds:
     """The share of force that a hand may get from a piece that takes over, tick by tick.
 
-    `bounds`: (ticks after the takeover, greatest share from then on); `least` and `last` are the
-    smallest and the last of them.
+    `bounds`: (ticks after the takeover, greatest share from then on); `least_scale` and
+    `last_scale` are the smallest and the last of them.
     """
 
     player: str
     bounds: tuple[tuple[int, float], ...]
-    least: ForceScale
-    last: ForceScale
+    least_scale: ForceScale
+    last_scale: ForceScale
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,53 +78,57 @@ class _MomentValues:
     ended.
     """
 
-    ties: tuple[tuple[int, float, float, float], ...] = ()
-    factors: tuple[tuple[int, float], ...] = ()
-    without: tuple[int, ...] = ()
+    cel_values: tuple[tuple[int, float, float, float], ...] = ()
+    link_factors: tuple[tuple[int, float], ...] = ()
+    absent_links: tuple[int, ...] = ()
 
 
 def force_response(
-    network: _core.Network, hand: LiveHand, rate: float, reach: float, played: Sequence[LiveHand]
+    network: _core.Network,
+    hand: LiveHand,
+    rate: float,
+    lever_ratio: float,
+    moving_mats: Sequence[LiveHand],
 ) -> NDArray[np.float64]:
     """The force response against a key [N/m], (n_ticks,): in each tick after it was 1 m away for
     one tick.
 
     All contacts are closed; the other hands hold still.
     """
-    held_mats = [other_hand.mat for other_hand in played]
+    held_mats = [other_hand.mat for other_hand in moving_mats]
     return _response_of(
-        network.reachable_network(hand.mat, rate, held=held_mats), hand.tick_frames, reach
+        network.reachable_network(hand.mat, rate, held=held_mats), hand.tick_frames, lever_ratio
     )
 
 
 def _response_of(
-    reached: _core.ReachableNetwork, tick_frames: int, lever_ratio: float
+    reachable_network: _core.ReachableNetwork, tick_frames: int, lever_ratio: float
 ) -> NDArray[np.float64]:
     import numpy as np
 
-    response = reached.response(tick_frames, _RESPONSE_TICKS)
+    response = reachable_network.response(tick_frames, _RESPONSE_TICKS)
     if response is None:
         # The piece diverges by itself when its contacts are closed: no device bears that.
         return np.full(_RESPONSE_TICKS[0], _DIVERGED_STIFFNESS)
     # Hands that feel each other may move in opposite directions: a spring between two hands then
     # counts twice.
-    return response * (lever_ratio * lever_ratio * (1 + reached.others))
+    return response * (lever_ratio * lever_ratio * (1 + reachable_network.others))
 
 
 class ForceBoundsFinder:
     """Finds the force that real hands may get from a piece before it takes over.
 
-    The answer for each distinct network that a key reaches is computed once and kept. `reaches`
-    has the factor between key and scene for each hand of the engine; `real` are the numbers of
-    hands that have a real key.
+    The answer for each distinct network that a key reaches is computed once and kept.
+    `lever_ratios` has the factor between key and scene for each hand of the engine; `real` are the
+    numbers of hands that have a real key.
     """
 
     def __init__(
-        self, bears: HandLimitOf, reaches: Sequence[float], real_hands: Sequence[int]
+        self, hand_limit_of: HandLimitOf, lever_ratios: Sequence[float], real_hands: Sequence[int]
     ) -> None:
-        """Use `bears`, which gives the force limit of a hand for a response."""
-        self._hand_limit = bears
-        self._reaches = reaches
+        """Use `hand_limit_of`, which gives the force limit of a hand for a response."""
+        self._hand_limit = hand_limit_of
+        self._reaches = lever_ratios
         self._real = real_hands
         self._cache: dict[tuple[int, int, bytes], ForceScale] = {}
         self.n_responses = 0  # number of responses that were computed
@@ -155,11 +159,13 @@ class ForceBoundsFinder:
             and self._last_query[1:] == query
         ):
             return self._last_bounds
-        least_before = {hand_bounds.player: hand_bounds.least for hand_bounds in bounds_before}
+        least_before = {
+            hand_bounds.player: hand_bounds.least_scale for hand_bounds in bounds_before
+        }
         bounds = []
-        for hand, led in zip(hands, automation_values, strict=True):
+        for hand, automated_values in zip(hands, automation_values, strict=True):
             hand_moments = tuple(
-                (frame, *_with_automation(led, first_values, last_values))
+                (frame, *_with_automation(automated_values, first_values, last_values))
                 for frame, first_values, last_values in moments
             )
             bounds.append(
@@ -187,13 +193,13 @@ class ForceBoundsFinder:
             # During a short glide, the limit of the stage before still counts at the beginning.
             from_old = scale_before if moment_index == 0 and is_short else None
             begin = from_old or self._least_scale(stage, hand, hands, first_values)
-            worst = min(begin, end_scale, key=lambda borne: borne.scale)
-            scales.append(worst)
-            is_rise = bool(bounds) and worst.scale > bounds[-1][1]
+            lower_scale = min(begin, end_scale, key=lambda force_scale: force_scale.scale)
+            scales.append(lower_scale)
+            is_rise = bool(bounds) and lower_scale.scale > bounds[-1][1]
             ticks = (moment_frame - start_frame) / hand.tick_frames
-            bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), worst.scale))
-        least = min(scales, key=lambda borne: borne.scale)
-        return HandForceBounds(hand.player, tuple(bounds), least, scales[-1])
+            bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), lower_scale.scale))
+        least_scale = min(scales, key=lambda force_scale: force_scale.scale)
+        return HandForceBounds(hand.player, tuple(bounds), least_scale, scales[-1])
 
     def _least_scale(
         self,
@@ -203,33 +209,34 @@ class ForceBoundsFinder:
         moments: Sequence[_MomentValues],
     ) -> ForceScale:
         """The smallest share of force over all moments."""
-        borne = [self._scale_at(stage, hand, hands, moment) for moment in moments]
-        return min(borne, key=lambda force_scale: force_scale.scale)
+        force_scales = [self._scale_at(stage, hand, hands, moment) for moment in moments]
+        return min(force_scales, key=lambda force_scale: force_scale.scale)
 
     def _scale_at(
         self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _MomentValues
     ) -> ForceScale:
-        reached = stage.network.reachable_network(
+        reachable_network = stage.network.reachable_network(
             hand.mat,
             stage.rate,
             held=[other_hand.mat for other_hand in hands],
-            without=list(moment.without),
-            ties=list(moment.ties),
-            factors=list(moment.factors),
+            without=list(moment.absent_links),
+            ties=list(moment.cel_values),
+            factors=list(moment.link_factors),
         )
-        bounds_key = hand.index, reached.others, reached.key()
-        borne = self._cache.pop(bounds_key, None)
-        if borne is None:
+        bounds_key = hand.index, reachable_network.others, reachable_network.key()
+        known_scale = self._cache.pop(bounds_key, None)
+        if known_scale is None:
             self.n_responses += 1
             hand_limit = self._hand_limit(
-                hand.index, _response_of(reached, hand.tick_frames, self._reaches[hand.index])
+                hand.index,
+                _response_of(reachable_network, hand.tick_frames, self._reaches[hand.index]),
             )
             assert hand_limit is not None  # the hand is real
-            borne = ForceScale(hand_limit.scale, hand_limit.stiffness, hand_limit.limit)
-        self._cache[bounds_key] = borne  # the latest last
+            known_scale = ForceScale(hand_limit.scale, hand_limit.stiffness, hand_limit.limit)
+        self._cache[bounds_key] = known_scale  # the latest last
         if len(self._cache) > _CACHE_MAX:
             del self._cache[next(iter(self._cache))]
-        return borne
+        return known_scale
 
 
 def _automation_sets(
@@ -243,34 +250,36 @@ def _automation_sets(
     )
     if not paths:
         return (AutomatedValues(),)
-    sets = tuple(islice(value_sets(stage, paths, start_frame / stage.rate), MAX_SETS + 1))
-    if len(sets) > MAX_SETS:
+    sets_of_values = tuple(islice(value_sets(stage, paths, start_frame / stage.rate), MAX_SETS + 1))
+    if len(sets_of_values) > MAX_SETS:
         names = ", ".join(".".join(filter(None, module_key)) for module_key in paths)
         raise _core.EngineError(
             f"the automation of {names} can change the force on the key of {hand.player}, and "
             f"takes more than {MAX_SETS} combinations of values, the most whose stability can be "
             "checked; use fewer steps or a smaller range, or play without the device"
         )
-    return sets
+    return sets_of_values
 
 
 def _with_automation(
-    led: Sequence[AutomatedValues], first_values: _MomentValues, last_values: _MomentValues
+    automated_values: Sequence[AutomatedValues],
+    first_values: _MomentValues,
+    last_values: _MomentValues,
 ) -> tuple[list[_MomentValues], list[_MomentValues]]:
     """The moments at both ends of a stretch, one for each set of values of automation."""
 
     def moments_of(moment: _MomentValues) -> list[_MomentValues]:
         automated_bounds = []
-        for led_values in led:
-            mats = {mat for mat, *_ in led_values.ties}
-            ties = (tie for tie in moment.ties if tie[0] not in mats)
-            links = {link for link, _ in led_values.factors}
-            factors = (factor for factor in moment.factors if factor[0] not in links)
+        for led_values in automated_values:
+            mats = {mat for mat, *_ in led_values.cel_values}
+            ties = (tie for tie in moment.cel_values if tie[0] not in mats)
+            links = {link for link, _ in led_values.link_factors}
+            factors = (factor for factor in moment.link_factors if factor[0] not in links)
             automated_bounds.append(
                 replace(
                     moment,
-                    ties=(*ties, *led_values.ties),
-                    factors=(*factors, *led_values.factors),
+                    cel_values=(*ties, *led_values.cel_values),
+                    link_factors=(*factors, *led_values.link_factors),
                 )
             )
         return automated_bounds
@@ -286,22 +295,29 @@ def _moments(
         (link, _coupling_end(stage, until))
         for link, (_, until) in zip(stage.built.couplings, coupling_spans(stage.piece), strict=True)
     ]
-    moving = [glide for glide in glides if _on_grid(stage, glide.stop) > start_frame]
-    moment_frames = {start_frame, *(_on_grid(stage, glide.stop) for glide in moving)}
-    moment_frames |= {max(start_frame, _on_grid(stage, glide.start)) for glide in moving}
+    moving_glides = [glide for glide in glides if _on_grid(stage, glide.stop) > start_frame]
+    moment_frames = {start_frame, *(_on_grid(stage, glide.stop) for glide in moving_glides)}
+    moment_frames |= {max(start_frame, _on_grid(stage, glide.start)) for glide in moving_glides}
     moment_frames |= {int(end) for _, end in couplings if start_frame < end < math.inf}
-    for glide in moving:
+    for glide in moving_glides:
         moment_frames |= set(_glide_frames(stage, glide, start_frame))
-    rising = sorted(moment_frames)
-    if rising[-1] - start_frame <= SHORT_CHANGE * stage.rate:
-        rising = sorted({start_frame, rising[-1]})
+    frames_in_order = sorted(moment_frames)
+    if frames_in_order[-1] - start_frame <= SHORT_CHANGE * stage.rate:
+        frames_in_order = sorted({start_frame, frames_in_order[-1]})
 
     def moment(frame: int, since: int) -> _MomentValues:
         ended_links = tuple(link for link, end in couplings if end <= since)
-        return _MomentValues(*_glide_values(stage, moving, frame), ended_links)
+        return _MomentValues(*_glide_values(stage, moving_glides, frame), ended_links)
 
-    stretches = [(a, moment(a, a), moment(b, a)) for a, b in pairwise(rising)]
-    return *stretches, (rising[-1], moment(rising[-1], rising[-1]), moment(rising[-1], rising[-1]))
+    stretches = [
+        (begin_frame, moment(begin_frame, begin_frame), moment(end_frame, begin_frame))
+        for begin_frame, end_frame in pairwise(frames_in_order)
+    ]
+    return *stretches, (
+        frames_in_order[-1],
+        moment(frames_in_order[-1], frames_in_order[-1]),
+        moment(frames_in_order[-1], frames_in_order[-1]),
+    )
 
 
 def _coupling_end(stage: Stage, until_beat: float | None) -> float:
@@ -324,16 +340,18 @@ def _glide_frames(stage: Stage, glide: Glide, start_frame: int) -> Iterator[int]
     first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
     if last_frame - max(first_frame, start_frame) <= SHORT_CHANGE * stage.rate:
         return
-    pairs = [(a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0]
+    number_pairs = [
+        (a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0
+    ]
     first_number, second_number = max(
-        pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0)
+        number_pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0)
     )
-    n = min(
+    n_frames = min(
         _GLIDE_FRAMES_MAX,
         math.ceil(abs(math.log(second_number / first_number)) / math.log(CHECK_RATIO)),
     )
-    for place in range(1, n):
-        share = ((second_number / first_number) ** (place / n) - 1.0) / (
+    for place in range(1, n_frames):
+        share = ((second_number / first_number) ** (place / n_frames) - 1.0) / (
             second_number / first_number - 1.0
         )
         frame = first_frame + round(share * (last_frame - first_frame))
@@ -345,7 +363,7 @@ def _glide_values(
     stage: Stage, glides: Sequence[Glide], glide_frame: int
 ) -> tuple[tuple[tuple[int, float, float, float], ...], tuple[tuple[int, float], ...]]:
     """Values of CELs and links at a frame of a glide, as the engine computes them."""
-    ties, link_factors = [], []
+    cel_values, link_factors = [], []
     for glide in glides:
         first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
         glide_share = min(1.0, max(0.0, (glide_frame - first_frame) / (last_frame - first_frame)))
@@ -360,17 +378,17 @@ def _glide_values(
                 glide_mass * (a / m + (b / to_m - a / m) * glide_share)
                 for a, b in ((k, to_k), (z, to_z))
             )
-            ties.append((stage.built.assembly.mats[module_key], k, z, glide_mass))
+            cel_values.append((stage.built.assembly.mats[module_key], k, z, glide_mass))
         elif len(glide.before) == 2:
-            stiffest = max(
+            factor_max = max(
                 body_factor + (1.0 - body_factor) * glide_share
                 for body_factor in glide.body_factors
             )
             link_factors += [
-                (link, stiffest) for link in stage.built.assembly.generator_links[module_key]
+                (link, factor_max) for link in stage.built.assembly.generator_links[module_key]
             ]
         else:
             first_ratio, last_ratio = glide.factors
             factor = first_ratio + (last_ratio - first_ratio) * glide_share
             link_factors += [(link, factor) for link in stage.built.assembly.links[module_key]]
-    return tuple(ties), tuple(link_factors)
+    return tuple(cel_values), tuple(link_factors)

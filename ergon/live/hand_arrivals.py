@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _ENOUGH = 20  # positions from which quantiles are stated
 _STAMPED = (*PAGE_KINDS, "gamepad")  # kinds whose positions say when they were taken
-_USUALLY = 0.999  # share of positions in time with the advised delay
+_USUAL_SHARE = 0.999  # share of positions in time with the advised delay
 _TOO_MUCH = 2.0  # a delay so many times the needed one is longer than useful
 
 
@@ -24,8 +24,10 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
     address = parse_led_address(board.url)
     tally = lead.tally
     n_taken = int(tally["taken"])
-    gaps, waits, needs = zip(*(lead.arrival_times(part) for part in (0.5, 0.99, 1.0)), strict=True)
-    _, _, needed = lead.arrival_times(_USUALLY)
+    gaps, wait_times, delays_needed = zip(
+        *(lead.arrival_times(part) for part in (0.5, 0.99, 1.0)), strict=True
+    )
+    _, _, needed_delay = lead.arrival_times(_USUAL_SHARE)
     arrival_figures: dict[str, object] = {
         "url": board.url,
         "taken": n_taken,
@@ -35,9 +37,9 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
         "gap_deviation_s": tally["deviation"],
         "gap_p99_s": gaps[1],
         "gap_max_s": gaps[2],
-        "wait_p50_s": waits[0] if address.kind in _STAMPED else None,
-        "wait_p99_s": waits[1] if address.kind in _STAMPED else None,
-        "need_max_s": needs[2],
+        "wait_p50_s": wait_times[0] if address.kind in _STAMPED else None,
+        "wait_p99_s": wait_times[1] if address.kind in _STAMPED else None,
+        "need_max_s": delays_needed[2],
         "delay_s": address.delay,
     }
     board_name = board.display_name
@@ -56,25 +58,28 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
     )
     if address.kind in _STAMPED:
         finding_sentence += (
-            f"on the way for {duration_text(waits[0])}, p99 {duration_text(waits[1])}; "
+            f"on the way for {duration_text(wait_times[0])}, p99 {duration_text(wait_times[1])}; "
         )
     else:
         finding_sentence += "nothing says when they were taken; "
     total = address.delay + TICK_SECONDS
     finding_sentence += f"{duration_text(total)} from a position to the force on the finger"
     return Finding(
-        "hands", finding_sentence, _advice(address, needed, int(tally["refused"])), arrival_figures
+        "hands",
+        finding_sentence,
+        _advice(address, needed_delay, int(tally["refused"])),
+        arrival_figures,
     )
 
 
-def _advice(address: LedAddress, needed: float, refused: int) -> str:
+def _advice(address: LedAddress, needed_delay: float, refused: int) -> str:
     """What to do; empty where the delay of the path is as long as it has to be."""
-    rounded = 1e-3 * -(-needed // 1e-3)  # rounded up to a millisecond
-    todo = []
-    if needed > address.delay:
-        todo.append(f"positions come late for its path: ?delay={rounded * 1e3:.0f}ms")
-    elif rounded * _TOO_MUCH < address.delay:
-        todo.append(f"they come early enough for ?delay={rounded * 1e3:.0f}ms")
+    rounded_delay = 1e-3 * -(-needed_delay // 1e-3)  # rounded up to a millisecond
+    advice = []
+    if needed_delay > address.delay:
+        advice.append(f"positions come late for its path: ?delay={rounded_delay * 1e3:.0f}ms")
+    elif rounded_delay * _TOO_MUCH < address.delay:
+        advice.append(f"they come early enough for ?delay={rounded_delay * 1e3:.0f}ms")
     if refused:
-        todo.append(f"{refused:,} positions were refused, which are no numbers or too many")
-    return "; ".join(todo)
+        advice.append(f"{refused:,} positions were refused, which are no numbers or too many")
+    return "; ".join(advice)

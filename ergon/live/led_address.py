@@ -57,7 +57,7 @@ class LedAddress:
     """
 
     kind: str
-    what: str
+    value_name: str
     finger: Finger
     delay: float = 0.02
     travel: float | None = None
@@ -70,7 +70,7 @@ class LedAddress:
     @property
     def controller(self) -> int | None:
         """The number of the MIDI controller; None for other values."""
-        match = _CONTROLLER.match(self.what)
+        match = _CONTROLLER.match(self.value_name)
         return int(match[1]) if match else None
 
 
@@ -95,7 +95,7 @@ def parse_led_address(url: str) -> LedAddress:
     """The source at a URL `KIND:WHAT?OPTION&OPTION=VALUE`. Raises BoardError."""
     target, _, url_options = url.partition("?")
     source_kind, _, address = target.partition(":")
-    _check_what(url, source_kind, address)
+    _check_value_name(url, source_kind, address)
     numbers_by_name: dict[str, float] = {}
     other_options: dict[str, int | str | bool] = {}
     for url_option in filter(None, url_options.split("&")):
@@ -107,8 +107,8 @@ def parse_led_address(url: str) -> LedAddress:
                 url, option_name, option_text
             )
         elif (source_kind, option_name) in _SPECIAL and has_value:
-            field, read = _SPECIAL[source_kind, option_name]
-            other_options[field] = read(url, option_text)
+            field, read_option = _SPECIAL[source_kind, option_name]
+            other_options[field] = read_option(url, option_text)
         else:
             raise BoardError(f"{url}: unknown option '{url_option}'; {_known_options(source_kind)}")
     finger = Finger(
@@ -128,7 +128,7 @@ def parse_led_address(url: str) -> LedAddress:
 _FINGER = ("stiffness", "damping", "mass")
 
 
-def _check_what(url: str, source_kind: str, address: str) -> None:
+def _check_value_name(url: str, source_kind: str, address: str) -> None:
     if source_kind == "osc" and not _OSC_ADDRESS.match(address):
         raise BoardError(f"{url}: after osc: comes the address of its messages, such as osc:/x")
     if source_kind == "gamepad" and address not in GAMEPAD_AXES:
@@ -143,8 +143,8 @@ def _check_what(url: str, source_kind: str, address: str) -> None:
 
 
 def _known_options(kind: str) -> str:
-    special = [name for option_kind, name in _SPECIAL if option_kind == kind]
-    names = [*_FIELDS, *special]
+    special_options = [name for option_kind, name in _SPECIAL if option_kind == kind]
+    names = [*_FIELDS, *special_options]
     return f"the options are {', '.join(names)}"
 
 

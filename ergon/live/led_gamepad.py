@@ -29,7 +29,7 @@ _GET_RANGE = 0x80184540  # EVIOCGABS(0)
 _SET_CLOCK = 0x400445A0  # EVIOCSCLOCKID
 _EVENTS_AT_ONCE = 64
 _POLL_SECONDS = 0.2  # [s] between two looks whether a thread is to end
-_FEEL = 0.05  # [s] between two forces that the motors tell of
+_RUMBLE_SECONDS = 0.05  # [s] between two forces that the motors tell of
 _USUAL_RANGE = (-32768, 32767)  # range for event files, which have no device
 _PADS = Path("/dev/input/by-id")
 _PAD_NAMES = "*-event-joystick"
@@ -41,23 +41,23 @@ class GamepadValues:
     def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
         """The ends of the axis are those of the key."""
         self._address, self._lead = address, lead
-        self.code, self._sign = GAMEPAD_AXES[address.what]
+        self.code, self._sign = GAMEPAD_AXES[address.value_name]
         self.range = _USUAL_RANGE
 
     def receive(self, value: int, instant: float) -> None:
         """Take a value that came at an instant [s, time.monotonic; in lockstep, of the ticks]."""
         low, high = self.range
-        side = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
+        signed_share = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
         is_lockstep = self._address.lockstep
         report_instant = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
-        self._lead.place(report_instant, position(self._lead, side))
+        self._lead.place(report_instant, position(self._lead, signed_share))
 
     @property
     def force(self) -> float:
         """The force of the pointer on its finger [N], without a sign."""
         return abs(self._lead.force)
 
-    def leave(self) -> None:
+    def end(self) -> None:
         """The gamepad is gone: the stand-in plays."""
         self._lead.set_present(False)
 
@@ -118,16 +118,18 @@ class GamepadPort:
             fcntl.ioctl(self._file, _SET_CLOCK, struct.pack("i", time.CLOCK_MONOTONIC))
         for axis_value in self._values:
             with contextlib.suppress(OSError):
-                raw = fcntl.ioctl(self._file, _GET_RANGE + axis_value.code, bytes(_ABS_INFO.size))
-                _, low, high, *_ = _ABS_INFO.unpack(raw)
+                range_bytes = fcntl.ioctl(
+                    self._file, _GET_RANGE + axis_value.code, bytes(_ABS_INFO.size)
+                )
+                _, low, high, *_ = _ABS_INFO.unpack(range_bytes)
                 if low < high:
                     axis_value.range = (low, high)
 
     def _run(self) -> None:
         while not self._over.is_set():
-            wait = _FEEL if self._rumble.is_there else _POLL_SECONDS
-            has_come = select.select([self._file], [], [], wait)[0]
-            self._feel()
+            wait_seconds = _RUMBLE_SECONDS if self._rumble.is_there else _POLL_SECONDS
+            has_come = select.select([self._file], [], [], wait_seconds)[0]
+            self._update_rumble()
             if not has_come:
                 continue
             try:
@@ -136,7 +138,7 @@ class GamepadPort:
                 event_bytes = b""
             if not event_bytes:
                 for axis_value in self._values:
-                    axis_value.leave()
+                    axis_value.end()
                 return
             for code, axis_number, event_instant in events(
                 event_bytes[: len(event_bytes) // _EVENT.size * _EVENT.size]
@@ -150,12 +152,12 @@ class GamepadPort:
         """Whether its motors signal forces."""
         return self._rumble.is_there
 
-    def _feel(self) -> None:
+    def _update_rumble(self) -> None:
         """Let the motors tell of the greatest force on its fingers."""
         instant_now = time.monotonic()
-        if self._rumble.is_there and instant_now >= self._rumbled + _FEEL:
+        if self._rumble.is_there and instant_now >= self._rumbled + _RUMBLE_SECONDS:
             self._rumbled = instant_now
-            self._rumble.feel(max((value.force for value in self._values), default=0.0))
+            self._rumble.set_force(max((value.force for value in self._values), default=0.0))
 
     def close(self) -> None:
         """Pass on nothing any more."""

@@ -86,21 +86,21 @@ def open_led_hands(
             paths = ", ".join(value.path for value in osc_values)
             sentences.append(f"positions of {paths} are taken from OSC at 127.0.0.1:{osc.port}")
         for input_name, listeners in _midi_values(addresses, leads).items():
-            midi = open_midi_input(input_name or VIRTUAL, listeners, make_midi)
-            led_sources.append(midi)
-            sentences.append(f"positions are taken from the MIDI input {midi.name}")
+            midi_input = open_midi_input(input_name or VIRTUAL, listeners, make_midi)
+            led_sources.append(midi_input)
+            sentences.append(f"positions are taken from the MIDI input {midi_input.name}")
         for input_name, axes in _gamepad_values(addresses, leads).items():
             path = pad_path(input_name)
-            pad = GamepadPort(path, axes)
-            led_sources.append(pad)
-            motors = ", which rumbles with the force" if pad.rumbles else ""
-            sentences.append(f"positions are taken from the gamepad {path}{motors}")
+            gamepad_port = GamepadPort(path, axes)
+            led_sources.append(gamepad_port)
+            rumble_text = ", which rumbles with the force" if gamepad_port.rumbles else ""
+            sentences.append(f"positions are taken from the gamepad {path}{rumble_text}")
     except BoardError:
         for source in (*led_sources, *leads.values()):
             source.close()
         raise
-    led = [replace(board, lead=leads.get(board.url)) for board in boards]
-    return LedHands(led, led_sources, sentences)
+    led_boards = [replace(board, lead=leads.get(board.url)) for board in boards]
+    return LedHands(led_boards, led_sources, sentences)
 
 
 def _lead(url: str, address: LedAddress, led_key: LedKey) -> _core.Lead:
@@ -164,13 +164,14 @@ def summary(board: Board, lead: _core.Lead) -> str:
     tally = lead.tally
     address = parse_led_address(board.url)
     players = ", ".join(player for _, player in board.axes)
-    gap, deviation = tally["gap"], tally["deviation"]
+    gap_seconds, deviation = tally["gap"], tally["deviation"]
     count = f"{tally['taken']:,.0f} position" + ("" if tally["taken"] == 1.0 else "s")
     arrival_sentence = f"{players} by {board.display_name}: {count}"
-    if gap > 0.0:
+    if gap_seconds > 0.0:
         arrival_sentence += (
-            f", one each {gap * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path "
-            f"{address.delay * 1e3:g} ms late and within {_FAST * gap * gap / 8.0 * 1e3:.2g} mm "
+            f", one each {gap_seconds * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path "
+            f"{address.delay * 1e3:g} ms late and within "
+            f"{_FAST * gap_seconds * gap_seconds / 8.0 * 1e3:.2g} mm "
             f"where the hand accelerates by {_FAST:g} m/s²"
         )
     counts = [
@@ -179,5 +180,12 @@ def summary(board: Board, lead: _core.Lead) -> str:
         (tally["refused"], "refused"),
     ]
     return "; ".join(
-        [arrival_sentence, *(f"{n:,.0f} {counted_event}" for n, counted_event in counts if n)]
+        [
+            arrival_sentence,
+            *(
+                f"{event_count:,.0f} {counted_event}"
+                for event_count, counted_event in counts
+                if event_count
+            ),
+        ]
     )

@@ -49,21 +49,21 @@ class MidiValues:
             return
         share = self._share(parse_message(data))
         if share is not None:
-            x = position(self._lead, 2.0 * (share - 0.5))
-            self._lead.place(_lead_time(self._address, self._lead, instant), x)
+            key_position = position(self._lead, 2.0 * (share - 0.5))
+            self._lead.place(_lead_time(self._address, self._lead, instant), key_position)
 
     def _share(self, message: Message | None) -> float | None:
         """Where in its range a value is, 0 to 1; None for other messages."""
         controller = self._address.controller
         if isinstance(message, Control) and controller is not None:
             return self._controller_share(message, controller)
-        if isinstance(message, Wheel) and self._address.what == "bend":
+        if isinstance(message, Wheel) and self._address.value_name == "bend":
             # The middle is exactly the middle, though there are more values below it than above.
             value_from_middle = message.value - _PITCH_BEND_CENTRE
             return 0.5 + 0.5 * value_from_middle / (
                 _PITCH_BEND_CENTRE if value_from_middle < 0 else _TOP - _PITCH_BEND_CENTRE
             )
-        if isinstance(message, Pressure) and self._address.what == "pressure":
+        if isinstance(message, Pressure) and self._address.value_name == "pressure":
             return message.value / _COARSE_TOP
         return None
 
@@ -91,7 +91,7 @@ class OscValues:
     @property
     def path(self) -> str:
         """The address of the messages."""
-        return self._address.what
+        return self._address.value_name
 
     def receive(self, arguments: Sequence[object], instant: float) -> None:
         """Take the arguments of a message that came at an instant [s], as `MidiValues` does."""
@@ -100,14 +100,14 @@ class OscValues:
             self._lead.lift(time_)
             return
         numbers = [_finite(argument) for argument in arguments[:2]]
-        x, pressure = numbers[0], numbers[1] if len(numbers) > 1 else 0.5
-        self._lead.place(time_, position(self._lead, x), 2.0 * pressure)
+        signed_share, pressure = numbers[0], numbers[1] if len(numbers) > 1 else 0.5
+        self._lead.place(time_, position(self._lead, signed_share), 2.0 * pressure)
 
 
-def position(lead: _core.Lead, side: float) -> float:
+def position(lead: _core.Lead, signed_share: float) -> float:
     """A position [m] of a key, -1 at the lower end of its travel and 1 at the upper."""
     low, high = lead.range
-    return 0.5 * (low + high) + 0.5 * (high - low) * side
+    return 0.5 * (low + high) + 0.5 * (high - low) * signed_share
 
 
 def _finite(argument: object) -> float:

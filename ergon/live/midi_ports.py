@@ -89,10 +89,10 @@ class ArrivalStamps:
         received at `instant_now`.
         """
         self._first_time += seconds_since if 0.0 <= seconds_since < _PAUSE_MAX else 0.0
-        ahead = instant_now - self._first_time
-        if self._ahead and abs(ahead - min(self._ahead)) > _PAUSE_MAX:
+        lead_seconds = instant_now - self._first_time
+        if self._ahead and abs(lead_seconds - min(self._ahead)) > _PAUSE_MAX:
             self._ahead.clear()
-        self._ahead.append(ahead)
+        self._ahead.append(lead_seconds)
         return self._first_time + min(self._ahead)
 
 
@@ -113,10 +113,10 @@ class SystemInput:
 
         stamps = ArrivalStamps()
 
-        def take(data: Sequence[int], since: float, _context: object) -> None:
-            receive(bytes(data), stamps.stamp(float(since), time.monotonic()))
+        def pass_on(data: Sequence[int], seconds_since: float, _context: object) -> None:
+            receive(bytes(data), stamps.stamp(float(seconds_since), time.monotonic()))
 
-        self._port.set_callback(take)
+        self._port.set_callback(pass_on)
 
     def close(self) -> None:
         """Pass on nothing any more."""
@@ -184,7 +184,7 @@ def input_names() -> list[str]:
     return port_names
 
 
-def _open_port(rtmidi: Any, make: Any, port_name: str, direction: str) -> tuple[Any, str]:
+def _open_port(rtmidi: Any, make_client: Any, port_name: str, direction: str) -> tuple[Any, str]:
     """An open port of one of this machine's MIDI systems, and its name.
 
     Raises MidiError.
@@ -195,7 +195,7 @@ def _open_port(rtmidi: Any, make: Any, port_name: str, direction: str) -> tuple[
         if system == rtmidi.RtMidiAPI.RTMIDI_DUMMY:
             continue
         try:
-            port = make(system, CLIENT_NAME)
+            port = make_client(system, CLIENT_NAME)
             if port_name == VIRTUAL:
                 port.open_virtual_port(CLIENT_NAME)
                 return port, f"{CLIENT_NAME} (virtual)"
@@ -222,20 +222,24 @@ def choose_port(port_name: str, port_names: Sequence[str], direction: str) -> in
     """
     equal_names = [number for number, name in enumerate(port_names) if name == port_name]
     partial_names = [
-        n for n, name in enumerate(port_names) if port_name and port_name.lower() in name.lower()
+        port_number
+        for port_number, name in enumerate(port_names)
+        if port_name and port_name.lower() in name.lower()
     ]
     candidates = equal_names or partial_names
     if len(candidates) == 1:
         return candidates[0]
-    several = (
+    several_text = (
         f"{len(candidates)} MIDI {direction}s are called so: "
         if candidates
         else f"no MIDI {direction} is called"
     )
-    shown = ", ".join(f"'{port_names[n]}'" for n in (candidates or range(len(port_names))))
+    shown_names = ", ".join(
+        f"'{port_names[port_number]}'" for port_number in (candidates or range(len(port_names)))
+    )
     if candidates:
-        raise MidiError(f"{several}{shown}; write more of the name")
-    existing_ports = f"there are {shown}" if port_names else "there is none"
+        raise MidiError(f"{several_text}{shown_names}; write more of the name")
+    existing_ports = f"there are {shown_names}" if port_names else "there is none"
     raise MidiError(
-        f"{several} '{port_name}'; {existing_ports}; `{VIRTUAL}` opens one of ergon's own"
+        f"{several_text} '{port_name}'; {existing_ports}; `{VIRTUAL}` opens one of ergon's own"
     )

@@ -74,27 +74,30 @@ class TimedSender:
         self._echoes.close()
 
 
-def _run(come: int, send: Callable[[bytes], None]) -> None:
+def _run(receive: int, send: Callable[[bytes], None]) -> None:
     """Send the messages that are read from a descriptor, each when it is due, until the descriptor
     ends.
     """
-    waiting: list[tuple[int, int, bytes]] = []
+    waiting_messages: list[tuple[int, int, bytes]] = []
     message_numbers = itertools.count()
     unfinished_line = b""
     while True:
-        seconds_left = (waiting[0][0] - time.monotonic_ns()) / 1e9 if waiting else 1.0
-        if select.select([come], [], [], max(0.0, min(seconds_left, 1.0)))[0]:
-            bytes_read = os.read(come, 1 << 16)
+        seconds_left = (
+            (waiting_messages[0][0] - time.monotonic_ns()) / 1e9 if waiting_messages else 1.0
+        )
+        if select.select([receive], [], [], max(0.0, min(seconds_left, 1.0)))[0]:
+            bytes_read = os.read(receive, 1 << 16)
             if not bytes_read:
                 return
             *lines, unfinished_line = (unfinished_line + bytes_read).split(b"\n")
             for line in lines:
                 instant, _, data = line.partition(b" ")
                 heapq.heappush(
-                    waiting, (int(instant), next(message_numbers), bytes.fromhex(data.decode()))
+                    waiting_messages,
+                    (int(instant), next(message_numbers), bytes.fromhex(data.decode())),
                 )
-        while waiting and waiting[0][0] <= time.monotonic_ns():
-            send(heapq.heappop(waiting)[2])
+        while waiting_messages and waiting_messages[0][0] <= time.monotonic_ns():
+            send(heapq.heappop(waiting_messages)[2])
 
 
 def _echo(data: bytes) -> None:

@@ -27,7 +27,7 @@ from .datagrams import (
 )
 from .osc_in import OscRequestError, is_harmless, refuse_command, request_handlers
 from .osc_out import OscSender
-from .osc_senders import SenderCheck, Verdict
+from .osc_senders import SenderAccess, SenderCheck
 from .osc_values import InputValues
 
 if TYPE_CHECKING:
@@ -93,8 +93,8 @@ class OscServer:
         self._remarks: deque[str] = deque(maxlen=100)
         self._unknown: set[str] = set()
         self._refused: set[str] = set()
-        self._answers = _Budget(_ANSWERS_PER_SECOND)
-        self._refusals = _Budget(_REFUSALS_PER_SECOND)
+        self._answers = _RateLimit(_ANSWERS_PER_SECOND)
+        self._refusals = _RateLimit(_REFUSALS_PER_SECOND)
         self._sender: tuple[object, ...] = ()
         self._handlers: HandlerTable = {}
         self._teller: OscSender | None = None
@@ -111,10 +111,10 @@ class OscServer:
             self.stopped = True
             performance.stop()
 
-        def tell(name: str, value: float) -> bool:
+        def set_input(name: str, value: float) -> bool:
             return performance.tell(input_id(name), value) is not None
 
-        input_values = InputValues(tell)
+        input_values = InputValues(set_input)
         handlers = request_handlers(
             performance, stage, gain, stop, input_values.handler_of, self._command
         )
@@ -128,7 +128,7 @@ class OscServer:
     def serve(
         self,
         handlers: HandlerTable,
-        teller: Callable[[Send], OscSender],
+        make_sender: Callable[[Send], OscSender],
         input_values: InputValues,
         has_hands: Callable[[], bool],
     ) -> None:
@@ -136,7 +136,7 @@ class OscServer:
         messages. `has_hands`: whether forces act on live hands.
         """
         self._handlers, self._input_values, self._has_hands = handlers, input_values, has_hands
-        self._teller = teller(self._send) if self._there else None
+        self._teller = make_sender(self._send) if self._there else None
         self._over.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
         self._thread.start()
@@ -159,9 +159,9 @@ class OscServer:
     def close(self) -> None:
         """Close the sockets."""
         self.stop_serving()
-        for opened in (self._here, self._there):
-            if opened is not None:
-                opened[0].close()
+        for socket_and_address in (self._here, self._there):
+            if socket_and_address is not None:
+                socket_and_address[0].close()
 
     def remarks(self) -> list[str]:
         """Remarks since the last call, one sentence each."""
@@ -199,13 +199,13 @@ class OscServer:
         except OSError:
             self.unsent += 1
 
-    def _receive(self, patience: float) -> None:
-        """Handle the requests that have come; wait up to `patience` [s] for one."""
+    def _receive(self, timeout_seconds: float) -> None:
+        """Handle the requests that have come; wait up to `timeout_seconds` [s] for one."""
         if self._here is None:
-            self._over.wait(max(0.0, patience))
+            self._over.wait(max(0.0, timeout_seconds))
             return
         listener = self._here[0]
-        if not select.select([listener], [], [], max(0.0, patience))[0]:
+        if not select.select([listener], [], [], max(0.0, timeout_seconds))[0]:
             return
         received = []
         is_empty = False
@@ -217,7 +217,7 @@ class OscServer:
                 break
             except OSError:
                 self.malformed += 1  # too long, where the system says so
-        self._senders.look(sender for _, sender in received)
+        self._senders.look_up_senders(sender for _, sender in received)
         for datagram, sender in received:
             self._handle(datagram, sender)
         if is_empty:
@@ -232,20 +232,20 @@ class OscServer:
             self.malformed += 1
             return
         self._sender = sender
-        verdict = self._senders.verdict(sender)
+        sender_access = self._senders.access(sender)
         for written_address, message_arguments in messages:
             address = self._without_key(written_address)
             if address is None:
                 address = written_address
-                if refusal := self._refusal(verdict, address):
+                if refusal := self._refusal(sender_access, address):
                     self._refuse(sender, refusal)
                     continue
-            ask = self._handlers.get(address)
+            handler = self._handlers.get(address)
             try:
-                if ask is None:
+                if handler is None:
                     self._report_unknown(address)
                 else:
-                    ask(message_arguments)
+                    handler(message_arguments)
             except OscRequestError as error:
                 self._answer(sender, "/ergon/error", str(error))
             except _core.EngineError:
@@ -254,16 +254,16 @@ class OscServer:
     def _without_key(self, address: str) -> str | None:
         """An address without the key before it; None if it has no key, or another one."""
         key, slash, address_rest = address.removeprefix("/").partition("/")
-        is_right = self._key and hmac.compare_digest(key.encode(), self._key.encode())
-        return slash + address_rest if is_right else None
+        is_same_key = self._key and hmac.compare_digest(key.encode(), self._key.encode())
+        return slash + address_rest if is_same_key else None
 
-    def _refusal(self, verdict: Verdict, address: str) -> str:
+    def _refusal(self, sender_access: SenderAccess, address: str) -> str:
         """Why a request without the key is refused; empty if it is heard."""
-        if verdict.is_own:
+        if sender_access.is_own:
             return ""
         hint = f"write the key before the address, /KEY/ergon/… ({KEY_VARIABLE})"
-        if verdict.is_told:
-            return f"the sender is not heard: {verdict.reason}; {hint}"
+        if sender_access.is_told:
+            return f"the sender is not heard: {sender_access.reason}; {hint}"
         if self._key:
             return f"the sender is not heard without the key; {hint}"
         if self._has_hands() and not is_harmless(address):
@@ -294,7 +294,7 @@ class OscServer:
             self._send_datagram(self._here[0], sender, encode_message(address, [sentence]))
 
 
-class _Budget:
+class _RateLimit:
     """A bound on datagrams a second."""
 
     def __init__(self, n_per_second: int) -> None:
@@ -316,18 +316,18 @@ def _printable(address: str) -> str:
 
 def _open_socket(osc_address: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
     """A datagram socket, and the address that `osc_address` names."""
-    opened = None
+    open_socket = None
     try:
         family, socket_kind, protocol, _, address = socket.getaddrinfo(
             *osc_address, type=socket.SOCK_DGRAM
         )[0]
-        opened = socket.socket(family, socket_kind, protocol)
-        opened.setblocking(False)
+        open_socket = socket.socket(family, socket_kind, protocol)
+        open_socket.setblocking(False)
         if bound:
-            opened.bind(address)
+            open_socket.bind(address)
     except (OSError, UnicodeError) as error:
-        if opened is not None:
-            opened.close()
-        failure = "cannot listen at" if bound else "cannot send to"
-        raise OscError(f"{failure} {osc_address[0]}:{osc_address[1]}: {error}") from None
-    return opened, address
+        if open_socket is not None:
+            open_socket.close()
+        failure_text = "cannot listen at" if bound else "cannot send to"
+        raise OscError(f"{failure_text} {osc_address[0]}:{osc_address[1]}: {error}") from None
+    return open_socket, address

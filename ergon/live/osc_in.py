@@ -65,7 +65,7 @@ def request_handlers(
             [performance.part_gain(group, ratio) for group in group_addresses]
         )
 
-    owned = exclusive_instruments(stage.piece, part_names)
+    instruments_by_player = exclusive_instruments(stage.piece, part_names)
     input_names = (name for name, take in stage.piece.takes.items() if take.is_from_osc)
     return {
         "/ergon/cmd": text_handler(command),
@@ -83,7 +83,7 @@ def request_handlers(
             f"/ergon/player/{player}/gain": gain_handler(setter_for(addresses))
             if addresses
             else _shared_key_handler(player)
-            for player, addresses in owned.items()
+            for player, addresses in instruments_by_player.items()
         },
         **{f"/ergon/input/{name}": handler_of(name) for name in input_names},
     }
@@ -93,14 +93,16 @@ def exclusive_instruments(piece: Piece, part_names: Sequence[str]) -> dict[str, 
     """Player → those instruments of `part_names` that links connect with the player's key and no
     other.
     """
-    reached = {key: _reachable_instruments(piece, key) for key in piece.keys}
+    instruments_by_key = {key: _reachable_instruments(piece, key) for key in piece.keys}
     parts_by_player = {}
     for player in piece.players.values():
         reached_by_others = set().union(
-            *(names for key, names in reached.items() if key != player.key)
+            *(names for key, names in instruments_by_key.items() if key != player.key)
         )
         parts_by_player[player.name] = [
-            part for part in part_names if part in reached[player.key] - reached_by_others
+            part
+            for part in part_names
+            if part in instruments_by_key[player.key] - reached_by_others
         ]
     return parts_by_player
 
@@ -112,11 +114,11 @@ def _reachable_instruments(piece: Piece, key_name: str) -> set[str]:
         for end in joined_parts:
             neighbours.setdefault(end, set()).update(joined_parts)
     instruments: set[str] = set()
-    visited = [key_name]
-    while visited:
-        for part in neighbours.get(visited.pop(), set()) - instruments - piece.keys.keys():
+    visited_parts = [key_name]
+    while visited_parts:
+        for part in neighbours.get(visited_parts.pop(), set()) - instruments - piece.keys.keys():
             instruments.add(part)
-            visited.append(part)
+            visited_parts.append(part)
     return instruments
 
 

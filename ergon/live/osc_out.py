@@ -39,14 +39,14 @@ class HearingClock:
         """Use a status that was requested at `instant_now`."""
         if status.sounding is None or not status.paced:
             return
-        zero = instant_now - status.sounding + status.latency
+        zero_instant = instant_now - status.sounding + status.latency
         status_line = (status.underruns, status.dropped, status.alive)
         if status_line != self._line or (
-            self._reports and abs(zero - self._reports[-1][1]) > _JUMP_MIN
+            self._reports and abs(zero_instant - self._reports[-1][1]) > _JUMP_MIN
         ):
             self._reports.clear()
         self._line, self._dropped = status_line, status.dropped
-        self._reports.append((instant_now, zero))
+        self._reports.append((instant_now, zero_instant))
         while self._reports[0][0] < instant_now - _REPORTS_KEPT:
             self._reports.popleft()
 
@@ -54,8 +54,8 @@ class HearingClock:
         """The instant at which a frame is heard [s since 1970]; None as long as that is unknown."""
         if not self._reports:
             return None
-        zero = min(zero for _, zero in self._reports)
-        return zero + (frame - self._start - self._dropped) / self._rate
+        zero_instant = min(zero_instant for _, zero_instant in self._reports)
+        return zero_instant + (frame - self._start - self._dropped) / self._rate
 
 
 class OscSender:

@@ -32,7 +32,7 @@ Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class SenderAccess:
     """Whether a sender is the user (or root), and whether the system can tell it; if it can and the
     sender is not, `reason` says what was found.
     """
@@ -42,12 +42,12 @@ class Verdict:
     reason: str = ""
 
 
-FROM_USER = Verdict(is_own=True, is_told=True)
-UNTOLD = Verdict(is_own=False, is_told=False)
+FROM_USER = SenderAccess(is_own=True, is_told=True)
+UNTOLD = SenderAccess(is_own=False, is_told=False)
 
 
-def _stranger(reason: str) -> Verdict:
-    return Verdict(is_own=False, is_told=True, reason=reason)
+def _stranger(reason: str) -> SenderAccess:
+    return SenderAccess(is_own=False, is_told=True, reason=reason)
 
 
 class _Socket(NamedTuple):
@@ -79,11 +79,11 @@ class SenderCheck:
         """Read the sockets of the system from these tables."""
         self._tables, self._clock = tables, clock
         self._sockets: list[_Socket] | None = None
-        self._noted: dict[tuple[Address, int], _Noted] = {}
+        self._known_access: dict[tuple[Address, int], _Noted] = {}
         self._emptied = 0  # how often all datagrams were read
         self._stranger_at = -_CAUTION
 
-    def look(self, senders: Iterable[tuple[object, ...]]) -> None:
+    def look_up_senders(self, senders: Iterable[tuple[object, ...]]) -> None:
         """Look the sockets of a batch of senders up, after its datagrams were read."""
         ports = {port for address, port in map(_place, senders) if address.is_loopback}
         self._sockets = _sockets(self._tables, ports) if ports else []
@@ -92,17 +92,17 @@ class SenderCheck:
         """After the verdicts on a batch: at its end no datagram waited any more."""
         self._emptied += 1
 
-    def verdict(self, sender: tuple[object, ...]) -> Verdict:
+    def access(self, sender: tuple[object, ...]) -> SenderAccess:
         """Who a sender of the batch is."""
         address, port = _place(sender)
         if not address.is_loopback or self._sockets is None:
             return UNTOLD
-        verdict = self._verdict(address, port)
-        if not verdict.is_own:
+        sender_access = self._find_access(address, port)
+        if not sender_access.is_own:
             self._stranger_at = self._clock()
-        return verdict
+        return sender_access
 
-    def _verdict(self, address: Address, port: int) -> Verdict:
+    def _find_access(self, address: Address, port: int) -> SenderAccess:
         assert self._sockets is not None
         senders = [
             row
@@ -114,19 +114,19 @@ class SenderCheck:
         if any(row.user not in (_ROOT, os.geteuid()) for row in senders):
             return _stranger("it belongs to another user")
         inodes = frozenset(row.inode for row in senders)
-        noted = self._noted.get((address, port))
-        if noted is None or noted.inodes != inodes:
+        known_access = self._known_access.get((address, port))
+        if known_access is None or known_access.inodes != inodes:
             # A socket that is noted now is older than what comes after the queue was empty twice:
             # the first time may have been before it was noted.
             is_calm = self._clock() - self._stranger_at >= _CAUTION
             trusted_from = 0 if is_calm else self._emptied + 2
-            noted = _Noted(inodes, _can_be_shared(address, port), trusted_from)
-            if len(self._noted) >= _NOTED_MAX:
-                self._noted.clear()
-            self._noted[address, port] = noted
-        if noted.is_shared:
+            known_access = _Noted(inodes, _can_be_shared(address, port), trusted_from)
+            if len(self._known_access) >= _NOTED_MAX:
+                self._known_access.clear()
+            self._known_access[address, port] = known_access
+        if known_access.is_shared:
             return _stranger("its port can be shared, so its user cannot be identified")
-        if self._emptied < noted.trusted_from:
+        if self._emptied < known_access.trusted_from:
             return _stranger("it is new while strangers send; what it sends from now on is heard")
         return FROM_USER
 
@@ -145,13 +145,13 @@ def _plain(address: Address) -> Address:
 def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
     """The sockets that have one of the ports; None where the system has no such tables."""
     port_suffixes = tuple(f":{port:04X}" for port in ports)
-    sockets, is_told = [], False
+    sockets, is_listed = [], False
     for table in tables:
         try:
             table_rows = table.read_text(encoding="ascii").splitlines()[1:]
         except OSError:
             continue
-        is_told = True
+        is_listed = True
         for row in table_rows:
             row_words = row.split()
             if row_words[1].endswith(port_suffixes):
@@ -160,7 +160,7 @@ def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
                 sockets.append(
                     _Socket(address, int(port, 16), int(row_words[7]), int(row_words[9]))
                 )
-    return sockets if is_told else None
+    return sockets if is_listed else None
 
 
 def _address(digits: str) -> Address:
@@ -172,10 +172,10 @@ def _address(digits: str) -> Address:
 def _can_be_shared(address: Address, port: int) -> bool:
     """Whether a second socket can have an address, which the first one has to allow."""
     family = socket.AF_INET if address.version == 4 else socket.AF_INET6
-    with socket.socket(family, socket.SOCK_DGRAM) as second:
-        second.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    with socket.socket(family, socket.SOCK_DGRAM) as second_socket:
+        second_socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            second.bind((str(address), port))
+            second_socket.bind((str(address), port))
         except OSError:
             return False
     return True

@@ -20,10 +20,12 @@ class InputValues:
     """Passes values to inputs; if they come too fast, only the latest of each input."""
 
     def __init__(
-        self, tell: Callable[[str, float], bool], clock: Callable[[], float] = time.monotonic
+        self, set_input: Callable[[str, float], bool], clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Use `tell` to give an input a value; it returns False if that must be tried again."""
-        self._tell, self._clock = tell, clock
+        """Use `set_input` to give an input a value; it returns False if that must be tried
+        again.
+        """
+        self._tell, self._clock = set_input, clock
         self._waiting_values: dict[str, float] = {}
         self._n_allowed = _VALUES_AT_ONCE
         self._counted_until = clock()

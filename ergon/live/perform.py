@@ -166,7 +166,7 @@ def bar_frames(stage: Stage, start_frame: int, stop_frame: int) -> list[int]:
 
 
 def _written_forces(
-    stage: Stage, config: PlaybackConfig, hand: LiveHand, tick: int
+    stage: Stage, config: PlaybackConfig, hand: LiveHand, frames_per_tick: int
 ) -> NDArray[np.float64]:
     """The forces of the part on a real key that it drives; in a session they come section by
     section.
@@ -178,7 +178,7 @@ def _written_forces(
     from ergon.scores.staging.driving import written_forces
 
     piece = stage.piece
-    return written_forces(piece, piece.players[hand.player], tick, hand.standin)
+    return written_forces(piece, piece.players[hand.player], frames_per_tick, hand.standin)
 
 
 def _guidance_spring(
@@ -188,8 +188,12 @@ def _guidance_spring(
         from ergon.scores.staging.driving import moving_mass
 
         # Critically damped: it brings back what drifts, and a hand wins against it.
-        mass, omega = moving_mass(guided_key), 2.0 * math.pi * DRIFT_RETURN
-        return _core.GuidanceSpring(mass * omega * omega, 2.0 * mass * omega, config.loose)
+        mass, angular_frequency = moving_mass(guided_key), 2.0 * math.pi * DRIFT_RETURN
+        return _core.GuidanceSpring(
+            mass * angular_frequency * angular_frequency,
+            2.0 * mass * angular_frequency,
+            config.loose,
+        )
     if config.loose:
         return _core.GuidanceSpring(*GUIDANCE_MAX, True)
     stiffness = config.guides.get(player)

@@ -36,8 +36,8 @@ def ports() -> list[Port]:
 def _port(path: str, usb: _core.UsbBoard | None) -> Port:
     if usb is None:
         return Port(path, "", ())
-    maker, kinds = _VENDORS.get(usb.vendor, ("", ()))
-    name_parts = [maker] if maker and maker not in usb.name else []
+    vendor_name, kinds = _VENDORS.get(usb.vendor, ("", ()))
+    name_parts = [vendor_name] if vendor_name and vendor_name not in usb.name else []
     name_parts += [word for word in (usb.name, usb.serial) if word]
     stable_path = _by_id(path)
     return Port(path, " ".join(name_parts), tuple(f"{kind}:{stable_path}" for kind in kinds))

@@ -35,9 +35,9 @@ def preflight_frames(stage: Stage) -> int:
     """The number of frames to compute: all, or as many as `_WORK_SECONDS_MAX` allows."""
     from ergon.scores.staging.planning import cost
 
-    work = 0.0 if stage.plan is None else cost(stage.plan)
-    is_long = work * stage.n_frames > _WORK_SECONDS_MAX * stage.rate
-    return int(_WORK_SECONDS_MAX / work * stage.rate) if is_long else stage.n_frames
+    cost_share = 0.0 if stage.plan is None else cost(stage.plan)
+    is_long = cost_share * stage.n_frames > _WORK_SECONDS_MAX * stage.rate
+    return int(_WORK_SECONDS_MAX / cost_share * stage.rate) if is_long else stage.n_frames
 
 
 def find_gain(
@@ -56,19 +56,19 @@ def find_gain(
 
     n_frames = preflight_frames(stage)
     mixer = stage.mixer(highpass=wanted_level.highpass, reference=wanted_level.reference)
-    measured = MeasuredLevel(wanted_level, stage.rate, stage.n_channels)
+    level_meter = MeasuredLevel(wanted_level, stage.rate, stage.n_channels)
     simulation = stage.simulation
     start_snapshot = simulation.snapshot()
     frame_count = 0
     for mixed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
         for stem in frozen:
             stem.join(mixed_frames, frame_count)
-        mixed = np.zeros((len(mixed_frames), stage.n_channels))
-        mixer.process(mixed_frames, mixed)
-        measured.take(mixed)
+        frozen_mix = np.zeros((len(mixed_frames), stage.n_channels))
+        mixer.process(mixed_frames, frozen_mix)
+        level_meter.take(frozen_mix)
         frame_count += len(mixed_frames)
         progress(frame_count)
     simulation.restore(start_snapshot)
     if n_frames == stage.n_frames:
-        return PreflightGain(measured.gain(), None)
-    return PreflightGain(measured.gain() * _core.decibels(_HEADROOM_DB), n_frames / stage.rate)
+        return PreflightGain(level_meter.gain(), None)
+    return PreflightGain(level_meter.gain() * _core.decibels(_HEADROOM_DB), n_frames / stage.rate)

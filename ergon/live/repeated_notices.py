@@ -50,13 +50,15 @@ class RepeatedNotices:
         if kind not in REPEATING:
             return [(frame, sentence)]
         notice_name = kind if seconds else sentence
-        counted = self._counted.get(notice_name)
-        if counted is None or (not counted.count and frame >= counted.line_frame + self._pause):
+        counted_notice = self._counted.get(notice_name)
+        if counted_notice is None or (
+            not counted_notice.count and frame >= counted_notice.line_frame + self._pause
+        ):
             self._counted[notice_name] = _Counted(frame)
             return [(frame, sentence)]
-        counted.count += 1
-        counted.seconds += seconds
-        counted.frame, counted.sentence = frame, sentence
+        counted_notice.count += 1
+        counted_notice.seconds += seconds
+        counted_notice.frame, counted_notice.sentence = frame, sentence
         return self.due(frame)
 
     def due(self, frame: int) -> list[tuple[int, str]]:
@@ -67,11 +69,13 @@ class RepeatedNotices:
         """The lines of all that was counted, at the end of a performance."""
         return self._lines(None)
 
-    def _lines(self, latest: int | None) -> list[tuple[int, str]]:
-        """Lines of the kinds whose last line came at frame `latest` or before; None: of all
+    def _lines(self, latest_frame: int | None) -> list[tuple[int, str]]:
+        """Lines of the kinds whose last line came at frame `latest_frame` or before; None: of all
         kinds.
         """
-        pending = (notice for notice in self._counted.values() if notice.count)
+        pending_notices = (notice for notice in self._counted.values() if notice.count)
         return sorted(
-            counted.line() for counted in pending if latest is None or counted.line_frame <= latest
+            counted_notice.line()
+            for counted_notice in pending_notices
+            if latest_frame is None or counted_notice.line_frame <= latest_frame
         )

@@ -10,9 +10,11 @@ import contextlib
 import os
 import struct
 
-FULL = 5.0  # [N] at which the motors turn fastest; the page draws its spring in full colour there
-_SMOOTHED = 0.3  # step of the smoothed force towards a new one, as a share
-_BUZZ = 2.0  # how much more a change counts than a force that lasts
+FULL_FORCE = (
+    5.0  # [N] at which the motors turn fastest; the page draws its spring in full colour there
+)
+_SMOOTHING_SHARE = 0.3  # step of the smoothed force towards a new one, as a share
+_BUZZ_FACTOR = 2.0  # how much more a change counts than a force that lasts
 _MOTOR_MAX = 0xFFFF
 _LENGTH_MS = 200  # duration of an effect, which is renewed before its end
 _RUMBLE_TYPE, _EVENT_TYPE = 0x50, 0x15  # FF_RUMBLE and EV_FF of linux/input-event-codes.h
@@ -34,8 +36,8 @@ class RumbleEnvelope:
         """Strong and weak motor, 0 to 1: the force [N], and how much it differs from before."""
         force_size = abs(force)
         change = abs(force_size - self._smoothed_force)
-        self._smoothed_force += _SMOOTHED * (force_size - self._smoothed_force)
-        return min(1.0, force_size / FULL), min(1.0, _BUZZ * change / FULL)
+        self._smoothed_force += _SMOOTHING_SHARE * (force_size - self._smoothed_force)
+        return min(1.0, force_size / FULL_FORCE), min(1.0, _BUZZ_FACTOR * change / FULL_FORCE)
 
 
 class Rumble:
@@ -47,7 +49,7 @@ class Rumble:
         self._envelope = RumbleEnvelope()
         self.is_there = self._upload(0, 0)
 
-    def feel(self, key_force: float) -> None:
+    def set_force(self, key_force: float) -> None:
         """Let the motors tell of a force [N]; to be called some 20 times a second."""
         if not self.is_there:
             return

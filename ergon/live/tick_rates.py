@@ -33,25 +33,25 @@ def measure_tick_rates(url: str, test_seconds: float) -> Iterator[Finding]:
         try:
             cpu_start = time.process_time()
             checkup = device.checkup(test_seconds, 1.0 / rate)
-            busy = time.process_time() - cpu_start
+            cpu_seconds = time.process_time() - cpu_start
         finally:
             device.close()
-        finding = _tick_finding(url, rate, checkup, busy)
+        finding = _tick_finding(url, rate, checkup, cpu_seconds)
         if finding.numbers["fits"]:
             best_finding = rate, finding
         yield finding
     yield _advice(url, best_finding)
 
 
-def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Finding:
-    """What ticks of `rate` [Hz] cost; `busy` [s] is the processor's time for all of them."""
-    period, trips = 1.0 / rate, checkup.round_trips()
-    n_requests = len(trips) + checkup.unanswered
+def _tick_finding(url: str, rate: float, checkup: Checkup, cpu_seconds: float) -> Finding:
+    """What ticks of `rate` [Hz] cost; `cpu_seconds` [s] is the processor's time for all of them."""
+    period, round_trips = 1.0 / rate, checkup.round_trips()
+    n_requests = len(round_trips) + checkup.unanswered
     n_late_wakes = int((checkup.lateness() > _LATE_SHARE * period).sum())
-    n_slow_trips = int((trips > _LATE_SHARE * period).sum()) + checkup.unanswered
-    load = busy / checkup.seconds if checkup.seconds else 0.0
-    median_delay, p99_delay = (period + quantile(trips, part) for part in (0.5, 0.99))
-    fits = n_requests > 0 and max(n_late_wakes, n_slow_trips) <= _LATE_MAX * n_requests
+    n_slow_trips = int((round_trips > _LATE_SHARE * period).sum()) + checkup.unanswered
+    load = cpu_seconds / checkup.seconds if checkup.seconds else 0.0
+    median_delay, p99_delay = (period + quantile(round_trips, part) for part in (0.5, 0.99))
+    is_fit = n_requests > 0 and max(n_late_wakes, n_slow_trips) <= _LATE_MAX * n_requests
     tick_sentence = (
         f"{url}: {rate:,.0f} Hz: {duration_text(median_delay)} from a position to its force, p99 "
         f"{duration_text(p99_delay)}; {100 * load:.0f}% of a processor; {n_late_wakes:,} ticks and "
@@ -67,7 +67,7 @@ def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Findi
         "load": load,
         "felt_p50_s": median_delay,
         "felt_p99_s": p99_delay,
-        "fits": fits,
+        "fits": is_fit,
     }
     return Finding("tick", tick_sentence, "", tick_figures)
 
@@ -76,8 +76,8 @@ def _advice(url: str, best_finding: tuple[float, Finding] | None) -> Finding:
     """The shortest tick of which at most one in a thousand is late."""
     if best_finding is None:
         finding_sentence = f"{url}: more than one tick in 1,000 is late with every length of a tick"
-        todo = "close other programs, or try another cable or port; `tick: 500Hz` gives more time"
-        return Finding("shortest", finding_sentence, todo, {"url": url, "tick_hz": None})
+        advice = "close other programs, or try another cable or port; `tick: 500Hz` gives more time"
+        return Finding("shortest", finding_sentence, advice, {"url": url, "tick_hz": None})
     rate, finding = best_finding
     finding_sentence = (
         f"{url}: `tick: {rate:.0f}Hz` of a player is the shortest that holds: a force comes "

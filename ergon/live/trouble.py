@@ -22,10 +22,10 @@ def troubles(
     `recording` says why hands cannot be recorded at present. A performance that `is_endless`
     should not end by itself.
     """
-    return tuple(_troubles(status, players, recording, is_endless))
+    return tuple(_trouble_sentences(status, players, recording, is_endless))
 
 
-def _troubles(
+def _trouble_sentences(
     status: _core.Status, players: Sequence[str], recording: str | None, is_endless: bool
 ) -> Iterator[str]:
     if status.done and is_endless:

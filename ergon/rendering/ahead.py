@@ -21,14 +21,14 @@ def computed_ahead(item_source: Iterator[T]) -> Generator[T, None, None]:
     """
     # An entry is a list with one item, an empty list at the end, or the exception that ended the
     # source.
-    waiting: queue.Queue[list[T] | BaseException] = queue.Queue(_QUEUE_BLOCKS)
+    block_queue: queue.Queue[list[T] | BaseException] = queue.Queue(_QUEUE_BLOCKS)
     has_ended = threading.Event()
-    computing = Work()
+    ahead_work = Work()
 
     def put(entry: list[T] | BaseException) -> bool:
         while not has_ended.is_set():
             try:
-                waiting.put(entry, timeout=_POLL_SECONDS)
+                block_queue.put(entry, timeout=_POLL_SECONDS)
                 return True
             except queue.Full:
                 continue
@@ -36,7 +36,7 @@ def computed_ahead(item_source: Iterator[T]) -> Generator[T, None, None]:
 
     def work() -> None:
         try:
-            with computing:
+            with ahead_work:
                 for item in item_source:
                     if not put([item]):
                         return
@@ -47,11 +47,11 @@ def computed_ahead(item_source: Iterator[T]) -> Generator[T, None, None]:
     thread = threading.Thread(target=work, name="ergon-simulation", daemon=True)
     thread.start()
     try:
-        while queued_entry := waiting.get():
+        while queued_entry := block_queue.get():
             if isinstance(queued_entry, BaseException):
                 raise queued_entry
             yield from queued_entry
     finally:
         has_ended.set()
-        computing.cancel()  # a block may take minutes
+        ahead_work.cancel()  # a block may take minutes
         thread.join()

@@ -131,8 +131,8 @@ class Balance:
             cells // _PEAKS_PER_MEASURE * loudness_step
             + cells % _PEAKS_PER_MEASURE * loudness_step // _PEAKS_PER_MEASURE
         )
-        inside = (begins >= self._start) & (begins + loudness_step // _PEAKS_PER_MEASURE < stop)
-        peaks = measured[:, 1:].reshape(-1)[inside]
+        is_inside = (begins >= self._start) & (begins + loudness_step // _PEAKS_PER_MEASURE < stop)
+        peaks = measured[:, 1:].reshape(-1)[is_inside]
         return InstrumentLevel(self._name, float(np.max(peaks, initial=0.0)) * gain, loudness)
 
 
@@ -145,6 +145,6 @@ def dominant_instrument(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLe
     )
     if len(audible) < 2:
         return None
-    loudest = audible[-1]
-    loudness_above = loudest.loudness - audible[-2].loudness
-    return (loudest, loudness_above) if loudness_above > DOMINANCE_LU else None
+    loudest_level = audible[-1]
+    loudness_above = loudest_level.loudness - audible[-2].loudness
+    return (loudest_level, loudness_above) if loudness_above > DOMINANCE_LU else None

@@ -39,13 +39,13 @@ class Sliding:
         start_distance = elongations[0] if self._apart is None else self._apart
         speeds = np.diff(elongations, prepend=start_distance) * rate
         self._apart = float(elongations[-1])
-        least = max(1, int(_STICK_SECONDS_MIN * rate))
+        frames_min = max(1, int(_STICK_SECONDS_MIN * rate))
         for is_sticking in ((speeds > self.low) & (speeds < self.high)).tolist():
             if not is_sticking:
                 self.has_slipped, self._held = True, 0
             elif self.has_slipped:
                 self._held += 1
-                self.has_stuck = self.has_stuck or self._held >= least
+                self.has_stuck = self.has_stuck or self._held >= frames_min
 
 
 def sticking_detector(rubbing: ProbedLink) -> Sliding | None:
@@ -74,14 +74,14 @@ def friction_extremes(law_fields: Any) -> tuple[float, float] | None:
     if not np.isfinite(friction_forces).all():
         return None
     lowest_index, highest_index = int(np.argmin(friction_forces)), int(np.argmax(friction_forces))
-    falls = (
+    is_falling = (
         friction_forces[-1] < _FALLING_FRICTION_RATIO * friction_forces[highest_index]
         and friction_forces[0] > _FALLING_FRICTION_RATIO * friction_forces[lowest_index]
     )
     if not (
         lowest_index < highest_index
         and friction_forces[highest_index] > 0.0 > friction_forces[lowest_index]
-        and falls
+        and is_falling
     ):
         return None
     return float(speeds[lowest_index]), float(speeds[highest_index])

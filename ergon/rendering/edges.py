@@ -27,19 +27,19 @@ class Edges:
         """
         import numpy as np
 
-        n = min(int(rate * _FADE_SECONDS + 0.5), (stop - start) // 2)
-        is_inside = number >= start + n and number + len(frames) <= stop - n
+        fade_frames = min(int(rate * _FADE_SECONDS + 0.5), (stop - start) // 2)
+        is_inside = number >= start + fade_frames and number + len(frames) <= stop - fade_frames
         if is_inside or not (self.first or self.last):
             return frames
         indices = np.arange(number, number + len(frames))
-        distances = np.full(len(frames), n)
+        distances = np.full(len(frames), fade_frames)
         if self.first:
             distances = np.minimum(distances, indices - start)
         if self.last:
             distances = np.minimum(distances, stop - 1 - indices)
         gains = np.ones(len(frames))
-        is_faded = distances < n
-        gains[is_faded] = np.sin(0.5 * np.pi * (distances[is_faded] + 0.5) / n) ** 2
+        is_faded = distances < fade_frames
+        gains[is_faded] = np.sin(0.5 * np.pi * (distances[is_faded] + 0.5) / fade_frames) ** 2
         return gains[:, None] * frames
 
 

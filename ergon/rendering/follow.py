@@ -57,7 +57,7 @@ def _merged_fidelity(
     # The engine moves a key as the piece sees it, `lever_ratio` times as far; results are those of
     # the key.
     worst_report = max(reports, key=lambda report: report.worst)
-    compared = sum(report.compared for report in reports)
+    n_compared = sum(report.compared for report in reports)
     squares = sum(report.rms * report.rms * report.compared for report in reports)
     n_ergons = sum(report.n_ergons for report in reports)
     return GestureFidelity(
@@ -65,9 +65,9 @@ def _merged_fidelity(
         name=gesture_name,
         key=key_name,
         times=len(reports),
-        is_layer=not compared and n_ergons > 0,
+        is_layer=not n_compared and n_ergons > 0,
         n_ergons=n_ergons,
-        rms=sqrt(squares / compared) / lever_ratio if compared else 0.0,
+        rms=sqrt(squares / n_compared) / lever_ratio if n_compared else 0.0,
         worst=worst_report.worst / lever_ratio,
         worst_at=worst_report.worst_at,
         pushed_by=worst_report.pushed_by,

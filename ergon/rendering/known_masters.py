@@ -35,19 +35,19 @@ class KnownMasters:
             master = None if outcome is None else KnownMaster(int(piece_end), float(gain), outcome)
         except (ValueError, TypeError, LookupError):
             return None
-        return master if master is not None and _suffices(master, job) else None
+        return master if master is not None and is_sufficient(master, job) else None
 
     def put(self, job: RenderJob, master: KnownMaster) -> None:
         """Store what a job has found."""
         import numpy as np
 
-        if _needs_piece_end(job) and _suffices(master, job):
+        if _needs_piece_end(job) and is_sufficient(master, job):
             state = [master.piece_end, master.gain, *master.outcome.fields(self._score)]
             self._store.put(self._key(job), np.empty(0), json.dumps(state).encode())
 
     def _key(self, job: RenderJob) -> str:
-        depends = f"{self._mix} {job.level!r} {job.format.n_channels} {job.ending}"
-        return stretch_key("master", self._n_frames, depends)
+        key_content = f"{self._mix} {job.level!r} {job.format.n_channels} {job.ending}"
+        return stretch_key("master", self._n_frames, key_content)
 
 
 def _needs_piece_end(job: RenderJob) -> bool:
@@ -55,6 +55,6 @@ def _needs_piece_end(job: RenderJob) -> bool:
     return job.level.is_levelled or job.ending is not None
 
 
-def _suffices(master: KnownMaster, job: RenderJob) -> bool:
+def is_sufficient(master: KnownMaster, job: RenderJob) -> bool:
     """Whether a job needs nothing after the end of the piece: a part of it may sound on."""
     return master.piece_end > job.start and not (job.is_part and job.stop > master.piece_end)

@@ -208,26 +208,28 @@ class MasterChain:
         block_frames = np.multiply(block, self.gain, out=self._scaled[: len(block)])
         if self._limiter is not None:
             block_frames = self._limiter.limit(block_frames)
-        unskipped = np.ascontiguousarray(
+        played_frames = np.ascontiguousarray(
             block_frames[max(self._start - self._frame, 0) : max(self._stop - self._frame, 0)]
         )
         take_start = max(self._start, self._frame)
         self._frame += len(block_frames)
-        if not len(unskipped):
+        if not len(played_frames):
             return
-        unskipped = np.ascontiguousarray(
-            apply_silences(unskipped, take_start, self._silences, self._rate)
+        played_frames = np.ascontiguousarray(
+            apply_silences(played_frames, take_start, self._silences, self._rate)
         )
-        unskipped = self._edges.fade(unskipped, take_start, self._start, self._stop, self._rate)
-        self._meter.process(unskipped)
-        self._true_peak.process(unskipped)
+        played_frames = self._edges.fade(
+            played_frames, take_start, self._start, self._stop, self._rate
+        )
+        self._meter.process(played_frames)
+        self._true_peak.process(played_frames)
         bits = self._writer.format.bits
         if bits == "float":
-            self._writer.write(_core.single(unskipped, 1.0))
+            self._writer.write(_core.single(played_frames, 1.0))
         elif bits == "double":
-            self._writer.write(unskipped)
+            self._writer.write(played_frames)
         else:
-            self._writer.write(_core.pcm(unskipped, 1.0, 16 if bits == 16 else 24))
+            self._writer.write(_core.pcm(played_frames, 1.0, 16 if bits == 16 else 24))
 
     def close(self) -> None:
         """Push out what the limiter still holds, and end the file."""

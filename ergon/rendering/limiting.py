@@ -39,10 +39,12 @@ class MixLimiter:
         """The next frames (n_frames, n_channels), limited."""
         import numpy as np
 
-        probed = np.concatenate([frames, np.full((len(frames), 1), _PROBE_AMPLITUDE)], axis=1)
-        self._limiter.process(probed)
-        self.gains = probed[:, -1] / _PROBE_AMPLITUDE
-        return np.ascontiguousarray(probed[:, :-1])
+        frames_with_probe = np.concatenate(
+            [frames, np.full((len(frames), 1), _PROBE_AMPLITUDE)], axis=1
+        )
+        self._limiter.process(frames_with_probe)
+        self.gains = frames_with_probe[:, -1] / _PROBE_AMPLITUDE
+        return np.ascontiguousarray(frames_with_probe[:, :-1])
 
 
 class StemLimiter:
@@ -62,6 +64,6 @@ class StemLimiter:
         """The next frames (n_frames, n_channels), as loud as in the mix."""
         import numpy as np
 
-        joined = np.concatenate([self._late, frames])
-        self._late = joined[len(frames) :]
-        return joined[: len(frames)] * self._mix.gains[:, None]
+        frames_with_late = np.concatenate([self._late, frames])
+        self._late = frames_with_late[len(frames) :]
+        return frames_with_late[: len(frames)] * self._mix.gains[:, None]

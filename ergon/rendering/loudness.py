@@ -50,25 +50,25 @@ class GatedLoudness:
         """Integrated loudness [LUFS] of the steps `first` to `last` at a gain (a ratio); -inf where
         nothing passes the gates.
         """
-        return _gated_level(self._inside(first, last), 20.0 * math.log10(max(gain, 1e-30)))
+        return _gated_level(self._blocks_within(first, last), 20.0 * math.log10(max(gain, 1e-30)))
 
     def gain_to(self, target_lufs: float) -> float | None:
         """The gain [dB] at which the loudness is `target_lufs` [LUFS]; None for silence."""
         import numpy as np
 
-        gated_blocks = self._inside(0, None)
-        loudest = float(np.max(gated_blocks, initial=-math.inf))
-        if loudest == -math.inf:
+        gated_blocks = self._blocks_within(0, None)
+        block_max = float(np.max(gated_blocks, initial=-math.inf))
+        if block_max == -math.inf:
             return None
-        gain_db = target_lufs - loudest  # at least one block passes the gates
+        gain_db = target_lufs - block_max  # at least one block passes the gates
         for _ in range(_GAIN_ROUNDS_MAX):
-            change = target_lufs - _gated_level(gated_blocks, gain_db)
-            gain_db += change
-            if abs(change) < GAIN_STEP_DB / 100:
+            gain_change = target_lufs - _gated_level(gated_blocks, gain_db)
+            gain_db += gain_change
+            if abs(gain_change) < GAIN_STEP_DB / 100:
                 break
         return gain_db
 
-    def _inside(self, first: int, last: int | None) -> NDArray[np.float64]:
+    def _blocks_within(self, first: int, last: int | None) -> NDArray[np.float64]:
         """The blocks that lie between two steps: the first of them ends 400 ms after `first`."""
         import numpy as np
 
@@ -85,11 +85,13 @@ def gain_to_peak(true_peak: float) -> float:
 
 def _gated_level(blocks: NDArray[np.float64], decibels: float) -> float:
     """The level [LUFS] of those `blocks` that pass both gates after a gain."""
-    louder = blocks + decibels
-    louder = louder[louder > _ABSOLUTE_GATE_LUFS]
-    if len(louder):
-        louder = louder[louder > _mean_level(louder) + _RELATIVE_GATE_LU]
-    return _mean_level(louder) if len(louder) else -math.inf
+    amplified_blocks = blocks + decibels
+    amplified_blocks = amplified_blocks[amplified_blocks > _ABSOLUTE_GATE_LUFS]
+    if len(amplified_blocks):
+        amplified_blocks = amplified_blocks[
+            amplified_blocks > _mean_level(amplified_blocks) + _RELATIVE_GATE_LU
+        ]
+    return _mean_level(amplified_blocks) if len(amplified_blocks) else -math.inf
 
 
 def _mean_level(blocks: NDArray[np.float64]) -> float:

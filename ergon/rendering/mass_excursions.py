@@ -57,39 +57,39 @@ class ContactClosings:
         gap = contact_fields["gap"]
         depth = -elongations - gap if contact_fields["side"] == "below" else elongations - gap
         self.deepest_swapped = max(self.deepest_swapped, -float(depth.min()) - 2.0 * gap)
-        closed = depth > 0
-        begins = np.flatnonzero(closed & ~np.concatenate(([self.is_closed], closed[:-1])))
+        is_closed = depth > 0
+        begins = np.flatnonzero(is_closed & ~np.concatenate(([self.is_closed], is_closed[:-1])))
         if begins.size and self.first is None:
             self.first = first_frame + int(begins[0])
         self.times += len(begins)
-        if closed.any():
-            self.last = first_frame + int(np.flatnonzero(closed)[-1])
-        self.is_closed = bool(closed[-1])
-        deepest = int(np.argmax(depth))
-        if depth[deepest] > self.deepest:
-            self.deepest, self.deepest_at = float(depth[deepest]), first_frame + deepest
+        if is_closed.any():
+            self.last = first_frame + int(np.flatnonzero(is_closed)[-1])
+        self.is_closed = bool(is_closed[-1])
+        deepest_index = int(np.argmax(depth))
+        if depth[deepest_index] > self.deepest:
+            self.deepest, self.deepest_at = float(depth[deepest_index]), first_frame + deepest_index
 
 
 def measure_excursions(
     stage: Any, probed: ProbedPiece, progress: Callable[[int], None]
 ) -> tuple[list[Excursion], list[ContactClosings], list[Sliding]]:
     """Run the stage of a probed piece to its end; what its points, contacts and bows did."""
-    moved = [Excursion(point) for point in probed.points]
-    closed = [ContactClosings(contact) for contact in probed.contacts]
+    excursions = [Excursion(point) for point in probed.points]
+    closings = [ContactClosings(contact) for contact in probed.contacts]
     bows = [bow for bow in map(sticking_detector, probed.rubbings) if bow is not None]
     first_frame = 0
     for block_frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK_FRAMES):
-        for swing, low_excursion, high_excursion in zip(
-            moved, block_frames.min(axis=0), block_frames.max(axis=0), strict=True
+        for excursion, low_excursion, high_excursion in zip(
+            excursions, block_frames.min(axis=0), block_frames.max(axis=0), strict=True
         ):
-            swing.low, swing.high = (
-                min(swing.low, float(low_excursion)),
-                max(swing.high, float(high_excursion)),
+            excursion.low, excursion.high = (
+                min(excursion.low, float(low_excursion)),
+                max(excursion.high, float(high_excursion)),
             )
-        for closing in closed:
+        for closing in closings:
             closing.take(block_frames, first_frame)
         for bow in bows:
             bow.take(block_frames, stage.rate)
         first_frame += len(block_frames)
         progress(first_frame)
-    return moved, closed, bows
+    return excursions, closings, bows

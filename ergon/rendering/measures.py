@@ -44,15 +44,15 @@ def measures(sound_frames: NDArray[np.float64], rate: float) -> Measures:
     if not len(sound_frames) or not sound_frames.any():
         return Measures(None, None, None, None)
     power_values = (sound_frames * sound_frames).sum(axis=1)
-    loudest = sound_frames[:, int((sound_frames * sound_frames).sum(axis=0).argmax())]
-    f, spectrum = _spectrum(sound_frames, rate)
-    audible = f >= _PITCH_HZ_MIN
-    total = float(spectrum[audible].sum())
-    centroid = float((f * spectrum)[audible].sum() / total) if total > 0.0 else None
+    loudest_channel = sound_frames[:, int((sound_frames * sound_frames).sum(axis=0).argmax())]
+    frequencies, spectrum = _spectrum(sound_frames, rate)
+    is_audible = frequencies >= _PITCH_HZ_MIN
+    total = float(spectrum[is_audible].sum())
+    centroid = float((frequencies * spectrum)[is_audible].sum() / total) if total > 0.0 else None
     return Measures(
         centroid,
-        _pitch(loudest, power_values, rate),
-        _strongest_partial(loudest, rate),
+        _pitch(loudest_channel, power_values, rate),
+        _strongest_partial(loudest_channel, rate),
         _decay_time(np.asarray(power_values), rate),
     )
 
@@ -72,39 +72,44 @@ def _spectrum(
         padded = np.zeros((_WINDOW_SAMPLES, sound_frames.shape[1]))
         padded[: len(block)] = block
         power_values += (np.abs(np.fft.rfft(window * padded, axis=0)) ** 2).sum(axis=1)
-    f = np.arange(len(power_values), dtype=np.float64) * (rate / _WINDOW_SAMPLES)
-    return f, power_values
+    frequencies = np.arange(len(power_values), dtype=np.float64) * (rate / _WINDOW_SAMPLES)
+    return frequencies, power_values
 
 
 def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> float | None:
     """The pitch by the normalised difference function of YIN (de Cheveigné & Kawahara 2002)."""
     import numpy as np
 
-    span_frames, longest = int(_PITCH_SECONDS * rate), int(rate / _PITCH_HZ_MIN) + 2
-    if len(x) < span_frames + longest:
+    span_frames, longest_lag = int(_PITCH_SECONDS * rate), int(rate / _PITCH_HZ_MIN) + 2
+    if len(x) < span_frames + longest_lag:
         return None
     sums = np.concatenate([[0.0], np.cumsum(power)])
     segment_start = int(
         np.argmax(
-            sums[span_frames : len(x) - longest + 1] - sums[: len(x) - longest - span_frames + 1]
+            sums[span_frames : len(x) - longest_lag + 1]
+            - sums[: len(x) - longest_lag - span_frames + 1]
         )
     )
-    segment = x[segment_start : segment_start + span_frames + longest]
+    segment = x[segment_start : segment_start + span_frames + longest_lag]
     size = 1 << (2 * len(segment)).bit_length()
     transform = np.fft.rfft(segment[:span_frames], size)
-    segment_match = np.fft.irfft(np.conj(transform) * np.fft.rfft(segment, size), size)[:longest]
+    segment_match = np.fft.irfft(np.conj(transform) * np.fft.rfft(segment, size), size)[
+        :longest_lag
+    ]
     squares = np.concatenate([[0.0], np.cumsum(segment * segment)])
-    energy = squares[span_frames : span_frames + longest] - squares[:longest]
+    energy = squares[span_frames : span_frames + longest_lag] - squares[:longest_lag]
     difference = np.maximum(energy[0] + energy - 2.0 * segment_match, 0.0)
     total = np.cumsum(difference[1:])
-    normal = np.ones(longest)
-    np.divide(difference[1:] * np.arange(1, longest), total, out=normal[1:], where=total > 0.0)
+    normalised = np.ones(longest_lag)
+    np.divide(
+        difference[1:] * np.arange(1, longest_lag), total, out=normalised[1:], where=total > 0.0
+    )
     first_lag = max(2, int(rate / _PITCH_HZ_MAX))
-    periodic_lags = np.flatnonzero(normal[first_lag:-1] < _APERIODICITY_MAX)
+    periodic_lags = np.flatnonzero(normalised[first_lag:-1] < _APERIODICITY_MAX)
     if not len(periodic_lags):
         return None
     lag = first_lag + int(periodic_lags[0])
-    while lag + 1 < longest - 1 and normal[lag + 1] < normal[lag]:
+    while lag + 1 < longest_lag - 1 and normalised[lag + 1] < normalised[lag]:
         lag += 1
     return rate / _parabola_peak(-difference[lag - 1 : lag + 2], lag)
 
@@ -126,10 +131,10 @@ def _strongest_partial(x: NDArray[np.float64], rate: float) -> float | None:
     )
 
 
-def _parabola_peak(three: NDArray[np.float64], peak_bin: int) -> float:
+def _parabola_peak(three_values: NDArray[np.float64], peak_bin: int) -> float:
     """Position of the maximum of the parabola through three values; the middle one is at "
     "`peak_bin`."""
-    a, b, c = (float(y) for y in three)
+    a, b, c = (float(y) for y in three_values)
     curve = a - 2.0 * b + c
     return peak_bin + 0.5 * (a - c) / curve if curve < 0.0 else float(peak_bin)
 
@@ -145,16 +150,22 @@ def _decay_time(power: NDArray[np.float64], rate: float) -> float | None:
     if len(level_values) < 3:
         return None
     # A blow is a rise by 3 dB to a level that is loud.
-    rises = level_values[1:] > np.maximum(
+    is_rising = level_values[1:] > np.maximum(
         2.0 * level_values[:-1], level_values.max() / _LAST_BLOW_RATIO
     )
-    blow = 1 + int(np.flatnonzero(rises)[-1]) if rises.any() else int(level_values.argmax())
-    level_values = level_values[blow + int(level_values[blow : blow + 5].argmax()) :]
+    blow_index = (
+        1 + int(np.flatnonzero(is_rising)[-1]) if is_rising.any() else int(level_values.argmax())
+    )
+    level_values = level_values[
+        blow_index + int(level_values[blow_index : blow_index + 5].argmax()) :
+    ]
     energy_left = np.cumsum(level_values[::-1])[::-1]
     if energy_left[0] <= 0.0:
         return None
-    fall = 10.0 * np.log10(np.maximum(energy_left / energy_left[0], 1e-30))
-    fitted_frames = np.flatnonzero((fall <= _DECAY_RANGE_DB[0]) & (fall >= _DECAY_RANGE_DB[1]))
+    decay_db = 10.0 * np.log10(np.maximum(energy_left / energy_left[0], 1e-30))
+    fitted_frames = np.flatnonzero(
+        (decay_db <= _DECAY_RANGE_DB[0]) & (decay_db >= _DECAY_RANGE_DB[1])
+    )
     # The sum misses what the file cuts off, so the end of the file has to lie well below the range.
     if (
         len(fitted_frames) < 2
@@ -162,5 +173,5 @@ def _decay_time(power: NDArray[np.float64], rate: float) -> float | None:
         > _DECAY_RANGE_DB[1] - 10.0
     ):
         return None
-    slope = float(np.polyfit(fitted_frames * span_frames / rate, fall[fitted_frames], 1)[0])
+    slope = float(np.polyfit(fitted_frames * span_frames / rate, decay_db[fitted_frames], 1)[0])
     return -60.0 / slope if slope < 0.0 else None

@@ -62,9 +62,9 @@ class Outcome:
         """The outcome in `outcome_fields`; None if it names modules of another score, whose names
         may differ. Raises ValueError, TypeError or LookupError where it is no outcome.
         """
-        finer, gains, score_then = outcome_fields
+        finer_parts, gains, score_then = outcome_fields
         outcome = cls(
-            tuple(_core.FinerPart(*part_fields) for part_fields in finer),
+            tuple(_core.FinerPart(*part_fields) for part_fields in finer_parts),
             tuple(_core.EnergyGain(*part_fields) for part_fields in gains),
         )
         return outcome if outcome.is_empty or score_then == score else None
@@ -143,12 +143,14 @@ class MixedStretches:
         self._state_key = state_key
         self._known: dict[int, _MixedStretch] = {}  # stretches that `known` has read
 
-    def known(self, start: int, stop: int, ending: Ending | None, needed: int) -> KnownMix | None:
+    def known(
+        self, start: int, stop: int, ending: Ending | None, frames_needed: int
+    ) -> KnownMix | None:
         """The mix from the stretch of frame `start` on up to frame `stop` or later; None if any of
         it, or its outcome, is not known.
 
         If the sound is followed to its end, the mix may end sooner, by the same `ending`, but not
-        before frame `needed`.
+        before frame `frames_needed`.
         """
         stretch_frames = stretches.STRETCH_FRAMES
         first_index = start // stretch_frames
@@ -165,7 +167,7 @@ class MixedStretches:
             known_stretches.append(stretch)
             known_stop = stretch_index * stretch_frames + len(stretch.frames)
             has_ended = has_ended or (ending is not None and stretch.ending == ending)
-            if known_stop >= stop or (has_ended and known_stop >= needed):
+            if known_stop >= stop or (has_ended and known_stop >= frames_needed):
                 break
             if known_stop < self._stop(stretch_index):
                 return None

@@ -127,9 +127,9 @@ def group_by_cost(costs: Sequence[float], group_count: int) -> list[list[int]]:
     """
     cost_groups: list[tuple[float, list[int]]] = [(0.0, []) for _ in range(max(1, group_count))]
     for cost_index in sorted(range(len(costs)), key=lambda i: (-costs[i], i)):
-        least = min(range(len(cost_groups)), key=lambda i: cost_groups[i][0])
-        group_cost, numbers = cost_groups[least]
-        cost_groups[least] = group_cost + costs[cost_index], [*numbers, cost_index]
+        cheapest_group = min(range(len(cost_groups)), key=lambda i: cost_groups[i][0])
+        group_cost, numbers = cost_groups[cheapest_group]
+        cost_groups[cheapest_group] = group_cost + costs[cost_index], [*numbers, cost_index]
     return [sorted(numbers) for _, numbers in cost_groups if numbers]
 
 
@@ -161,19 +161,19 @@ class RemoteSimulation(StretchedSimulation):
         """Group the islands that are expensive enough."""
         super().__init__(simulation, n_frames)
         self._workers, self._store = workers, store
-        costly = [
+        costly_islands = [
             (number, island)
             for number, island in enumerate(simulation.storable())
             if is_expensive(island)
         ]
         groups = group_by_cost(
-            [island.cost for _, island in costly], _CHAINS_PER_WORKER * workers.count
+            [island.cost for _, island in costly_islands], _CHAINS_PER_WORKER * workers.count
         )
         self._chains = []
         for group in groups:
             chain_parts = []
             for number in group:
-                index, island = costly[number]
+                index, island = costly_islands[number]
                 simulation.record(island)
                 chain_parts.append(_ChainIsland(island, index, simulation.recorded(island).state))
             self._chains.append(_IslandChain(chain_parts))
@@ -182,9 +182,11 @@ class RemoteSimulation(StretchedSimulation):
         """Get the sounds of the stretch that begins; wait for those that are missing."""
         while True:
             for chain in self._chains:
-                self._go_on(chain)
-            missing = [c for c in self._chains if not c.is_home and self._frame not in c.sounds]
-            if not missing:
+                self._receive_and_request(chain)
+            missing_chains = [
+                c for c in self._chains if not c.is_home and self._frame not in c.sounds
+            ]
+            if not missing_chains:
                 break
             requests = [chain.asked for chain in self._chains if chain.asked is not None]
             self._workers.wait(requests)
@@ -200,7 +202,7 @@ class RemoteSimulation(StretchedSimulation):
         if self._frame == self._n_frames and self._store is not None:
             self._store.forget()
 
-    def _go_on(self, chain: _IslandChain) -> None:
+    def _receive_and_request(self, chain: _IslandChain) -> None:
         """Take what arrived, and request the next stretch, unless it is too far ahead."""
         if chain.asked is not None and chain.asked.done():
             answer, chain.asked = self._workers.answer(chain.asked), None
@@ -248,8 +250,8 @@ class RemoteSimulation(StretchedSimulation):
     def _take(self, chain: _IslandChain, answer: Answer) -> None:
         import numpy as np
 
-        if refused := answer.get("refused"):
-            raise ClusterError(f"worker {answer['worker']}: {refused}")
+        if refusal := answer.get("refused"):
+            raise ClusterError(f"worker {answer['worker']}: {refusal}")
         if answer.get("diverged"):
             chain.is_home = True  # it continues from the state that `_end` restores
             return

@@ -62,8 +62,13 @@ class _FilledFiles:
 
 def stem_paths(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
     """`01_ada.wav`, `02_remi.wav` …, in the order of the piece."""
-    safe = ["".join(c if c.isalnum() or c in "-_." else "_" for c in name) for name in names]
-    return [folder / f"{index:02}_{name}{suffix}" for index, name in enumerate(safe, 1)]
+    safe_names = [
+        "".join(
+            character if character.isalnum() or character in "-_." else "_" for character in name
+        )
+        for name in names
+    ]
+    return [folder / f"{index:02}_{name}{suffix}" for index, name in enumerate(safe_names, 1)]
 
 
 def render_files(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> RenderedFiles:
@@ -88,8 +93,10 @@ def render_files(stage: Staged, job: RenderJob, progress: Callable[[int], None])
             (job.target, stage.mixer(highpass=highpass, reference=reference), limiter, ())
         ]
         for path, (stem, mixer) in zip(paths, stems, strict=True):
-            follows = None if limiter is None else StemLimiter(limiter, job.format.n_channels)
-            mixers.append((str(path), mixer, follows, _channel_names(stem, job.format.n_channels)))
+            stem_limiter = None if limiter is None else StemLimiter(limiter, job.format.n_channels)
+            mixers.append(
+                (str(path), mixer, stem_limiter, _channel_names(stem, job.format.n_channels))
+            )
         tracks, opened_files = [], []
         for output_name, mixer, limits, channel_names in mixers:
             open_file = output_files.open(output_name, binary=True)
@@ -109,26 +116,26 @@ def render_files(stage: Staged, job: RenderJob, progress: Callable[[int], None])
 
             tracks.append(open_track(stack, job, output_name, mixer, written_to))
         balances = _instrument_balances(stage, job)
-        filmed = _filmed_simulation(output_files, stage, job, reference)
-        if filmed is not None:
-            filled = _compute_files(stage, job, tracks, progress, balances, filmed)
-            filmed.finish()
+        filmed_simulation = _filmed_simulation(output_files, stage, job, reference)
+        if filmed_simulation is not None:
+            filled_files = _compute_files(stage, job, tracks, progress, balances, filmed_simulation)
+            filmed_simulation.finish()
         else:
-            filled = _recalled_or_computed(stage, job, tracks, progress, balances)
-        for open_file, rendered in zip(opened_files, filled.files, strict=True):
+            filled_files = _recalled_or_computed(stage, job, tracks, progress, balances)
+        for open_file, rendered in zip(opened_files, filled_files.files, strict=True):
             output_files.note_samples(open_file, rendered.sha256)
     wall = time.perf_counter() - start_time
-    mix, *other_files = filled.files
-    levels = tuple(balance.level(mix.gain, filled.job.stop) for balance in balances)
+    mix, *other_files = filled_files.files
+    levels = tuple(balance.level(mix.gain, filled_files.job.stop) for balance in balances)
     return RenderedFiles(
         mix,
         tuple(other_files),
         wall,
-        filled.job.n_frames,
-        filled.n_simulated,
+        filled_files.job.n_frames,
+        filled_files.n_simulated,
         levels,
-        filled.recalled,
-        filled.outcome,
+        filled_files.recalled,
+        filled_files.outcome,
     )
 
 
@@ -149,23 +156,26 @@ def _recalled_or_computed(
     """Fill the files with what is known, or compute it."""
     memory = memory_of_job(stage, job)
     if memory is None:
-        resumed = _resumed_simulation(stage, job)
-        filled = _compute_files(stage, job, tracks, progress, balances, resumed)
-        return replace(filled, recalled=0.0 if resumed is None else resumed.recalled)
+        resumed_simulation = _resumed_simulation(stage, job)
+        filled_files = _compute_files(stage, job, tracks, progress, balances, resumed_simulation)
+        return replace(
+            filled_files,
+            recalled=0.0 if resumed_simulation is None else resumed_simulation.recalled,
+        )
     is_alone = len(tracks) == 1
     known_mix = memory.known_mix(job, balances) if is_alone else None
     if known_mix is not None:
-        filled = _fill_with_known_mix(stage, job, tracks[0], known_mix, progress)
+        filled_files = _fill_with_known_mix(stage, job, tracks[0], known_mix, progress)
         if known_mix.master is None:
-            _store_found_master(memory, job, filled, known_mix.outcome)
-        return filled
+            _store_found_master(memory, job, filled_files, known_mix.outcome)
+        return filled_files
     computing = memory.computing(job, balances, tracks[0].mixer if is_alone else None)
-    filled = _compute_files(
+    filled_files = _compute_files(
         stage, job, tracks, progress, computing.balances, computing.simulation, computing
     )
-    _store_found_master(memory, job, filled, Outcome.from_simulation(memory.simulation))
-    computing.finish(job, filled.n_simulated)
-    return replace(filled, recalled=computing.simulation.recalled)
+    _store_found_master(memory, job, filled_files, Outcome.from_simulation(memory.simulation))
+    computing.finish(job, filled_files.n_simulated)
+    return replace(filled_files, recalled=computing.simulation.recalled)
 
 
 def _store_found_master(
@@ -245,8 +255,8 @@ def render_array(
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
         track = open_track(stack, job, "-", mixer, written_to)
-        filled = _recalled_or_computed(stage, job, [track], progress, ())
-    return mixed_blocks[0], filled.files[0], filled.outcome
+        filled_files = _recalled_or_computed(stage, job, [track], progress, ())
+    return mixed_blocks[0], filled_files.files[0], filled_files.outcome
 
 
 def _compute_files(
@@ -293,10 +303,10 @@ def _fill_with_known_mix(
         if end is not None and job.has_open_end:
             break
     piece_end = frame_count if end is None else end
-    filled = _finished_files(
+    filled_files = _finished_files(
         stage, job, [track], known_mix.first, piece_end, frame_count - known_mix.first
     )
-    return replace(filled, recalled=1.0, outcome=known_mix.outcome)
+    return replace(filled_files, recalled=1.0, outcome=known_mix.outcome)
 
 
 def _fill_with_master(
@@ -318,8 +328,10 @@ def _fill_with_master(
         mixed_frame += len(mixed)
         progress(mixed_frame)
     n_frames = mixed_frame - known_mix.first
-    filled = _finished_files(stage, ended_job, [track], known_mix.first, master.piece_end, n_frames)
-    return replace(filled, recalled=1.0, outcome=known_mix.outcome)
+    filled_files = _finished_files(
+        stage, ended_job, [track], known_mix.first, master.piece_end, n_frames
+    )
+    return replace(filled_files, recalled=1.0, outcome=known_mix.outcome)
 
 
 def _job_with_end(job: RenderJob, piece_end: int) -> RenderJob:
@@ -367,8 +379,8 @@ def _simulate(
     first_frame = 0
     # A limiter looks ahead, so it needs frames past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
-    needed = min(stage.n_frames, job.stop + max(latencies, default=0))
-    last_frame = max(needed, job.simulated_frames(stage.n_frames))
+    frames_needed = min(stage.n_frames, job.stop + max(latencies, default=0))
+    last_frame = max(frames_needed, job.simulated_frames(stage.n_frames))
     fade, piece_end = _silence_detector(stage, job), None
     n_known = 0 if computing is None else computing.n_known
     known_blocks = () if computing is None else computing.known_blocks(job.block)
@@ -377,7 +389,7 @@ def _simulate(
     # A filmed simulation goes on after the sound has faded, so no block may be abandoned midway.
     # Other processes are not waited for in a thread that Ctrl-C does not reach.
     is_ahead = job.threads > 1 and job.film is None and job.workers is None
-    with contextlib.closing(computed_ahead(blocks) if is_ahead else blocks) as coming:
+    with contextlib.closing(computed_ahead(blocks) if is_ahead else blocks) as coming_blocks:
         for mixed in known_blocks:
             folded = _folded_mix(mixed, job.format.n_channels)
             if fade is not None and piece_end is None:
@@ -385,7 +397,7 @@ def _simulate(
             tracks[0].take(folded)
             first_frame += len(mixed)
             progress(first_frame)
-        for coming_frames in coming:
+        for coming_frames in coming_blocks:
             for track in tracks:
                 mixed = mixed_block(len(coming_frames))
                 track.mixer.process(coming_frames, mixed)
@@ -401,7 +413,7 @@ def _simulate(
             progress(first_frame)
             if computing is not None:
                 computing.end_block(first_frame, tracks[0].mixer)
-            if piece_end is not None and (job.has_open_end or first_frame >= needed):
+            if piece_end is not None and (job.has_open_end or first_frame >= frames_needed):
                 break
     return first_frame if piece_end is None else piece_end, first_frame
 

@@ -126,12 +126,12 @@ class ResumedSimulation(StretchedSimulation):
         stretch_frames, n_skipped, self._n_skipped = stretches.STRETCH_FRAMES, self._n_skipped, 0
         for island_part in self._parts:
             self._simulation.silence(island_part.island)
-        unheard = np.empty((min(stretch_frames, _UNHEARD_FRAMES), self.n_out))
-        for first_frame in range(0, n_skipped, len(unheard)):
+        unheard_frames = np.empty((min(stretch_frames, _UNHEARD_FRAMES), self.n_out))
+        for first_frame in range(0, n_skipped, len(unheard_frames)):
             if first_frame == n_skipped - stretch_frames:
                 for island_part, stretch in zip(self._parts, self._stretches_before, strict=True):
                     self._simulation.recall(island_part.island, stretch.sound)
-            self._simulation.process(unheard)
+            self._simulation.process(unheard_frames)
         for island_part, stretch in zip(self._parts, self._stretches_before, strict=True):
             self._simulation.set_state(island_part.island, stretch.state)
         self.n_recalled += n_skipped * len(self._parts)

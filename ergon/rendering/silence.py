@@ -36,24 +36,26 @@ def apply_silences(
     """
     import numpy as np
 
-    fall, rise = (
+    fade_out_frames, fade_in_frames = (
         max(1, int(rate * seconds + 0.5)) for seconds in (_FADE_OUT_SECONDS, _FADE_IN_SECONDS)
     )
     end_frame = first_frame + len(silenced_frames)
     for silence in silences:
         stop_frame = end_frame if silence.stop is None else silence.stop
-        if silence.start >= end_frame or stop_frame + rise <= first_frame:
+        if silence.start >= end_frame or stop_frame + fade_in_frames <= first_frame:
             continue
         frame_numbers = np.arange(first_frame, end_frame)
         frame_gains = np.ones(len(frame_numbers), np.float32)
-        frames_until_silent = np.clip(silence.start + fall - 1 - frame_numbers, 0, fall).astype(
+        frames_until_silent = np.clip(
+            silence.start + fade_out_frames - 1 - frame_numbers, 0, fade_out_frames
+        ).astype(np.float32)
+        frames_since_stop = np.clip(frame_numbers - stop_frame + 1, 0, fade_in_frames).astype(
             np.float32
         )
-        frames_since_stop = np.clip(frame_numbers - stop_frame + 1, 0, rise).astype(np.float32)
-        frame_gains[frame_numbers >= silence.start] = (frames_until_silent / np.float32(fall))[
-            frame_numbers >= silence.start
-        ]
-        frame_gains[frame_numbers >= stop_frame] = (frames_since_stop / np.float32(rise))[
+        frame_gains[frame_numbers >= silence.start] = (
+            frames_until_silent / np.float32(fade_out_frames)
+        )[frame_numbers >= silence.start]
+        frame_gains[frame_numbers >= stop_frame] = (frames_since_stop / np.float32(fade_in_frames))[
             frame_numbers >= stop_frame
         ]
         is_shaped = frame_gains != 1.0

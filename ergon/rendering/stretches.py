@@ -68,5 +68,5 @@ def is_expensive(island: StorableIsland, cost_share: float = 1.0) -> bool:
     """Whether computing an island takes longer than this share of what another process needs to
     send its sound.
     """
-    least = cost_share * _NS_PER_SAMPLE * max(1, island.n_out)
-    return island.n_out <= _STORED_OUTPUTS_MAX and island.cost >= least
+    cost_min = cost_share * _NS_PER_SAMPLE * max(1, island.n_out)
+    return island.n_out <= _STORED_OUTPUTS_MAX and island.cost >= cost_min

@@ -97,26 +97,26 @@ def _set_track_gains(
     """
     mix, *stems = [track.held for track in tracks if track.held is not None]
     mix_gain = _measured_gain(stage, job, mix, piece_end)
-    shared = mix_gain
+    shared_gain = mix_gain
     if job.format.bits != "float" and job.level.limit is None:
         ceiling = job.level.normalise or 1.0
-        shared = min(
+        shared_gain = min(
             mix_gain, ceiling_gain(max((stem.peak for stem in stems), default=0.0), ceiling)
         )
     for index, track in enumerate(tracks):
         if track.finish is not None:
-            track.finish.gain = shared if index else mix_gain
+            track.finish.gain = shared_gain if index else mix_gain
 
 
 def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: int) -> float:
-    measured = MeasuredLevel(job.level, stage.rate, job.format.n_channels)
+    level_meter = MeasuredLevel(job.level, stage.rate, job.format.n_channels)
     if job.level.loudness is None and piece_end >= mix.n_frames:
-        return measured.gain_of_peak(mix.peak)
+        return level_meter.gain_of_peak(mix.peak)
     frames_left = piece_end
     for block in mix.blocks(job.block):
-        measured.take(block[:frames_left])
+        level_meter.take(block[:frames_left])
         frames_left = max(frames_left - len(block), 0)
-    return measured.gain()
+    return level_meter.gain()
 
 
 def close_track(track: OutputTrack) -> RenderedFile:

@@ -37,8 +37,8 @@ def sine_cosine(degrees: float) -> tuple[float, float]:
 
 def point(azimuth: float, elevation: float, distance: float) -> Point:
     """The point in a direction [degrees] at a distance [m]."""
-    (left, front), (up, level) = sine_cosine(azimuth), sine_cosine(elevation)
-    return (0.0 - distance * level * left, distance * level * front, distance * up)
+    (left_share, front_share), (up, level) = sine_cosine(azimuth), sine_cosine(elevation)
+    return (0.0 - distance * level * left_share, distance * level * front_share, distance * up)
 
 
 def angles(place: Point) -> Angles:
@@ -76,8 +76,8 @@ def unit_vectors(places: Iterable[Point]) -> NDArray[np.float64]:
     return vectors / np.where(length == 0.0, 1.0, length)[:, None]
 
 
-def spread_directions(direction_count: int, lowest: float = -1.0) -> NDArray[np.float64]:
-    """`direction_count` directions that fill the sphere evenly above the height `lowest` (z),
+def spread_directions(direction_count: int, height_min: float = -1.0) -> NDArray[np.float64]:
+    """`direction_count` directions that fill the sphere evenly above the height `height_min` (z),
     (count, 3).
 
     On a spiral by the golden angle (R. Swinbank, R. J. Purser, Q. J. R. Meteorol. Soc. 132, 2006).
@@ -85,9 +85,9 @@ def spread_directions(direction_count: int, lowest: float = -1.0) -> NDArray[np.
     import numpy as np
 
     direction_rows = []
-    for i in range(direction_count):
-        z = 1.0 - (1.0 - lowest) * (i + 0.5) / direction_count
+    for direction_index in range(direction_count):
+        z = 1.0 - (1.0 - height_min) * (direction_index + 0.5) / direction_count
         level = sqrt(1.0 - z * z)
-        turn = _GOLDEN_ANGLE * i
+        turn = _GOLDEN_ANGLE * direction_index
         direction_rows.append((level * _core.cos(turn), level * _core.sin(turn), z))
     return np.array(direction_rows)

@@ -67,11 +67,13 @@ def to_stereo(source_field: Field) -> NDArray[np.float64]:
     A stereo pair stays as it is, whatever its angle.
     """
     array, decoder = _directions(source_field)
-    rightwards = array[:, 0]
+    rightward_shares = array[:, 0]
     if source_field.order is None and len(array) == 2 and _are_mirrored(array):
-        return np.eye(2)[np.argsort(rightwards)][:, :, None]
-    sides = np.stack([np.sqrt((1.0 - rightwards) / 2.0), np.sqrt((1.0 + rightwards) / 2.0)], 1)
-    return _through(decoder, sides[:, :, None])
+        return np.eye(2)[np.argsort(rightward_shares)][:, :, None]
+    side_gains = np.stack(
+        [np.sqrt((1.0 - rightward_shares) / 2.0), np.sqrt((1.0 + rightward_shares) / 2.0)], 1
+    )
+    return _through(decoder, side_gains[:, :, None])
 
 
 def _are_mirrored(array: NDArray[np.float64]) -> bool:
@@ -118,7 +120,7 @@ def _through(
     """
     if decoder is None:
         return np.ascontiguousarray(filters)
-    combined = np.zeros((decoder.shape[1], *filters.shape[1:]))
+    combined_filters = np.zeros((decoder.shape[1], *filters.shape[1:]))
     for row, speaker_filter in zip(decoder, filters, strict=True):
-        combined += row[:, None, None] * speaker_filter
-    return combined
+        combined_filters += row[:, None, None] * speaker_filter
+    return combined_filters

@@ -56,12 +56,12 @@ class Head:
         samples needs. Raises ArrayError.
         """
         resampled = self.resampled(rate)
-        pairs = np.zeros((len(array), *resampled.shape[1:]))
+        filter_pairs = np.zeros((len(array), *resampled.shape[1:]))
         gains = vbap(array, self.directions)
-        for row, gain in zip(pairs, gains, strict=True):
+        for row, gain in zip(filter_pairs, gains, strict=True):
             for index in np.flatnonzero(gain > 1e-9):
                 row += gain[index] * resampled[index]
-        return pairs
+        return filter_pairs
 
     def resampled(self, rate: float) -> NDArray[np.float64]:
         """The filters with their delays at another rate [Hz], (n, 2, n_taps).
@@ -73,8 +73,8 @@ class Head:
         band = min(1.0, 1.0 / rate_ratio)
         kernel_reach = _HALF_TAPS / band
         n_taps = self.filters.shape[2]
-        latest = float(self.delays.max(initial=0.0)) * self.rate
-        n = ceil((n_taps + latest + 2.0 * kernel_reach) / rate_ratio)
+        delay_max = float(self.delays.max(initial=0.0)) * self.rate
+        n = ceil((n_taps + delay_max + 2.0 * kernel_reach) / rate_ratio)
         resampled = np.zeros((*self.filters.shape[:2], n))
         for delay_index, delay in np.ndenumerate(self.delays):
             kernel = _kernel(n, n_taps, rate_ratio, kernel_reach + delay * self.rate, band)
@@ -136,28 +136,28 @@ def prepared(
     """
     transform_size = max(_POINTS, 1 << (responses.shape[2] - 1).bit_length())
     magnitude = np.abs(np.fft.rfft(responses, transform_size))
-    relative_level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse(
+    relative_level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse_field_level(
         directions, magnitude, rate
     )
     relative_level = relative_level ** _retained_shares(transform_size, rate)
     delays = np.array([[_delay(h, rate) for h in pair] for pair in responses])
     delays += 0.0 if extra_delays is None else extra_delays
-    filters, lates = [], []
-    for towards in directions_wanted:
-        weights = _weights(directions, towards)
+    filters, delays_wanted = [], []
+    for direction in directions_wanted:
+        weights = _weights(directions, direction)
         near_directions = np.flatnonzero(weights)
-        shape = np.exp(
+        level_shape = np.exp(
             np.tensordot(weights[near_directions], np.log(relative_level[near_directions]), 1)
         )
         filters.append(
-            [_minimum_phase(response, transform_size)[:TAPS] * _fade() for response in shape]
+            [_minimum_phase(response, transform_size)[:TAPS] * _fade() for response in level_shape]
         )
-        lates.append(np.tensordot(weights[near_directions], delays[near_directions], 1))
-    mean_delays = np.array(lates)
+        delays_wanted.append(np.tensordot(weights[near_directions], delays[near_directions], 1))
+    mean_delays = np.array(delays_wanted)
     return Head(rate, directions_wanted, np.array(filters), mean_delays - mean_delays.min())
 
 
-def _diffuse(
+def _diffuse_field_level(
     directions: NDArray[np.float64], magnitude: NDArray[np.float64], rate: float
 ) -> NDArray[np.float64]:
     """Root of the mean power over all directions and both ears, by frequency, smoothed."""
@@ -191,8 +191,10 @@ def _smooth(power: NDArray[np.float64]) -> NDArray[np.float64]:
     return mean
 
 
-def _weights(directions: NDArray[np.float64], towards: NDArray[np.float64]) -> NDArray[np.float64]:
-    angles = np.arccos(np.clip(directions @ towards, -1.0, 1.0))
+def _weights(
+    directions: NDArray[np.float64], direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    angles = np.arccos(np.clip(directions @ direction, -1.0, 1.0))
     direction_weights = np.zeros(len(directions))
     nearest_rows = np.argsort(angles)[:_AROUND]
     if angles[nearest_rows[0]] < np.radians(0.5):
@@ -206,20 +208,24 @@ def _weights(directions: NDArray[np.float64], towards: NDArray[np.float64]) -> N
 def _minimum_phase(magnitude: NDArray[np.float64], transform_size: int) -> NDArray[np.float64]:
     """The minimum-phase response with a given magnitude (A. Oppenheim, R. Schafer, 1975)."""
     cepstrum = np.fft.irfft(np.log(magnitude), transform_size)
-    fold = np.zeros(transform_size)
-    fold[0], fold[transform_size // 2], fold[1 : transform_size // 2] = 1.0, 1.0, 2.0
-    return np.fft.irfft(np.exp(np.fft.rfft(cepstrum * fold)), transform_size)
+    folding_window = np.zeros(transform_size)
+    (
+        folding_window[0],
+        folding_window[transform_size // 2],
+        folding_window[1 : transform_size // 2],
+    ) = 1.0, 1.0, 2.0
+    return np.fft.irfft(np.exp(np.fft.rfft(cepstrum * folding_window)), transform_size)
 
 
 def _delay(response: NDArray[np.float64], rate: float) -> float:
     """The delay of a response against its own minimum-phase version [s]."""
     transform_size = 1 << (2 * len(response) - 1).bit_length()
     spectrum = np.fft.rfft(response, transform_size)
-    least = max(float(np.abs(spectrum).max()) * 1e-5, 1e-30)
-    plain = np.fft.rfft(
-        _minimum_phase(np.maximum(np.abs(spectrum), least), transform_size), transform_size
+    magnitude_min = max(float(np.abs(spectrum).max()) * 1e-5, 1e-30)
+    minimum_phase_spectrum = np.fft.rfft(
+        _minimum_phase(np.maximum(np.abs(spectrum), magnitude_min), transform_size), transform_size
     )
-    match = np.fft.irfft(spectrum * np.conj(plain), transform_size * _UPSAMPLED)
+    match = np.fft.irfft(spectrum * np.conj(minimum_phase_spectrum), transform_size * _UPSAMPLED)
     return float(np.argmax(match[: len(match) // 2])) / (rate * _UPSAMPLED)
 
 

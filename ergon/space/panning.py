@@ -57,10 +57,10 @@ def _products(
 
 def imaginary_speakers(array: NDArray[np.float64]) -> NDArray[np.float64]:
     """Directions of the imaginary loudspeakers that close the hull of an array, (n, 3)."""
-    added = [
+    added_speakers = [
         (0.0, 0.0, z) for z in (-1.0, 1.0) if not len(array) or (array[:, 2] * z).max() < _CLOSED
     ]
-    return np.array(added).reshape(-1, 3)
+    return np.array(added_speakers).reshape(-1, 3)
 
 
 def triangles(hull_points: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -77,15 +77,15 @@ def triangles(hull_points: NDArray[np.float64]) -> NDArray[np.intp]:
     first_corners, b, c = (hull_points[triples[:, i]] for i in range(3))
     normals = _cross(b - first_corners, c - first_corners)
     size = np.sqrt((normals * normals).sum(1))
-    proper = size > _FLAT
-    triples, normals = triples[proper], normals[proper] / size[proper, None]
-    distance = (normals * first_corners[proper]).sum(1)
+    is_proper = size > _FLAT
+    triples, normals = triples[is_proper], normals[is_proper] / size[is_proper, None]
+    distance = (normals * first_corners[is_proper]).sum(1)
     normals, distance = (
         normals * np.where(distance < 0.0, -1.0, 1.0)[:, None],
         np.abs(distance),
     )
-    beyond = _products(normals, hull_points).max(1) > distance + _FLAT
-    faces: NDArray[np.intp] = triples[~beyond & (distance > _FLAT)]
+    has_points_beyond = _products(normals, hull_points).max(1) > distance + _FLAT
+    faces: NDArray[np.intp] = triples[~has_points_beyond & (distance > _FLAT)]
     if not len(faces):
         raise ArrayError("these loudspeakers do not surround the middle of the room")
     return faces
@@ -121,7 +121,7 @@ def vbap(
     first_corners, second_corners, third_corners = (hull_points[corners[:, i]] for i in range(3))
     volume = (first_corners * _cross(second_corners, third_corners)).sum(1)
     # Rows of the inverse of (a b c) by Cramer's rule, whose bits do not depend on a library.
-    inverse = (
+    inverse_matrices = (
         np.stack(
             [
                 _cross(second_corners, third_corners),
@@ -134,13 +134,13 @@ def vbap(
     )
     speaker_gains = np.zeros((len(source_directions), len(hull_points)))
     n_faces = np.zeros(len(source_directions), np.intp)
-    for rows, corner in zip(inverse, corners, strict=True):
+    for rows, corner in zip(inverse_matrices, corners, strict=True):
         corner_gains = _products(source_directions, rows)
-        inside = corner_gains.min(1) >= _INSIDE
-        corner_gains = np.maximum(corner_gains[inside], 0.0)
+        is_inside = corner_gains.min(1) >= _INSIDE
+        corner_gains = np.maximum(corner_gains[is_inside], 0.0)
         corner_gains /= np.sqrt((corner_gains * corner_gains).sum(1))[:, None]
-        speaker_gains[np.flatnonzero(inside)[:, None], corner] += corner_gains
-        n_faces += inside
+        speaker_gains[np.flatnonzero(is_inside)[:, None], corner] += corner_gains
+        n_faces += is_inside
     if not n_faces.all():
         raise ArrayError("these loudspeakers do not surround the middle of the room")
     speaker_gains = _unit_energy(speaker_gains)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .directions import Point
 
 _N_DIRECTIONS = 4000  # directions of the upper half
-_WIDE = 75.0  # [degrees]: loudspeakers farther apart leave a hole between them
+_HOLE_DEGREES = 75.0  # [degrees]: loudspeakers farther apart leave a hole between them
 _MIRROR_TOLERANCE = 1e-6
 
 
@@ -38,7 +38,7 @@ class Quality:
     name: str
     energy_length: tuple[float, float]  # mean, least
     velocity_length: float  # mean
-    off: tuple[float, float]  # mean, most [degrees]
+    angles_off: tuple[float, float]  # mean, most [degrees]
     loudness: tuple[float, float]  # least, most [dB]
 
 
@@ -58,15 +58,15 @@ def qualities(places: tuple[Point, ...]) -> list[Quality]:
     If the loudspeakers do not surround the middle of the room, only the nearest one can be used.
     """
     array = unit_vectors(places)
-    source_directions = spread_directions(_N_DIRECTIONS, lowest=0.0)
-    ways: dict[str, Callable[[], NDArray[np.float64]]] = {
+    source_directions = spread_directions(_N_DIRECTIONS, height_min=0.0)
+    gains_by_method: dict[str, Callable[[], NDArray[np.float64]]] = {
         "nearest": lambda: nearest_gains(source_directions, array),
         "VBAP": lambda: vbap(source_directions, array),
         "AllRAD 3": lambda: harmonics(3, source_directions) @ allrad(3, array).T,
         "AllRAD 5": lambda: harmonics(5, source_directions) @ allrad(5, array).T,
     }
     result_rows = []
-    for name, compute_gains in ways.items():
+    for name, compute_gains in gains_by_method.items():
         try:
             result_rows.append(quality(name, compute_gains(), source_directions, array))
         except ArrayError:
@@ -83,8 +83,8 @@ def quality(
     """How gains (n_sources, n_loudspeakers) place sources."""
     velocity, vector, energy = localisation_vectors(gains, array)
     vector_lengths = np.linalg.norm(vector, axis=1)
-    towards = vector / np.where(vector_lengths == 0.0, 1.0, vector_lengths)[:, None]
-    angles_off = np.degrees(np.arccos(np.clip((towards * sources).sum(1), -1.0, 1.0)))
+    unit_vectors_found = vector / np.where(vector_lengths == 0.0, 1.0, vector_lengths)[:, None]
+    angles_off = np.degrees(np.arccos(np.clip((unit_vectors_found * sources).sum(1), -1.0, 1.0)))
     energy_level = 10.0 * np.log10(np.maximum(energy, 1e-12) / energy.mean())
     return Quality(
         quality_name,
@@ -104,19 +104,25 @@ def holes(places: tuple[Point, ...]) -> list[tuple[int, int, float]]:
     except ArrayError:
         return []
     pairs = {
-        (min(a, b), max(a, b))
+        (min(first_speaker, second_speaker), max(first_speaker, second_speaker))
         for corners in corners_of_all
-        for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
-        if max(a, b) < len(array)
-        and hull_points[a][2] > -_MIRROR_TOLERANCE
-        and hull_points[b][2] > -_MIRROR_TOLERANCE
+        for first_speaker, second_speaker in zip(corners, corners[1:] + corners[:1], strict=True)
+        if max(first_speaker, second_speaker) < len(array)
+        and hull_points[first_speaker][2] > -_MIRROR_TOLERANCE
+        and hull_points[second_speaker][2] > -_MIRROR_TOLERANCE
     }
-    gaps = []
-    for a, b in sorted(pairs):
-        angle = float(np.degrees(np.arccos(np.clip(hull_points[a] @ hull_points[b], -1.0, 1.0))))
-        if angle > _WIDE:
-            gaps.append((a, b, angle))
-    return gaps
+    wide_gaps = []
+    for first_speaker, second_speaker in sorted(pairs):
+        angle = float(
+            np.degrees(
+                np.arccos(
+                    np.clip(hull_points[first_speaker] @ hull_points[second_speaker], -1.0, 1.0)
+                )
+            )
+        )
+        if angle > _HOLE_DEGREES:
+            wide_gaps.append((first_speaker, second_speaker, angle))
+    return wide_gaps
 
 
 def is_open_above(places: tuple[Point, ...]) -> bool:
@@ -127,6 +133,6 @@ def is_open_above(places: tuple[Point, ...]) -> bool:
 def is_symmetric(places: tuple[Point, ...]) -> bool:
     """Whether each loudspeaker has a counterpart mirrored from left to right, within 1 mm."""
     points = np.array(places)
-    mirrored = points * (-1.0, 1.0, 1.0)
-    mirror_distances = np.abs(points[:, None] - mirrored[None]).max(2)
+    mirrored_points = points * (-1.0, 1.0, 1.0)
+    mirror_distances = np.abs(points[:, None] - mirrored_points[None]).max(2)
     return bool((mirror_distances.min(1) < 1e-3 + _MIRROR_TOLERANCE).all())

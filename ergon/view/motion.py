@@ -15,7 +15,7 @@ POINTS = 1200  # more than a picture has columns
 _MM = 1000.0
 
 
-def asked_and_done(
+def wanted_and_actual(
     simulation: Simulation,
     key_index: int,
     struck_mat: int,
@@ -40,14 +40,14 @@ def asked_and_done(
     block = np.zeros((4096, simulation.n_out))
     while simulation.frame < first_frame:
         simulation.process(block[: first_frame - simulation.frame])
-    t, asked_mm, done_mm = [], [], []
+    instants, wanted_mm, actual_mm = [], [], []
     while True:
-        t.append(simulation.frame / rate)
-        asked_mm.append(float(simulation.asked()[key_index]) * mm_per_position)
-        done_mm.append(float(simulation.positions()[struck_mat]) * mm_per_position)
+        instants.append(simulation.frame / rate)
+        wanted_mm.append(float(simulation.asked()[key_index]) * mm_per_position)
+        actual_mm.append(float(simulation.positions()[struck_mat]) * mm_per_position)
         if simulation.frame >= last_frame:
             break
         next_frame = min(last_frame, simulation.frame + stride)
         while simulation.frame < next_frame:
             simulation.process(block[: next_frame - simulation.frame])
-    return Curve("asked", t, asked_mm), Curve("done", t, done_mm)
+    return Curve("asked", instants, wanted_mm), Curve("done", instants, actual_mm)

@@ -75,12 +75,12 @@ def envelope(
 def _mono(blocks: Iterable[NDArray[np.float64]], n_frames: int) -> NDArray[np.float64]:
     import numpy as np
 
-    mono = np.zeros(max(n_frames, 1))
+    channel_mean = np.zeros(max(n_frames, 1))
     begin = 0
     for block in blocks:
-        mono[begin : begin + len(block)] = block.mean(axis=1)
+        channel_mean[begin : begin + len(block)] = block.mean(axis=1)
         begin += len(block)
-    return mono
+    return channel_mean
 
 
 def png(pixels: NDArray[np.uint8]) -> bytes:

@@ -15,9 +15,7 @@ _DO_PATTERN = re.compile(r"(?:^|\s)do(?:\s+|$)")
 
 
 def split_at_transforms(text: str) -> tuple[str, int | None]:
-    """The text before the word `do`, and where the transformations begin; None without
-    `do_match`.
-    """
+    """The text before the word `do`, and where the transformations begin; None without `do`."""
     do_match = _DO_PATTERN.search(text)
     return (text, None) if do_match is None else (text[: do_match.start()], do_match.end())
 

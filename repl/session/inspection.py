@@ -64,7 +64,7 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, beat_now: fl
     The piece that is `sounding` is at beat `beat_now`.
     """
     from ergon.view.braille import plot
-    from ergon.view.motion import asked_and_done
+    from ergon.view.motion import wanted_and_actual
 
     piece = version.piece
     axes = space_path.played(gesture_name, piece.gestures)
@@ -80,7 +80,7 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, beat_now: fl
     start, stop = max(0.0, first_gesture.start - _LEAD_IN), first_gesture.stop
     displacement_ratio = piece.keys[first_gesture.key].reach
     plot_width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    curves = asked_and_done(
+    curves = wanted_and_actual(
         rehearsal.simulation,
         first_gesture.key_index,
         first_gesture.struck_mat,

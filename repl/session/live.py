@@ -81,7 +81,7 @@ class LiveEngine:
         """
         bounds = self.bounds_finder.force_bounds(stage, start, glides, before)
         for bound in bounds:
-            if not bound.least.is_enough:
+            if not bound.least_scale.is_enough:
                 raise NotTakenError(why_too_stiff(bound))
         return bounds
 

@@ -180,7 +180,7 @@ class ClockIn:
             asked_transport = list(self._transport)
             self._transport.clear()
             beat_estimate = (
-                self._follower.estimate() if self._follower.is_heard(instant_now) else None
+                self._follower.estimate() if self._follower.is_receiving(instant_now) else None
             )
             is_placed = self._follower.is_placed
         for transport, position in asked_transport:

@@ -187,9 +187,9 @@ class SessionLog:
         changed_bounds = [
             bound
             for bound in running.force_bounds
-            if self._scales.get(bound.player, 1.0) != bound.last.scale
+            if self._scales.get(bound.player, 1.0) != bound.last_scale.scale
         ]
-        self._scales |= {bound.player: bound.last.scale for bound in changed_bounds}
+        self._scales |= {bound.player: bound.last_scale.scale for bound in changed_bounds}
         return [force_sentence(bound) for bound in changed_bounds]
 
     def note_thawed(self, running: RunningVersion) -> None:

@@ -13,11 +13,16 @@ from ergon.notation.text import document, edit
 from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.document import Document, Node
 from ergon.notation.text.edit import EditError
-from ergon.notation.text.elided import elided
+from ergon.notation.text.elided import shorten
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.memory import Memory
-from ergon.notation.text.sections import Section, alone, lines, names
+from ergon.notation.text.sections import (
+    Section,
+    section_composed_alone,
+    section_span,
+    section_spans,
+)
 from ergon.notation.text.spans import Splice, apply_splices
 from ergon.notation.text.syntax import MAX_BYTES, decode
 from ergon.notation.text.window import Window, last_items, line_window
@@ -152,7 +157,7 @@ class Texts:
         be read alone (an alias), edit the whole text.
         """
         if file is None or file == self.path:
-            section_lines = lines(self.text, str(section))
+            section_lines = section_span(self.text, str(section))
             if section_lines is None and section in SECTIONS:
                 with contextlib.suppress(EditError):
                     if (section_text := self._added_below(str(section), change)) is not None:
@@ -168,7 +173,7 @@ class Texts:
 
     def _added_below(self, section_name: str, change: Callable[[Document], str]) -> str | None:
         """The text with a missing section added; None if its place is not between two sections."""
-        section_lines = names(self.text)
+        section_lines = section_spans(self.text)
         section_rank = SECTIONS.index(section_name)
         lines_above = [
             line_index
@@ -225,7 +230,9 @@ class Texts:
         An edit without a window edits the whole section; with a `path` of names, only the value at
         that path has to be parsed.
         """
-        section_lines = lines(self.text, section_name) if file_name in (None, self.path) else None
+        section_lines = (
+            section_span(self.text, section_name) if file_name in (None, self.path) else None
+        )
         known_section = self._section_alone(section_name) if section_lines is not None else None
         changes_left, edited_texts = [change for _, change in window_edits], self
         if section_lines is not None and known_section is not None:
@@ -261,14 +268,14 @@ class Texts:
 
     def _edited_elided(self, path: edit.Path, change: Callable[[Document], str]) -> Texts | None:
         """Edit the lines of a section without long runs of other lines; None if that cannot be."""
-        section_lines = lines(self.text, str(path[0]))
+        section_lines = section_span(self.text, str(path[0]))
         if (
             section_lines is None
-            or (elided_text := elided(self.text[slice(*section_lines)], {*map(str, path)})) is None
+            or (elided_text := shorten(self.text[slice(*section_lines)], {*map(str, path)})) is None
         ):
             return None
         with contextlib.suppress(EditError):
-            restored_text = elided_text.put_back(change(edit.read(elided_text.text, self.path)))
+            restored_text = elided_text.restored(change(edit.read(elided_text.text, self.path)))
             if restored_text is not None:
                 return self.changed(
                     self.text[: section_lines[0]] + restored_text + self.text[section_lines[1] :]
@@ -290,7 +297,9 @@ class Texts:
 
     def _section_alone(self, name: str) -> Section | None:
         with self.memory.lock:
-            return alone(self.text, self.path, Path(self.path).parent, name, self.memory)
+            return section_composed_alone(
+                self.text, self.path, Path(self.path).parent, name, self.memory
+            )
 
     def section(self, name: str) -> Node | None:
         """The node of a section; its line numbers may be relative to the section."""

@@ -130,7 +130,7 @@ FADE_SHAPE = ListOf(
         ),
         _fade_point,
     ),
-    least=1,
+    count_min=1,
     single=True,
 )
 SENDS_SHAPE = NamesOf(k.GAIN, "room")
@@ -153,7 +153,7 @@ _PAN_POINT_RECORD = Record(
     ),
     _pan_point,
 )
-PAN_SHAPE = Either(k.PAN, _PAN_POINT_RECORD, ListOf(_PAN_POINT_RECORD, least=1))
+PAN_SHAPE = Either(k.PAN, _PAN_POINT_RECORD, ListOf(_PAN_POINT_RECORD, count_min=1))
 
 
 def fade_points(value: Any) -> Fade:

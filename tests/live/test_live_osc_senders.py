@@ -201,8 +201,8 @@ class Table:
     def says(self, port: int = 4242) -> str:
         """Why a sender is not heard; empty if it is."""
         sender = ("127.0.0.1", port)
-        self.check.look([sender])
-        verdict = self.check.verdict(sender)
+        self.check.look_up_senders([sender])
+        verdict = self.check.access(sender)
         self.check.queue_is_empty()
         assert verdict.is_told
         return "" if verdict.is_own else verdict.reason

@@ -9,7 +9,7 @@ from patience import until
 
 from ergon.live.led_address import parse_led_address
 from ergon.live.led_gamepad import GamepadPort, GamepadValues
-from ergon.live.rumble import FULL, Rumble, RumbleEnvelope
+from ergon.live.rumble import FULL_FORCE, Rumble, RumbleEnvelope
 from tests.live.test_led_hands import NotedLead
 
 UPLOAD = 0x40304580  # EVIOCSFF: _IOW('E', 0x80, struct ff_effect), which has 48 bytes
@@ -17,13 +17,13 @@ UPLOAD = 0x40304580  # EVIOCSFF: _IOW('E', 0x80, struct ff_effect), which has 48
 
 def test_rumble_envelope_of_constant_force():
     envelope = RumbleEnvelope()
-    first = envelope.step(0.5 * FULL)
+    first = envelope.step(0.5 * FULL_FORCE)
     assert first == (0.5, 1.0), "the weak motor tells that something begins"
     for _ in range(40):
-        last = envelope.step(-0.5 * FULL)
+        last = envelope.step(-0.5 * FULL_FORCE)
     assert last[0] == 0.5
     assert last[1] < 1e-3
-    assert envelope.step(3.0 * FULL)[0] == 1.0
+    assert envelope.step(3.0 * FULL_FORCE)[0] == 1.0
 
 
 class Pad:
@@ -56,8 +56,8 @@ def test_rumble_uploads_one_effect_and_plays_it(pad: Pad):
     read, write = os.pipe()
     rumble = Rumble(write)
     assert rumble.is_there
-    rumble.feel(0.0)
-    rumble.feel(FULL)
+    rumble.set_force(0.0)
+    rumble.set_force(FULL_FORCE)
     assert pad.effects == [(-1, 200, 0, 0), (3, 200, 0xFFFF, 0xFFFF)]
     *_, kind, number, value = struct.unpack("llHHi", os.read(read, 100))
     assert (kind, number, value) == (0x15, 3, 1)
@@ -69,7 +69,7 @@ def test_rumble_of_gamepad_without_motors():
     read, write = os.pipe()
     rumble = Rumble(write)
     assert not rumble.is_there
-    rumble.feel(FULL)
+    rumble.set_force(FULL_FORCE)
     os.close(write)
     assert os.read(read, 1) == b""
     os.close(read)
@@ -78,7 +78,7 @@ def test_rumble_of_gamepad_without_motors():
 class PulledLead(NotedLead):
     """A lead whose finger is pulled."""
 
-    force = -0.4 * FULL
+    force = -0.4 * FULL_FORCE
 
 
 def test_gamepad_port_rumbles_with_finger_force(pad: Pad, tmp_path: Path):

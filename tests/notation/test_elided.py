@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
-from ergon.notation.text.elided import elided
+from ergon.notation.text.elided import shorten
 from ergon.scores.edits.texts import Texts
 
 PATHS = st.sampled_from(
@@ -61,23 +61,23 @@ def test_elided_edit_equals_edit_of_complete_text(
 
 def test_elided_leaves_out_runs_but_keeps_named_lines():
     text = score(60, has_links=True, is_commented=False)
-    short = elided(text, {"instruments", "links", "modules", "m3"})
+    short = shorten(text, {"instruments", "links", "modules", "m3"})
     assert short is not None
     assert short.text.count("\n") < 40
     assert "      m3: {CEL:" in short.text
     assert "      m14: " not in short.text
-    assert short.put_back(short.text) == text
+    assert short.restored(short.text) == text
 
 
 @pytest.mark.parametrize(
     "text", ["a: {b: 1}\n", score(20, has_links=False, is_commented=False) + "x: &a 1\n"]
 )
 def test_elided_with_nothing_to_leave_out(text):
-    assert elided(text, ()) is None
+    assert shorten(text, ()) is None
 
 
 def test_elided_with_a_changed_run_is_not_put_back():
     text = score(20, has_links=False, is_commented=False)
-    short = elided(text, ())
+    short = shorten(text, ())
     assert short is not None
-    assert short.put_back(short.text.replace("elided-0", "other")) is None
+    assert short.restored(short.text.replace("elided-0", "other")) is None

@@ -207,13 +207,13 @@ def test_clock_follower_estimate_without_valid_clock():
     for n in range(30):
         follower.receive(Transport.CLOCK, 1e-4 * n)  # 25,000 bpm
     assert follower.estimate() is None
-    assert not follower.is_heard(2.0)
+    assert not follower.is_receiving(2.0)
     for n in range(30):
         follower.receive(Transport.CLOCK, 5.0 + n / 48)
     result = follower.estimate()
     assert result is not None
     assert result.length == pytest.approx(0.5)
-    assert follower.is_heard(5.9)
+    assert follower.is_receiving(5.9)
     follower.receive(Transport.CLOCK, 4.0)  # a clock that goes back
     assert follower.estimate() is None
 

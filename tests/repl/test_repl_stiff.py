@@ -107,7 +107,7 @@ def test_force_scale_timing_across_stiffer_version(tmp_path: Path):
     with rig(tmp_path, "firm", Scene().text) as single:
         single.ok(STIFF)
         position = single.session.schedule.running.start
-        last = single.session.schedule.running.force_bounds[0].last.scale
+        last = single.session.schedule.running.force_bounds[0].last_scale.scale
         seen = _ticks(single, position + 40 * 44)
         # The tick whose first frame is that of the change is the first to end behind it.
         assert next(scale for frame, scale in seen if frame > position) == pytest.approx(
@@ -118,7 +118,7 @@ def test_force_scale_timing_across_stiffer_version(tmp_path: Path):
         single.ok("set bell.b.K 300N/m over 1bar now")
         running = single.session.schedule.running
         (bearing,) = running.force_bounds
-        assert bearing.last.scale == 1.0
+        assert bearing.last_scale.scale == 1.0
         bounds = [(running.start + 44 * ticks, scale) for ticks, scale in bearing.bounds]
         for frame, scale in _ticks(single, bounds[-1][0] + 300 * 44):
             allowed = [bound for begins, bound in bounds if begins < frame]

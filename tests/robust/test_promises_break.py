@@ -144,7 +144,7 @@ BREAKS = {
     ),
     "live/test_live_osc_senders.py::test_osc_from_second_user_ignored": (
         "ergon/live/osc_senders.py",
-        "if noted.is_shared:",
+        "if known_access.is_shared:",
         "if False:",
     ),
     "live/test_live_osc_senders.py::test_sender_of_a_shared_port_needs_the_key": (
@@ -164,7 +164,7 @@ BREAKS = {
     ),
     "repl/test_repl_place.py::test_connection_of_process_of_other_user_is_refused": (
         "repl/wire/local_socket.py",
-        "return bool(user == os.geteuid())",
+        "return bool(user_id == os.geteuid())",
         "return True",
     ),
     "repl/test_repl_socket.py::test_hostile_bytes_leave_other_clients_served": (

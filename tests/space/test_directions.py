@@ -44,20 +44,20 @@ def test_spread_directions_uniform_on_sphere():
     rows = directions.spread_directions(4000)
     np.testing.assert_allclose((rows**2).sum(1), 1.0, atol=1e-12)
     np.testing.assert_allclose(rows.mean(0), 0.0, atol=1e-3)
-    assert (directions.spread_directions(100, lowest=0.0)[:, 2] > 0.0).all()
+    assert (directions.spread_directions(100, height_min=0.0)[:, 2] > 0.0).all()
 
 
 def test_dome_quality_figures():
     """Figures of a dome 12 + 8 + 4, and of the flat ring, which has a hole overhead."""
     near, vbap, third, fifth = quality.qualities(dome())
-    np.testing.assert_allclose(near.off, (13.1, 24.5), atol=0.05)
+    np.testing.assert_allclose(near.angles_off, (13.1, 24.5), atol=0.05)
     np.testing.assert_allclose(vbap.energy_length[0], 0.963, atol=1e-3)
-    assert vbap.off[1] < 9.4
-    assert third.off[0] < 2.4
-    assert fifth.off[0] < 1.5
+    assert vbap.angles_off[1] < 9.4
+    assert third.angles_off[0] < 2.4
+    assert fifth.angles_off[0] < 1.5
     assert fifth.energy_length[0] > 0.92
     ring = quality.qualities(dome(((24, 0.0, 0.0),)))
-    assert ring[1].off[1] > 80.0
+    assert ring[1].angles_off[1] > 80.0
 
 
 def test_layout_holes_and_symmetry():

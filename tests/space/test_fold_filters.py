@@ -49,12 +49,12 @@ def test_fold_ambisonics_encoding_and_decoding_errors():
     back = fold_filters.to_field(fold_filters.Field(order=5), DOME)
     assert back.shape == (36, 24, 1)
     result = quality("", there[:, :, 0] @ back[:, :, 0], ARRAY, ARRAY)
-    assert result.off[0] < 2.6
+    assert result.angles_off[0] < 2.6
     assert -1.5 < result.loudness[0] < result.loudness[1] < 1.5
 
 
 def test_fold_decoded_ambisonics_loudness():
-    up = spread_directions(500, lowest=0.0)
+    up = spread_directions(500, height_min=0.0)
     for order in (1, 3, 5):
         gains = (
             encoder(order, up)

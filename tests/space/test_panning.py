@@ -9,7 +9,7 @@ from ergon.space import ambisonics, panning, quality
 from ergon.space.directions import spread_directions, unit_vectors
 
 ARRAY = nudged(unit_vectors(dome()))
-SOURCES = spread_directions(4000, lowest=0.0)
+SOURCES = spread_directions(4000, height_min=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def same_table(ours: np.ndarray, gains: np.ndarray) -> None:
     a, b = (quality.quality("", one, SOURCES, ARRAY) for one in (ours, gains))
     np.testing.assert_allclose(a.energy_length, b.energy_length, atol=1e-6)
     np.testing.assert_allclose(a.velocity_length, b.velocity_length, atol=1e-6)
-    np.testing.assert_allclose(a.off, b.off, atol=1e-4)  # degrees
+    np.testing.assert_allclose(a.angles_off, b.angles_off, atol=1e-4)  # degrees
 
 
 def test_nearest_gains_equal_spaudiopy(theirs: Theirs):

@@ -17,12 +17,12 @@ class OffsetTempoMap(TempoMap):
 
 
 class ShiftedTempoMap(OffsetTempoMap):
-    """The beats of a piece at instants `by` seconds later."""
+    """The beats of a piece at instants `offset_seconds` seconds later."""
 
-    def __init__(self, base: TempoMap, by: float) -> None:
+    def __init__(self, base: TempoMap, offset_seconds: float) -> None:
         """Share the state of `base`, a complete tempo map."""
         self.__dict__.update(base.__dict__)
-        self.by = by
+        self.by = offset_seconds
 
     def _state(self) -> tuple[object, ...]:
         return (*super()._state(), self.by)
@@ -43,11 +43,12 @@ class ShiftedTempoMap(OffsetTempoMap):
 class StoppedTempoMap(OffsetTempoMap):
     """A piece that is stopped at a beat: earlier beats are over, later ones never come."""
 
-    def __init__(self, base: TempoMap, start: float, now: float) -> None:
-        """Share the state of `base`, a complete tempo map; `now` is an instant of the engine "
-        "[s]."""
+    def __init__(self, base: TempoMap, start: float, stop_instant: float) -> None:
+        """Share the state of `base`, a complete tempo map; `stop_instant` is an instant of the
+        engine [s].
+        """
         self.__dict__.update(base.__dict__)
-        self.stop_beat, self.now = start, now
+        self.stop_beat, self.now = start, stop_instant
 
     def _state(self) -> tuple[object, ...]:
         return (*super()._state(), self.stop_beat, self.now)

@@ -99,13 +99,13 @@ class _Segment:
         """Duration of the first `beats` beats."""
         if self.bpm_end == self.bpm_start:
             return 60.0 * beats / self.bpm_start
-        u = (self.bpm_end - self.bpm_start) * beats / (self.span * self.bpm_start)
-        return 60.0 * beats / self.bpm_start * _log_ratio(u)
+        relative_change = (self.bpm_end - self.bpm_start) * beats / (self.span * self.bpm_start)
+        return 60.0 * beats / self.bpm_start * _log_ratio(relative_change)
 
     def beats_after(self, seconds: float) -> float:
         """How many beats pass in the first `seconds` seconds."""
-        w = seconds * (self.bpm_end - self.bpm_start) / (60.0 * self.span)
-        return seconds * self.bpm_start / 60.0 * _exp_ratio(w)
+        log_change = seconds * (self.bpm_end - self.bpm_start) / (60.0 * self.span)
+        return seconds * self.bpm_start / 60.0 * _exp_ratio(log_change)
 
     def bpm_after(self, beats: float) -> float:
         """Tempo after `beats` beats."""
@@ -135,29 +135,29 @@ class TempoMap:
             None  # quarters a minute, while a file says the tempo
         )
         self.entries_by_beat: list[tuple[float, Entry]] = []  # all changes, each with its beat
-        latest = 0.0
+        latest_beat = 0.0
         self._meter_quarter, self._meter_beat = 0.0, 0.0  # the beginning of the file's last meter
         tempos, meters = [*reversed(file.tempos)], [*reversed(file.meters)]
-        for i, tempo_entry in enumerate(entries):
-            self._take_over(tempos, meters, tempo_entry.at)
+        for entry_index, tempo_entry in enumerate(entries):
+            self._add_file_changes(tempos, meters, tempo_entry.at)
             entry_start = self.resolve(tempo_entry.at)
-            if entry_start < latest - SAME:
+            if entry_start < latest_beat - SAME:
                 raise TempoError(
                     "this entry is earlier than the entry above it; write entries in order of time",
-                    i,
+                    entry_index,
                     "at",
                 )
-            latest = max(entry_start, latest)
-            self._place(i, tempo_entry, latest)
+            latest_beat = max(entry_start, latest_beat)
+            self._place_entry(entry_index, tempo_entry, latest_beat)
             if tempo_entry.bpm is not None:
                 tempos.clear()
                 self._quarters_per_minute = None
             if tempo_entry.meter is not None:
                 meters.clear()
-                self._count_quarters(latest)
-        self._take_over(tempos, meters, None)
+                self._count_quarters(latest_beat)
+        self._add_file_changes(tempos, meters, None)
 
-    def _take_over(
+    def _add_file_changes(
         self,
         tempos: list[tuple[float, float]],
         meters: list[tuple[float, Meter]],
@@ -256,10 +256,10 @@ class TempoMap:
         """A beat of the piece as `bar|beat`, with the beat rounded to 3 decimals."""
         bar, beat = self.bars.bar_beat(beats)
         _, per_bar = self.bars.bar(bar)
-        rounded = round(beat, 3)
-        return f"{bar + 1}|1" if rounded >= per_bar + 1 else f"{bar}|{rounded:g}"
+        rounded_beat = round(beat, 3)
+        return f"{bar + 1}|1" if rounded_beat >= per_bar + 1 else f"{bar}|{rounded_beat:g}"
 
-    def _place(self, i: int, entry: Entry, start: float) -> None:
+    def _place_entry(self, entry_index: int, entry: Entry, start: float) -> None:
         self.entries_by_beat.append((start, entry))
         is_in_ramp = start < self._ramp_end - SAME
         if entry.meter is not None:
@@ -267,51 +267,55 @@ class TempoMap:
                 raise TempoError(
                     "the meter changes during a ramp whose length "
                     "is in bars; write the length in beats",
-                    i,
+                    entry_index,
                     "meter",
                 )
             try:
                 self.bars.change(start, entry.meter)
             except TextError as error:
-                raise TempoError(error.message, i, "at") from None
+                raise TempoError(error.message, entry_index, "at") from None
         if entry.bpm is None:
             if entry.bpm_end is not None or entry.over is not None:
                 raise TempoError(
-                    "the ramp has no tempi; write both, such as bpm: 60 -> 96", i, "over"
+                    "the ramp has no tempi; write both, such as bpm: 60 -> 96", entry_index, "over"
                 )
             return
         if is_in_ramp:
-            raise TempoError("this entry begins before the ramp above it ends", i, "at")
+            raise TempoError("this entry begins before the ramp above it ends", entry_index, "at")
         if (entry.bpm_end is None) != (entry.over is None):
             raise TempoError(
                 "`over` needs a ramp, such as bpm: 60 -> 96"
                 if entry.bpm_end is None
                 else "a ramp needs a length, such as over: 4bar",
-                i,
+                entry_index,
                 "over" if entry.bpm_end is None else "bpm",
             )
         if start <= self._last_tempo_beat + SAME:
-            raise TempoError("an entry above sets the tempo at this position already", i, "at")
+            raise TempoError(
+                "an entry above sets the tempo at this position already", entry_index, "at"
+            )
         self._last_tempo_beat = start
         self._append(start, entry.bpm, entry.bpm, MAX_TIME)
         if entry.bpm_end is not None and entry.over is not None:
             ramp_span = self._span(start, entry.bpm, entry.bpm_end, entry.over)
             if not 0.0 < ramp_span <= MAX_TIME:
-                raise TempoError("the length of a ramp must be above 0", i, "over")
+                raise TempoError("the length of a ramp must be above 0", entry_index, "over")
             self._ramp_end, self._ramp_in_bars = start + ramp_span, entry.over.bars != 0.0
-            self._ramp_entry = i
+            self._ramp_entry = entry_index
             self._append(start, entry.bpm, entry.bpm_end, ramp_span)
             self._append(start + ramp_span, entry.bpm_end, entry.bpm_end, MAX_TIME)
 
-    def _span(self, start: float, b0: float, b1: float, length: Length) -> float:
+    def _span(self, start: float, bpm_start: float, bpm_end: float, length: Length) -> float:
         beats = self.after(start, Length(length.bars, length.beats)) - start
         # `over: 8s`: the mean tempo of a ramp is the logarithmic mean of its ends
-        return beats + length.seconds * b0 / (60.0 * _log_ratio((b1 - b0) / b0))
+        return beats + length.seconds * bpm_start / (
+            60.0 * _log_ratio((bpm_end - bpm_start) / bpm_start)
+        )
 
-    def _append(self, start: float, b0: float, b1: float, span: float) -> None:
-        segment = _Segment(start, self.seconds(start), b0, b1, span)
+    def _append(self, start: float, bpm_start: float, bpm_end: float, span: float) -> None:
+        segment = _Segment(start, self.seconds(start), bpm_start, bpm_end, span)
         if start <= self._starts[-1] + SAME:  # nothing has passed since the last one began
-            segment = _Segment(self._starts[-1], self._instants[-1], b0, b1, span)
+            segment = _Segment(self._starts[-1], self._instants[-1], bpm_start, bpm_end, span)
             del self._segments[-1], self._starts[-1], self._instants[-1]
         self._segments.append(segment)
         self._starts.append(segment.start)
@@ -347,9 +351,9 @@ class TempoMap:
                 length=len(mark_name),
             )
         if mark_name in chain:
-            circle = " -> ".join((*chain[chain.index(mark_name) :], mark_name))
+            circular_marks = " -> ".join((*chain[chain.index(mark_name) :], mark_name))
             raise TextError(
-                f"marks refer to one another in a circle: {circle}", length=len(mark_name)
+                f"marks refer to one another in a circle: {circular_marks}", length=len(mark_name)
             )
         base_beat = self._resolve(self._marks[mark_name], (*chain, mark_name), any_beat=any_beat)
         return base_beat if mark_name == position.text else self.after(base_beat, position.plus)

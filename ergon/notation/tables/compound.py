@@ -31,7 +31,7 @@ class ListOf(Shape):
     """Items of one shape; `single` lets a lone item stand without brackets."""
 
     item: Shape
-    least: int = 0
+    count_min: int = 0
     count_max: int = 1_000_000
     single: bool = False
 
@@ -45,13 +45,17 @@ class ListOf(Shape):
             item_nodes = []
         else:
             words = node.text.split() if isinstance(node, Scalar) else []
-            listed = f"[{', '.join(words)}]" if self.least <= len(words) <= self.count_max else None
-            return wrong_shape(self, node, name, context, suggestion=listed)
-        if not self.least <= len(item_nodes) <= self.count_max:
-            count_text = (
-                f"{self.least}" if self.least == self.count_max else f"at least {self.least}"
+            list_text = (
+                f"[{', '.join(words)}]" if self.count_min <= len(words) <= self.count_max else None
             )
-            if len(item_nodes) > self.count_max > self.least:
+            return wrong_shape(self, node, name, context, suggestion=list_text)
+        if not self.count_min <= len(item_nodes) <= self.count_max:
+            count_text = (
+                f"{self.count_min}"
+                if self.count_min == self.count_max
+                else f"at least {self.count_min}"
+            )
+            if len(item_nodes) > self.count_max > self.count_min:
                 count_text = f"at most {self.count_max:,}"
             message = (
                 f"{context.label(name)}: the number of items is {len(item_nodes)}, but must be "
@@ -64,7 +68,7 @@ class ListOf(Shape):
         else:
             items = [self.item.read(item, name, context) for item in item_nodes]
         values = tuple([value for value in items if value is not MISSING])
-        return values if len(values) >= self.least else MISSING  # a broken pair is no pair
+        return values if len(values) >= self.count_min else MISSING  # a broken pair is no pair
 
     def _by_lines(
         self, list_node: document.Sequence, field_name: str, context: Context
@@ -90,9 +94,9 @@ class ListOf(Shape):
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
         array: dict[str, Any] = {"type": ["array"], "items": self.item.schema()}
-        if self.least:
-            array["minItems"] = self.least
-        return merged(array, self.item.schema()) if self.single else array
+        if self.count_min:
+            array["minItems"] = self.count_min
+        return schema_of_types(array, self.item.schema()) if self.single else array
 
     def words(self) -> str:
         """In words."""
@@ -168,8 +172,8 @@ class Either(Shape):
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        schemas = [s.schema() for s in (self.scalar, self.mapping, self.sequence) if s]
-        return merged(*schemas)
+        schemas = [shape.schema() for shape in (self.scalar, self.mapping, self.sequence) if shape]
+        return schema_of_types(*schemas)
 
     def words(self) -> str:
         """In words."""
@@ -177,7 +181,7 @@ class Either(Shape):
         return ", or ".join(shape.words() for shape in shapes if shape)
 
 
-class _Entries:
+class _KnownValues:
     """The values of a section's entries, kept while their texts stay the same; they keep the places
     that they had then.
     """
@@ -236,7 +240,7 @@ class NamesOf(Shape):
         # The value of an entry in a line of its own is read once, unless the reading made a report.
         let_node = node.document.let
         line_key = id(self.item), context.name, let_node
-        remembered_entries = _Entries(node, self.noun, context.memory)
+        remembered_entries = _KnownValues(node, self.noun, context.memory)
         fields = self.item.field_names()
         lost_indent = lost_indentation(node.entries, lambda _, word: word in fields)
         all_names = loops.written_out(node, context.collector) if self.has_loops else node
@@ -298,14 +302,14 @@ class NamesOf(Shape):
         return self if self.has_loops and loops.is_loop(str(name)) else self.item
 
 
-def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
+def schema_of_types(*schemas: dict[str, Any]) -> dict[str, Any]:
     """Merge schemas of different types: keywords of one type do not constrain another, so a union
     needs no `anyOf`.
     """
     union: dict[str, Any] = {}
     types: list[str] = []
     for schema in schemas:
-        types += [t for t in schema.get("type", []) if t not in types]
+        types += [type_name for type_name in schema.get("type", []) if type_name not in types]
         union |= schema
     if types:
         union["type"] = types

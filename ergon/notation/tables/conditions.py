@@ -32,7 +32,7 @@ def is_true(written_text: str, text_start: int, known_names: Mapping[str, Amount
     """
     return any(
         all(
-            _holds(written_text, part_start, part_end, known_names)
+            _is_comparison_true(written_text, part_start, part_end, known_names)
             for part_start, part_end in _parts(written_text, clause_start, clause_end, _AND)
         )
         for clause_start, clause_end in _parts(written_text, text_start, len(written_text), _OR)
@@ -40,16 +40,16 @@ def is_true(written_text: str, text_start: int, known_names: Mapping[str, Amount
 
 
 def _parts(
-    text: str, text_start: int, text_end: int, between: re.Pattern[str]
+    text: str, text_start: int, text_end: int, separator: re.Pattern[str]
 ) -> Iterator[tuple[int, int]]:
     """Where the parts of a text begin and end."""
-    for match in between.finditer(text, text_start, text_end):
+    for match in separator.finditer(text, text_start, text_end):
         yield text_start, match.start()
         text_start = match.end()
     yield text_start, text_end
 
 
-def _holds(
+def _is_comparison_true(
     written_text: str, text_start: int, text_end: int, known_names: Mapping[str, Amount]
 ) -> bool:
     """Whether comparisons of neighbours hold, `1 < i <= 5`, or do not after `not`."""
@@ -80,14 +80,14 @@ def _amount(text: str, text_start: int, end: int, names: Mapping[str, Amount]) -
 
 
 def _compared(sign_match: re.Match[str], first_amount: Amount, second_amount: Amount) -> bool:
-    problem, suggestion = "", None
+    message, suggestion = "", None
     if sign_match[0] == "=":
-        problem, suggestion = "two values are compared by ==", "=="
+        message, suggestion = "two values are compared by ==", "=="
     elif first_amount.unit != second_amount.unit:
-        problem = f"cannot compare {unit_in_words(first_amount)} and {unit_in_words(second_amount)}"
-    if problem:
+        message = f"cannot compare {unit_in_words(first_amount)} and {unit_in_words(second_amount)}"
+    if message:
         length = len(sign_match[0])
         raise TextError(
-            problem, offset=sign_match.start(), length=length, suggestion=suggestion, code="E113"
+            message, offset=sign_match.start(), length=length, suggestion=suggestion, code="E113"
         )
     return _COMPARISONS[sign_match[0]](first_amount.number, second_amount.number)

@@ -200,8 +200,8 @@ class _Reader:
         if text_match := _NOTE.match(self.text, text_start):
             self.offset = text_match.end()
             letter, accidental_sign, octave = text_match.groups()
-            tuned = tuning.written()
-            hertz = None if tuned is None else tuned.hertz(text_match[0])
+            tuning_written = tuning.written()
+            hertz = None if tuning_written is None else tuning_written.hertz(text_match[0])
             if hertz is not None:
                 return Amount(Fraction(12.0 * math.log2(hertz / 440.0)), "note")
             steps = _LETTERS[letter] + _SIGNS[accidental_sign] + 12 * (int(octave) - 4)
@@ -219,25 +219,36 @@ class _Reader:
             raise self._error("a value is missing at the end", max(0, text_start - 1), 1)
         raise self._error(f"{quote(self.text[text_start])} cannot begin a value", text_start, 1)
 
-    def _added(self, a: Amount, b: Amount, sign: str, place: int) -> Amount:
-        signed_number = b.number if sign == "+" else -b.number
-        if a.unit == "note" and b.unit == "st":
-            return Amount(a.number + signed_number, "note")
-        if a.unit == "st" and b.unit == "note" and sign == "+":
-            return Amount(a.number + b.number, "note")
-        if a.unit == "Hz" and b.unit == "st":
-            return Amount(Fraction(_shifted(float(a.number), float(signed_number))), "Hz")
-        if a.unit == "note" and b.unit == "note":
+    def _added(self, first_amount: Amount, second_amount: Amount, sign: str, place: int) -> Amount:
+        signed_number = second_amount.number if sign == "+" else -second_amount.number
+        if first_amount.unit == "note" and second_amount.unit == "st":
+            return Amount(first_amount.number + signed_number, "note")
+        if first_amount.unit == "st" and second_amount.unit == "note" and sign == "+":
+            return Amount(first_amount.number + second_amount.number, "note")
+        if first_amount.unit == "Hz" and second_amount.unit == "st":
+            return Amount(
+                Fraction(_shifted(float(first_amount.number), float(signed_number))), "Hz"
+            )
+        if first_amount.unit == "note" and second_amount.unit == "note":
             if sign == "-":
-                return Amount(a.number - b.number, "st")
+                return Amount(first_amount.number - second_amount.number, "st")
             raise self._error("cannot add two notes; add semitones (7st)", place, 1)
-        a, b = self._as_hertz(a, b), self._as_hertz(b, a)
-        if a.unit != b.unit:
-            message = f"cannot add {unit_in_words(a)} and {unit_in_words(b)}"
+        first_amount, second_amount = (
+            self._as_hertz(first_amount, second_amount),
+            self._as_hertz(second_amount, first_amount),
+        )
+        if first_amount.unit != second_amount.unit:
+            message = f"cannot add {unit_in_words(first_amount)} and {unit_in_words(second_amount)}"
             if sign == "-":
-                message = f"cannot subtract {unit_in_words(b)} from {unit_in_words(a)}"
+                message = (
+                    f"cannot subtract {unit_in_words(second_amount)} from "
+                    f"{unit_in_words(first_amount)}"
+                )
             raise self._error(message, place, 1)
-        return Amount(a.number + (b.number if sign == "+" else -b.number), a.unit)
+        return Amount(
+            first_amount.number + (second_amount.number if sign == "+" else -second_amount.number),
+            first_amount.unit,
+        )
 
     def _scaled(
         self, first_amount: Amount, second_amount: Amount, operator_sign: str, sign_place: int

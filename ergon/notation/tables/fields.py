@@ -54,7 +54,7 @@ class Values:
     nodes: dict[str, Node] = field(default_factory=dict)
     free: dict[str, Any] = field(default_factory=dict)
     kind: str = ""  # the written kind, in a record with kinds
-    strange: int = 0  # names that mean nothing here, reported
+    n_unknown: int = 0  # names that mean nothing here, reported
     misspelt: set[str] = field(default_factory=set)  # fields that some of them resemble
     is_foreign: bool = False  # one of them was a field of another kind of file
 
@@ -87,10 +87,10 @@ def _integer_keys(
     """The entries, without numbers that a decimal comma cut in two (`{t60: 4,5s}`): these are
     reported.
     """
-    pending: tuple[str, tuple[Scalar, Node]] | None = None
+    pending_entry: tuple[str, tuple[Scalar, Node]] | None = None
     for entry_word, (key_node, child) in entries.items():
-        if pending is not None:
-            pending_value = pending[1][1]
+        if pending_entry is not None:
+            pending_value = pending_entry[1][1]
             cut_text = pending_value.text if isinstance(pending_value, Scalar) else ""
             if (
                 cut_text[-1:].isdigit()
@@ -98,17 +98,19 @@ def _integer_keys(
                 and pending_value.end + 1 == key_node.start
             ):
                 joined_number = f"{cut_text}.{entry_word}"
-                message = f"{record_values.context.label(pending[0])}: a comma ends a value here; "
+                message = (
+                    f"{record_values.context.label(pending_entry[0])}: a comma ends a value here; "
+                )
                 message += "write '.' as the decimal point"
                 place = replace(pending_value.place, length=key_node.end - pending_value.start)
                 record_values.context.error("E201", message, place, suggestion=joined_number)
-                record_values.misspelt.add(pending[0])
-                pending = None
+                record_values.misspelt.add(pending_entry[0])
+                pending_entry = None
                 continue
-            yield pending
-        pending = entry_word, (key_node, child)
-    if pending is not None:
-        yield pending
+            yield pending_entry
+        pending_entry = entry_word, (key_node, child)
+    if pending_entry is not None:
+        yield pending_entry
 
 
 def _values(values: Values) -> Any:
@@ -137,7 +139,7 @@ class Record(Shape):
 
     def __post_init__(self) -> None:
         """Index the table."""
-        self.by_name.update({f.name: f for f in self.fields})
+        self.by_name.update({field.name: field for field in self.fields})
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -149,33 +151,37 @@ class Record(Shape):
                 line.node.document.let, line.node.document.lets = node.document.let, None
         else:
             names = ", ".join([*self.by_name, *self.kinds][:12])
-            help = self.otherwise or f"a group of fields is written: {names}"
-            return wrong_shape(self, node, name, context, help, self._as_group(node))
-        nameless = not context.name and self.noun not in ("score", "module")
-        if nameless or not (context.owner or self.noun == "score"):
+            help_text = self.otherwise or f"a group of fields is written: {names}"
+            return wrong_shape(self, node, name, context, help_text, self._as_group(node))
+        is_nameless = not context.name and self.noun not in ("score", "module")
+        if is_nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
         record_values = Values(self, node, context)
         is_cut = any(word[:1].isdigit() for word in named_entries)  # no name begins with a digit
-        numbered = _integer_keys(named_entries, record_values) if is_cut else named_entries.items()
-        lost = lost_indentation(named_entries, self._is_lost)
-        for entry_word, (key_node, child_node) in numbered:
-            if lost is not None and entry_word == lost[0]:
-                report_lost(context, *lost, named_entries[lost[1]][0])
+        numbered_entries = (
+            _integer_keys(named_entries, record_values) if is_cut else named_entries.items()
+        )
+        lost_word = lost_indentation(named_entries, self._is_lost)
+        for entry_word, (key_node, child_node) in numbered_entries:
+            if lost_word is not None and entry_word == lost_word[0]:
+                report_lost(context, *lost_word, named_entries[lost_word[1]][0])
                 return MISSING
             if (known_field := self.by_name.get(entry_word)) is not None:
                 record_values.nodes[entry_word] = child_node
                 if context.memory is None:
                     field_value = known_field.shape.read(child_node, entry_word, context)
                 else:
-                    read = partial(known_field.shape.read, child_node, entry_word, context)
+                    read_value = partial(known_field.shape.read, child_node, entry_word, context)
                     let_node = named_entries.get("let", _NOBODY)[1]  # values that others may name
-                    field_value = context.memory.recall((child_node, entry_word, let_node), read)
+                    field_value = context.memory.recall(
+                        (child_node, entry_word, let_node), read_value
+                    )
                 if field_value is not MISSING:
                     record_values.by_name[entry_word] = field_value
             elif entry_word in self.kinds:
                 self._read_kind(record_values, entry_word, key_node, child_node)
             else:
-                self._read_other(record_values, entry_word, key_node, child_node)
+                self._read_unknown(record_values, entry_word, key_node, child_node)
         return self.build(record_values) if self._complete(record_values) else MISSING
 
     def _as_group(self, node: Node) -> str | None:
@@ -222,7 +228,7 @@ class Record(Shape):
             and entry_word not in other_names
         )
 
-    def _read_other(
+    def _read_unknown(
         self, record_values: Values, entry_word: str, key_node: Scalar, child_node: Node
     ) -> None:
         context = record_values.context
@@ -237,7 +243,7 @@ class Record(Shape):
             if value is not MISSING:
                 record_values.free[entry_word] = value
         else:
-            record_values.strange += 1
+            record_values.n_unknown += 1
             noun = "section" if not context.owner else "field"
             owner_text = f" in {context.owner}" if context.owner else ""
             message = f"unknown {noun} {quote(entry_word)}{owner_text}"
@@ -255,16 +261,18 @@ class Record(Shape):
                 return
             if suggestion := nearest(entry_word, known_names):
                 record_values.misspelt.add(suggestion)
-            if (help := name_help(entry_word)) is not None:  # name and value in one word
+            if (help_text := name_help(entry_word)) is not None:  # name and value in one word
                 record_values.misspelt.add(entry_word.partition(":")[0])
             elif (
                 noun == "section"
                 and isinstance(child_node, document.Mapping)
                 and record_values.nodes
             ):
-                help = "a name of your own, such as an instrument, stands indented in its section"
+                help_text = (
+                    "a name of your own, such as an instrument, stands indented in its section"
+                )
             context.error(
-                "E101", message, key_node.place, word=entry_word, names=known_names, help=help
+                "E101", message, key_node.place, word=entry_word, names=known_names, help=help_text
             )
 
     def _is_free(self, free: Shape, entry_word: str, child_node: Node) -> bool:
@@ -282,25 +290,34 @@ class Record(Shape):
         return True
 
     def _complete(self, values: Values) -> bool:
-        complete = True
-        for f in self.fields:
-            if f.required and f.name not in values.nodes and f.name not in values.misspelt:
-                message = f"{values.context.label('')} has no '{f.name}': {f.shape.words()}"
+        is_complete = True
+        for declared in self.fields:
+            if (
+                declared.required
+                and declared.name not in values.nodes
+                and declared.name not in values.misspelt
+            ):
+                message = (
+                    f"{values.context.label('')} has no '{declared.name}': {declared.shape.words()}"
+                )
                 values.context.error("E103", message, values.place)
-            complete &= not f.required or f.name in values.by_name
-        if self.kind_required and not values.kind and not values.strange:
+            is_complete &= not declared.required or declared.name in values.by_name
+        if self.kind_required and not values.kind and not values.n_unknown:
             examples = ", ".join(list(self.kinds)[:16])
             message = f"{values.context.label('')} has no kind (one of {examples})"
             values.context.error("E103", message, values.place)
         if self.kind_required and (not values.kind or values.by_name[values.kind] is MISSING):
-            complete = False
-        return complete
+            is_complete = False
+        return is_complete
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
         properties = {
-            f.name: {**f.shape.schema(), "description": f"{f.doc} ({f.shape.words()})"}
-            for f in self.fields
+            field.name: {
+                **field.shape.schema(),
+                "description": f"{field.doc} ({field.shape.words()})",
+            }
+            for field in self.fields
         }
         properties |= {kind: shape.schema() for kind, shape in self.kinds.items()}
         schema: dict[str, Any] = {
@@ -308,8 +325,8 @@ class Record(Shape):
             "properties": properties,
             "additionalProperties": self.free.schema() if self.free else False,
         }
-        if required := [f.name for f in self.fields if f.required]:
-            schema["required"] = required
+        if required_names := [field.name for field in self.fields if field.required]:
+            schema["required"] = required_names
         return schema
 
     def words(self) -> str:

@@ -58,7 +58,7 @@ def written_out(mapping_node: document.Mapping, collector: Collector) -> documen
     return _Writer(mapping_node, collector).mapping()
 
 
-class _Refused(Exception):
+class _LoopError(Exception):
     """Ends the writing of a mapping, after a report."""
 
 
@@ -87,7 +87,7 @@ class _Writer:
                     self.entries[entry_word] = key_node, _merged(self.entries[entry_word][1], child)
                 else:
                     self.entries[entry_word] = self.node.entries[entry_word]
-        except _Refused:
+        except _LoopError:
             pass
         self.node.document.loops[self.node.start] = self.n_nodes
         return replace(self.node, entries=self.entries)
@@ -103,8 +103,8 @@ class _Writer:
             return
         self.looped[word] = key
         if word in self.entries:
-            written_key, written = self.entries[word]
-            self.entries[word] = written_key, _merged(child, written)
+            written_key, written_node = self.entries[word]
+            self.entries[word] = written_key, _merged(child, written_node)
         else:
             self.entries[word] = key, child
 
@@ -120,19 +120,19 @@ class _Writer:
             self.collector.lacks_names = True
             return
         try:
-            scopes = list(self.turns(key.text, names))
+            scopes_by_turn = list(self.loop_scopes(key.text, names))
         except TextError as error:
             self.report(error, key)
             self.collector.lacks_names = True
             return
-        self.n_turns += 0 if key.text.startswith("if") else len(scopes)
+        self.n_turns += 0 if key.text.startswith("if") else len(scopes_by_turn)
         if self.n_turns > MAX_TURNS:
             self.refuse(f"loops side by side have at most {MAX_TURNS:,} turns together", key)
         self.collector.loop(key.place, child.document.place(child.end))
-        for scope in scopes:
+        for scope in scopes_by_turn:
             self.body(child, scope, depth)
 
-    def turns(self, text: str, names: Names) -> Iterator[Names]:
+    def loop_scopes(self, text: str, names: Names) -> Iterator[Names]:
         """The values that names have in each turn. Raises TextError."""
         if text.startswith("if"):
             if is_true(text, 2, names):
@@ -165,10 +165,10 @@ class _Writer:
 
     def body(self, body: document.Mapping, names: Names, depth: int) -> None:
         """Write out the nodes below a loop for one turn."""
-        turn_copy = _Copy(self, names)
+        turn_copy = _NodeCopier(self, names)
         for entry_word, (name_node, child_node) in body.entries.items():
             if entry_word == "let" and isinstance(child_node, document.Mapping):
-                turn_copy = _Copy(self, self.named(child_node, turn_copy.names))
+                turn_copy = _NodeCopier(self, self.named(child_node, turn_copy.names))
             elif is_loop(entry_word):
                 self.loop(name_node, child_node, turn_copy.names, depth + 1)
             else:
@@ -185,7 +185,7 @@ class _Writer:
                 self.collector.error("E102", message, let_key.place)
                 continue
             add_named(inner_amounts, let_index, let_word, let_key, let_node, section.entries)
-        for scalar, error in inner_amounts.wrong:
+        for scalar, error in inner_amounts.mistakes:
             self.report(error, scalar)
         return ChainMap(inner_amounts.names)
 
@@ -206,7 +206,7 @@ class _Writer:
     def refuse(self, message: str, node: Node) -> None:
         self.collector.error("E105", message, node.place)
         self.collector.lacks_names = True
-        raise _Refused
+        raise _LoopError
 
 
 def _merged(looped: Node, written_node: Node) -> Node:
@@ -219,16 +219,18 @@ def _merged(looped: Node, written_node: Node) -> Node:
         return written_node
     merged_entries = dict(looped.entries)
     for kind_name, (key_node, written_fields) in written_node.entries.items():
-        known = merged_entries[kind_name][1]
-        if isinstance(known, document.Mapping) and isinstance(written_fields, document.Mapping):
+        known_entry = merged_entries[kind_name][1]
+        if isinstance(known_entry, document.Mapping) and isinstance(
+            written_fields, document.Mapping
+        ):
             written_fields = replace(
-                written_fields, entries={**known.entries, **written_fields.entries}
+                written_fields, entries={**known_entry.entries, **written_fields.entries}
             )
         merged_entries[kind_name] = key_node, written_fields
     return replace(written_node, entries=merged_entries)
 
 
-class _Copy:
+class _NodeCopier:
     """Copies of nodes in which names have values; each has the place of what it is a copy of."""
 
     def __init__(self, writer: _Writer, names: Names) -> None:
@@ -278,25 +280,27 @@ def _numbered(name_text: str, known_names: Names) -> str:
             text_offset = text_match.end()
             continue
         closing_end = _closing(name_text, text_match.end())
-        inside = name_text[text_match.end() : closing_end]
-        number = _number_of_name(name_text, text_match, inside, known_names)
+        index_text = name_text[text_match.end() : closing_end]
+        number = _number_of_name(name_text, text_match, index_text, known_names)
         pieces.append(f"{name_text[text_offset : text_match.end() - 1]}{number}")
         text_offset = closing_end + 1
     return "".join((*pieces, name_text[text_offset:]))
 
 
-def _number_of_name(name_text: str, name_match: re.Match[str], inside: str, names: Names) -> int:
+def _number_of_name(
+    name_text: str, name_match: re.Match[str], index_expression: str, names: Names
+) -> int:
     try:
-        amount = evaluate(inside, names)
+        amount = evaluate(index_expression, names)
     except TextError as error:
         error.offset += name_match.end()
         raise
     amount_number = amount.number
     if amount.unit or amount_number.denominator != 1 or amount_number < 0:
-        index_text = name_text[name_match.start() : name_match.end() + len(inside) + 1]
+        index_text = name_text[name_match.start() : name_match.end() + len(index_expression) + 1]
         message = f"the number of a name is a whole one, 0 or more, and {quote(index_text)} "
         message += f"has {amount.literal}"
-        length = max(1, len(inside))
+        length = max(1, len(index_expression))
         raise TextError(message, offset=name_match.end(), length=length, code="E202")
     return int(amount_number)
 

@@ -30,7 +30,7 @@ class NamedAmounts:
     """The named values of a document, and what is wrong with them."""
 
     names: MutableMapping[str, Amount]
-    wrong: list[tuple[Scalar, TextError]]
+    mistakes: list[tuple[Scalar, TextError]]
 
 
 def named_amounts(source_document: Document) -> NamedAmounts:
@@ -82,19 +82,19 @@ def add_named(
         error = TextError(message, length=len(value_name), code="E104")
     if error is not None or not isinstance(value_node, Scalar):
         assert error is not None
-        amounts_by_name.wrong.append((key_node, error))
+        amounts_by_name.mistakes.append((key_node, error))
         return name_index < MAX_NAMES
     if _BAR_BEAT.fullmatch(value_node.text):
         message = f"{quote(value_node.text.strip())} is a position; name it under `marks:`"
         error = TextError(message, length=len(value_node.text), code="E201")
-        amounts_by_name.wrong.append((value_node, error))
+        amounts_by_name.mistakes.append((value_node, error))
         return True
     try:
         amounts_by_name.names[value_name] = evaluate(
             value_node.text, amounts_by_name.names, all_names
         )
     except TextError as problem:
-        amounts_by_name.wrong.append((value_node, problem))
+        amounts_by_name.mistakes.append((value_node, problem))
     return True
 
 
@@ -173,9 +173,11 @@ def position(position_text: str, document: Document, parse: Callable[[str], _T])
     known_names = named_amounts(document).names
     sum_match = _BEGUN.fullmatch(position_text)
     try:
-        parsed = parse(position_text)
-        if getattr(parsed, "mark", None) not in known_names or _is_mark(position_text, document):
-            return parsed
+        parsed_position = parse(position_text)
+        if getattr(parsed_position, "mark", None) not in known_names or _is_mark(
+            position_text, document
+        ):
+            return parsed_position
     except TextError:
         is_name_meant = (
             known_names and sum_match is not None and sum_match[3].lstrip()[:1].isalpha()
@@ -188,12 +190,14 @@ def position(position_text: str, document: Document, parse: Callable[[str], _T])
         literal = evaluate(position_text, known_names).literal
     else:
         try:
-            addend = evaluate(sum_match[3], known_names)
+            added_length = evaluate(sum_match[3], known_names)
         except TextError as error:
             error.offset += sum_match.start(3)
             raise
-        sign = "+" if (sum_match[2] == "+") == (addend.number >= 0) else "-"
-        literal = f"{sum_match[1]}{sign}{Amount(abs(addend.number), addend.unit).literal}"
+        sign = "+" if (sum_match[2] == "+") == (added_length.number >= 0) else "-"
+        literal = (
+            f"{sum_match[1]}{sign}{Amount(abs(added_length.number), added_length.unit).literal}"
+        )
     try:
         return parse(literal)
     except TextError as error:

@@ -120,9 +120,11 @@ def moved(pitch_word: str, semitones: float) -> str:
     if cents_match is None:
         return tuning.hertz_word(q.frequency(pitch_word) * _core.pow(2.0, semitones / 12.0))
     note_name, cents = cents_match[1], float((cents_match[2] or "0").replace("_", "."))
-    tuned, note_key = tuning.current(), number(note_name)
-    is_keys = isinstance(semitones, int) or (tuned.scale is None and semitones.is_integer())
-    if tuned.has_keys and note_key is not None and is_keys:
+    current_tuning, note_key = tuning.current(), number(note_name)
+    is_keys = isinstance(semitones, int) or (
+        current_tuning.scale is None and semitones.is_integer()
+    )
+    if current_tuning.has_keys and note_key is not None and is_keys:
         note_name = name(note_key + int(semitones))
     else:
         cents += 100.0 * semitones
@@ -139,8 +141,10 @@ def chord(root_note: str, scale: str) -> list[str]:
         is_flat = root_note[1:2] in ("b", "♭")
         return [name(root + step, flat=is_flat) for step in scale_steps]
     if root is None:
-        base = q.frequency(root_note)
-        return [tuning.hertz_word(base * _core.pow(2.0, step / 12.0)) for step in scale_steps]
+        base_frequency = q.frequency(root_note)
+        return [
+            tuning.hertz_word(base_frequency * _core.pow(2.0, step / 12.0)) for step in scale_steps
+        ]
     return tuning.current().above(root_note, scale_steps)
 
 
@@ -233,18 +237,18 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
         raise TextError(
             message, offset=words_offset, length=len(first_word), suggestion=suggestion, code="E202"
         )
-    top = HIGHEST if high is None else high
+    highest_note = HIGHEST if high is None else high
     octaves = range((HIGHEST - low) // 12 + 1)
     if not tuning.current().has_keys:
-        spelled_names = _spelled_range(low_name, name(top) if high is None else high_name, scale)[
-            :count
-        ]
+        spelled_names = _spelled_range(
+            low_name, name(highest_note) if high is None else high_name, scale
+        )[:count]
     else:
         note_numbers = [low + 12 * octave + step for octave in octaves for step in steps]
         is_flat = low_name[1:2] in ("b", "♭")
         spelled_names = [
             low_name,
-            *(name(note, flat=is_flat) for note in note_numbers[1:] if note <= top),
+            *(name(note, flat=is_flat) for note in note_numbers[1:] if note <= highest_note),
         ][:count]
     if count is not None and len(spelled_names) < count:
         message = (
@@ -257,13 +261,13 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
 
 def _spelled_range(low_note: str, high_note: str, scale: str) -> list[str]:
     """The notes of a scale from one to another, where a sharp is no flat; chromatic: all steps."""
-    tuned, top_pitch = tuning.current(), pitch(high_note) or 0.0
+    current_tuning, top_pitch = tuning.current(), pitch(high_note) or 0.0
     if scale == "chromatic":
-        return tuned.degrees(low_note, high_note)
+        return current_tuning.degrees(low_note, high_note)
     match = _NOTE.fullmatch(low_note)
     assert match is not None
     roots = (f"{match[1]}{match[2]}{octave}" for octave in range(int(match[3]), 10))
-    notes = [note for root in roots for note in tuned.above(root, SCALES[scale])]
+    notes = [note for root in roots for note in current_tuning.above(root, SCALES[scale])]
     return [note for note in notes if (pitch(note) or 0.0) <= top_pitch]
 
 

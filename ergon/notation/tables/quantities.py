@@ -63,7 +63,7 @@ def _dimension(
     example: str,
     value_sign: Sign = "any",
     *,
-    bare: bool = True,
+    bare_unit: bool = True,
     low_bound: float = -MAX_SIZE,
     high_bound: float = MAX_SIZE,
 ) -> Dimension:
@@ -72,13 +72,13 @@ def _dimension(
         unit, _, power = word.partition(":")
         powers_by_unit[unit] = int(power or 0)
     return Dimension(
-        dimension_name, powers_by_unit, example, value_sign, bare, low_bound, high_bound
+        dimension_name, powers_by_unit, example, value_sign, bare_unit, low_bound, high_bound
     )
 
 
 _LENGTH_UNITS = "mm:-3 cm:-2 m um:-6 µm:-6 μm:-6"
 _HARDENING = "N/m3 N/mm3:9 kN/m3:3 MN/m3:6"
-MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive", bare=False)
+MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive", bare_unit=False)
 MASS_OR_NUMBER = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")  # for `units: ca`
 STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
@@ -94,9 +94,11 @@ ELEVATION = _dimension("elevation", "deg", "35deg", low_bound=-90.0, high_bound=
 PAN = _dimension(
     "place from -1 (first channel) to 1 (second)", "", "-0.3", low_bound=-1.0, high_bound=1.0
 )
-DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive", bare=False)
-SURFACE_TENSION = _dimension("tension of a membrane", "N/m kN/m:3", "3kN/m", "positive", bare=False)
-PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive", bare=False)
+DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive", bare_unit=False)
+SURFACE_TENSION = _dimension(
+    "tension of a membrane", "N/m kN/m:3", "3kN/m", "positive", bare_unit=False
+)
+PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive", bare_unit=False)
 INHARMONICITY = _dimension("inharmonicity", "", "0.0003", "not negative", high_bound=0.1)
 POISSON = _dimension("Poisson's ratio", "", "0.33", "not negative", high_bound=0.5)
 SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high_bound=1e6, low_bound=-1e6)
@@ -108,7 +110,7 @@ INPUT_FORCE = _dimension(
     "force", "N kN:3 mN:-3 uN:-6 µN:-6 μN:-6", "2mN", low_bound=-1e3, high_bound=1e3
 )
 INPUT_LENGTH = _dimension("length", _LENGTH_UNITS, "0.1mm", low_bound=-1.0, high_bound=1.0)
-IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs", bare=False)
+IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs", bare_unit=False)
 POLES = _dimension(
     "force times the square of a distance", "Nm2 Ncm2:-4 Nmm2:-6 mNmm2:-9", "200Nmm2"
 )
@@ -119,30 +121,34 @@ TICK_RATE = _dimension(
     "rate of ticks", "Hz kHz:3", "1kHz", "positive", low_bound=1.0, high_bound=1e5
 )
 DURATION = _dimension(
-    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2.5s", "positive", bare=False
+    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2.5s", "positive", bare_unit=False
 )
 INSTANT = _dimension(
-    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "0.4s", "not negative", bare=False
+    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "0.4s", "not negative", bare_unit=False
 )
 CONTACT_TIME = _dimension(
     "time in seconds",
     "s ms:-3 us:-6 µs:-6 μs:-6",
     "2ms",
     "not negative",
-    bare=False,
+    bare_unit=False,
     high_bound=0.05,
 )
 # The highest level that a session takes, from a line or from the network: a slip of the finger must
 # not hurt the ears [dB].
 LOUDEST_DB = 24.0
-LOUDNESS = _dimension("loudness", "LUFS", "-31LUFS", bare=False, low_bound=-150.0, high_bound=60.0)
-LEVEL = _dimension("level", "dB", "-6dB", bare=False, low_bound=-400.0, high_bound=200.0)
-ERROR = _dimension("error", "dB", "-60dB", bare=False, low_bound=-160.0, high_bound=-10.0)
+LOUDNESS = _dimension(
+    "loudness", "LUFS", "-31LUFS", bare_unit=False, low_bound=-150.0, high_bound=60.0
+)
+LEVEL = _dimension("level", "dB", "-6dB", bare_unit=False, low_bound=-400.0, high_bound=200.0)
+ERROR = _dimension("error", "dB", "-60dB", bare_unit=False, low_bound=-160.0, high_bound=-10.0)
 CENTS = _dimension(
     "error of pitch in cents", "", "3", "positive", low_bound=0.01, high_bound=1200.0
 )
 CHANCE = _dimension("chance", "%:-2", "0.6", "not negative", high_bound=1.0)
-SHARE = _dimension("share of the processor", "%:-2", "80%", "positive", bare=False, high_bound=64.0)
+SHARE = _dimension(
+    "share of the processor", "%:-2", "80%", "positive", bare_unit=False, high_bound=64.0
+)
 NUMBER = _dimension("plain number", "", "0.5")
 RATIO = _dimension("plain number", "", "0.5", "not negative")
 FACTOR = _dimension("number", "", "1.5", "positive")
@@ -221,20 +227,20 @@ def quantity(text: str, dimension: Dimension) -> float:
 
 def bounded(value: float, quantity_word: str, dimension: Dimension) -> float:
     """The value when it lies within the dimension's bounds. Raises TextError E202."""
-    problem = ""
+    refusal = ""
     if not math.isfinite(value) or abs(value) > MAX_SIZE:
-        problem = f"too large; the maximum is {min(dimension.high, MAX_SIZE):g}{dimension.si}"
+        refusal = f"too large; the maximum is {min(dimension.high, MAX_SIZE):g}{dimension.si}"
     elif dimension.sign == "positive" and value <= 0:
-        problem = f"not positive; write a positive {dimension.name}, such as {dimension.example}"
+        refusal = f"not positive; write a positive {dimension.name}, such as {dimension.example}"
     elif dimension.sign == "not negative" and value < 0:
-        problem = f"negative; write 0 or a positive {dimension.name}, such as {dimension.example}"
+        refusal = f"negative; write 0 or a positive {dimension.name}, such as {dimension.example}"
     elif value < dimension.low:
-        problem = f"below the minimum of {dimension.low:g}{dimension.si}"
+        refusal = f"below the minimum of {dimension.low:g}{dimension.si}"
     elif value > dimension.high:
-        problem = f"above the maximum of {dimension.high:g}{dimension.si}"
-    if problem:
+        refusal = f"above the maximum of {dimension.high:g}{dimension.si}"
+    if refusal:
         raise TextError(
-            f"{quote(quantity_word)} is {problem}", length=len(quantity_word), code="E202"
+            f"{quote(quantity_word)} is {refusal}", length=len(quantity_word), code="E202"
         )
     return value
 
@@ -269,7 +275,7 @@ def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dime
         raise TextError(message, offset=unit_offset, length=fault_length, code="E203")
     measured_dimension = next((name for unit, name in _ALL_UNITS if unit == unit_text), None)
     if measured_dimension is None:
-        likely_unit = _likely(unit_text, dimension)
+        likely_unit = _likely_unit(unit_text, dimension)
         message = (
             f"unknown unit {quote(unit_text)} ({with_article(dimension.name)} has {unit_list})"
         )
@@ -280,13 +286,13 @@ def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dime
     raise TextError(message, offset=unit_offset, length=fault_length, code="E203")
 
 
-def _likely(unit_text: str, dimension: Dimension) -> str | None:
+def _likely_unit(unit_text: str, dimension: Dimension) -> str | None:
     """The unit that was most likely meant; None if `unit_text` is a valid unit with a prefix that
     this dimension does not have.
     """
-    spoken = _SPOKEN.get(unit_text.lower()) or _SPOKEN.get(unit_text.lower().removesuffix("s"))
-    if spoken in dimension.units:
-        return spoken
+    spoken_unit = _SPOKEN.get(unit_text.lower()) or _SPOKEN.get(unit_text.lower().removesuffix("s"))
+    if spoken_unit in dimension.units:
+        return spoken_unit
     is_multiple = unit_text[0] in _PREFIXES and unit_text[1:] in dimension.units
     return None if is_multiple else nearest(unit_text, dimension.units)
 

@@ -167,7 +167,7 @@ class Text(Shape):
             return named_values.position(read_word_text, source_document, self.parse)
         return named_values.word_value(read_word_text, source_document, self.parse)
 
-    def _computed(self, node: Scalar, name: str, context: Context, plain: TextError) -> Any:
+    def _computed(self, node: Scalar, name: str, context: Context, plain_value: TextError) -> Any:
         """The value of a node that is not a plain value: an expression, or a mistake to report."""
         try:
             literal = named_values.literal(node)
@@ -178,7 +178,7 @@ class Text(Shape):
             return MISSING
         try:
             if literal is None:
-                raise plain
+                raise plain_value
             return self.parse(literal)
         except TextError as error:
             if literal is not None:
@@ -215,7 +215,7 @@ class NamedValues(Shape):
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
         amounts_by_name = named_values.named_amounts(node.document)
-        for scalar, error in amounts_by_name.wrong:
+        for scalar, error in amounts_by_name.mistakes:
             context.text_error(error, scalar, name)
         return dict(amounts_by_name.names)
 
@@ -242,11 +242,11 @@ def choice(*choice_words: str) -> Text:
             code="E206",
         )
 
-    shown = " or ".join(f"`{word}`" for word in choice_words)
+    choices_text = " or ".join(f"`{word}`" for word in choice_words)
     # An editor reads `bits: 24` as a number.
     numbers = tuple(int(word) for word in choice_words if word.isdigit())
     types = ("string", "number") if numbers else ("string",)
-    return Text(parse, shown, types=types, choices=(*choice_words, *numbers))
+    return Text(parse, choices_text, types=types, choices=(*choice_words, *numbers))
 
 
 @dataclass(frozen=True)
@@ -295,11 +295,11 @@ def lost_indentation(
 def report_lost(context: Context, name_above: str, lost_word: str, lost_key: Scalar) -> None:
     """Report a name that is beside an empty one, instead of below it."""
     message = f"nothing is written below {quote(name_above)}, and {quote(lost_word)} is beside it"
-    help = (
+    help_text = (
         f"put two more spaces before {quote(lost_word)} and the lines that belong to "
         f"{quote(name_above)}"
     )
-    context.error("E101", message, lost_key.place, help=help)
+    context.error("E101", message, lost_key.place, help=help_text)
 
 
 def name_help(known_word: str) -> str | None:
@@ -319,12 +319,12 @@ def wrong_shape(
 ) -> Any:
     """Report a node that is a mapping, list or text where another kind is expected."""
     if isinstance(wrong_node, document.Mapping):
-        actual = "is a mapping"
+        actual_kind = "is a mapping"
     elif isinstance(wrong_node, Scalar):
-        actual = "is empty" if wrong_node.is_empty else f"is {quote(wrong_node.text)}"
+        actual_kind = "is empty" if wrong_node.is_empty else f"is {quote(wrong_node.text)}"
     else:
-        actual = "is a list"
-    message = f"{context.label(field_name)} {actual}; expected: {expected_shape.words()}"
+        actual_kind = "is a list"
+    message = f"{context.label(field_name)} {actual_kind}; expected: {expected_shape.words()}"
     if isinstance(wrong_node, document.Sequence) and isinstance(expected_shape, Text | Reference):
         help = "a list is not read here: repeat the entry, once for each value"
     context.error("E106", message, wrong_node.place, help=help, suggestion=suggestion)

@@ -109,7 +109,9 @@ class Tuning:
         """
         if match := _NOTE.fullmatch(word):
             letter, signs, octave, cents = match.groups()
-            return self._note(word, letter, _SIGNS[signs], int(octave), _number(cents or "0"))
+            return self._note_frequency(
+                word, letter, _SIGNS[signs], int(octave), _number(cents or "0")
+            )
         if match := _RATIO.fullmatch(word):
             numerator, denominator = int(match[1]), int(match[2])
             if not numerator or not denominator:
@@ -129,7 +131,9 @@ class Tuning:
     def _root(self) -> float:
         return (self.hertz(self.root) if not _RATIO.fullmatch(self.root) else None) or 0.0
 
-    def _note(self, word: str, letter: str, signs: int, octave: int, cents: float) -> float:
+    def _note_frequency(
+        self, word: str, letter: str, signs: int, octave: int, cents: float
+    ) -> float:
         fifths, octaves = _FIFTHS_AND_OCTAVES[letter]
         fifths, octaves = (
             fifths + signs * _SHARP_FIFTHS_AND_OCTAVES[0],
@@ -156,8 +160,8 @@ class Tuning:
         """How high a pitch is in semitones, 69 at 440 Hz, to 0.001 cents; None if the word is no
         pitch. Pitches of members are the same if these are.
         """
-        hertz = self.hertz(word)
-        return None if hertz is None else semitones(hertz)
+        frequency = self.hertz(word)
+        return None if frequency is None else semitones(frequency)
 
     def key_word(self, key: int) -> str:
         """The word of the pitch of a MIDI note: 60 is C4, others are as many steps from it."""
@@ -178,10 +182,12 @@ class Tuning:
 
     def degrees(self, low: str, high: str) -> list[str]:
         """The words of all steps of an octave of `edo` from a note to another."""
-        base, first_step, last_step = (self._step(word) for word in (self.root, low, high))
-        return [f"{step - base}of{self.edo}" for step in range(first_step, last_step + 1)]
+        base_step, first_step, last_step = (
+            self._step_number(word) for word in (self.root, low, high)
+        )
+        return [f"{step - base_step}of{self.edo}" for step in range(first_step, last_step + 1)]
 
-    def _step(self, word: str) -> int:
+    def _step_number(self, word: str) -> int:
         match = _NOTE.fullmatch(word)
         if match is None or match[4]:
             message = f"{quote(word)} is no step of {self.edo} equal ones; write a note such as C4"

@@ -70,8 +70,8 @@ def span(dimension: q.Dimension, example: str) -> Text:
         f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
     )
     words = f"{with_article(dimension.name)} or a range, such as {example}"
-    remembered = _tuned(parse) if dimension is q.FREQUENCY else _cached(parse)
-    return Text(remembered, words, rf"^{single_pattern}(\.\.{single_pattern})?$", is_value=True)
+    cached_parse = _tuned(parse) if dimension is q.FREQUENCY else _cached(parse)
+    return Text(cached_parse, words, rf"^{single_pattern}(\.\.{single_pattern})?$", is_value=True)
 
 
 def integer(low_bound: int, high_bound: int, example: str) -> Text:

@@ -39,34 +39,34 @@ def put(document: Document, path: Path, value_text: str, name_order: Sequence[st
     A new section goes where `name_order` has it. Raises EditError.
     """
     edit = _Edit(document)
-    chain = edit.follow(path)
-    if len(chain) > len(path):
-        child_index = chain[-2].index(path[-1]) if path else None
+    spans = edit.follow(path)
+    if len(spans) > len(path):
+        child_index = spans[-2].index(path[-1]) if path else None
         if child_index is None:
             raise EditError("a whole file cannot be set; name a field of it")
-        splices = edit.changes.replaced(chain[-2], child_index, value_text)
-        in_flow = chain[-2].is_flow
+        splices = edit.changes.replaced(spans[-2], child_index, value_text)
+        in_flow = spans[-2].is_flow
     else:
-        splices = edit.changes.added(chain, path, value_text, name_order, is_item=False)
+        splices = edit.changes.added(spans, path, value_text, name_order, is_item=False)
         in_flow = False
     value = _value(value_text, in_flow)
-    return edit.checked(splices, _with(edit.tree, path, lambda _: value))
+    return edit.checked_text(splices, _with_value(edit.tree, path, lambda _: value))
 
 
 def insert(document: Document, path: Path, item_text: str) -> str:
     """Put an item before the one at a path, whose last name is its index. Raises EditError."""
     edit = _Edit(document)
-    chain = edit.follow(path)
+    spans = edit.follow(path)
     item_index = path[-1] if path else None
-    if len(chain) <= len(path) or not isinstance(item_index, int):
+    if len(spans) <= len(path) or not isinstance(item_index, int):
         raise EditError(f"there is no {named(path)}")
     item_value = _value(item_text, in_flow=True)
-    splices = edit.changes.before(chain[-2], item_index, item_text)
+    splices = edit.changes.before(spans[-2], item_index, item_text)
 
-    def with_item(old: Any) -> Tree:
-        return [*old[:item_index], item_value, *old[item_index:]]
+    def with_item(items_before: Any) -> Tree:
+        return [*items_before[:item_index], item_value, *items_before[item_index:]]
 
-    return edit.checked(splices, _with(edit.tree, path[:-1], with_item))
+    return edit.checked_text(splices, _with_value(edit.tree, path[:-1], with_item))
 
 
 def append(document: Document, path: Path, text: str, order: Sequence[str] = ()) -> str:
@@ -75,17 +75,19 @@ def append(document: Document, path: Path, text: str, order: Sequence[str] = ())
     A lone value where a list may stand becomes the first of two. Raises EditError.
     """
     edit = _Edit(document)
-    chain = edit.follow(path)
-    last_span = chain[-1] if chain else None
+    spans = edit.follow(path)
+    last_span = spans[-1] if spans else None
     item_value = _value(text, in_flow=True)
-    if len(chain) <= len(path) or last_span is None or last_span.is_empty:
-        splices = edit.changes.added(chain, path, text, order, is_item=True)
-        return edit.checked(splices, _with(edit.tree, path, lambda _: [item_value]))
+    if len(spans) <= len(path) or last_span is None or last_span.is_empty:
+        splices = edit.changes.added(spans, path, text, order, is_item=True)
+        return edit.checked_text(splices, _with_value(edit.tree, path, lambda _: [item_value]))
     if last_span.kind == "sequence":
         splices = edit.changes.item(last_span, text)
-        return edit.checked(splices, _with(edit.tree, path, lambda old: [*(old or ()), item_value]))
-    splices = edit.changes.wrap_in_list(chain[-2], last_span, text)
-    return edit.checked(splices, _with(edit.tree, path, lambda old: [old, item_value]))
+        return edit.checked_text(
+            splices, _with_value(edit.tree, path, lambda old: [*(old or ()), item_value])
+        )
+    splices = edit.changes.wrap_in_list(spans[-2], last_span, text)
+    return edit.checked_text(splices, _with_value(edit.tree, path, lambda old: [old, item_value]))
 
 
 def extend(
@@ -93,20 +95,22 @@ def extend(
 ) -> str:
     """Add several items at the end of a sequence, as `append` does one. Raises EditError."""
     first_text, *other_texts = item_texts
-    longer = append(document, path, first_text, name_order)
+    text_with_first = append(document, path, first_text, name_order)
     if not other_texts:
-        return longer
-    document = read(longer, document.file)
+        return text_with_first
+    document = read(text_with_first, document.file)
     edit = _Edit(document)
     node = edit.follow(path)[-1]
     item_values = [_value(text, in_flow=True) for text in other_texts]
     splices = [splice for text in other_texts for splice in edit.changes.item(node, text)]
     try:
-        return edit.checked(splices, _with(edit.tree, path, lambda old: [*old, *item_values]))
+        return edit.checked_text(
+            splices, _with_value(edit.tree, path, lambda old: [*old, *item_values])
+        )
     except EditError:  # each has a comma of its own
         for text in other_texts:
-            longer = append(read(longer, document.file), path, text, name_order)
-        return longer
+            text_with_first = append(read(text_with_first, document.file), path, text, name_order)
+        return text_with_first
 
 
 def remove(document: Document, *paths: Path) -> str:
@@ -132,7 +136,7 @@ def remove(document: Document, *paths: Path) -> str:
             if parent.is_flow
             else changes.cut_block(parent, item_index)
         )
-    return edit.checked(splices, _without(edit.tree, list(paths)))
+    return edit.checked_text(splices, _without_values(edit.tree, list(paths)))
 
 
 def rows(text: str) -> list[str]:
@@ -260,11 +264,11 @@ class _Edit:
         child_index = parent.index(path[-1])
         return self.layout.column(self.layout.child_start(parent, child_index or 0))
 
-    def checked(self, splices: list[Splice], expected: Tree) -> str:
+    def checked_text(self, splices: list[Splice], expected: Tree) -> str:
         """The new text. Raises EditError if its values are not `expected`."""
         new_text = apply_splices(self.layout.text, splices)
-        reread = read(new_text, self.document.file)
-        if tree(reread.root) != expected:
+        reread_document = read(new_text, self.document.file)
+        if tree(reread_document.root) != expected:
             raise EditError(
                 "the change would alter other values too; edit the text of the score instead"
             )
@@ -278,7 +282,9 @@ class _Edit:
             new_root = _child(new_root, name)
         if not isinstance(new_root, Scalar) or rows(new_root.text) != [*rows("\n".join(new_rows))]:
             raise EditError("the line is not a row of the table")
-        return self.checked(splices, _with(self.tree, path, lambda _: new_root.text.rstrip("\n")))
+        return self.checked_text(
+            splices, _with_value(self.tree, path, lambda _: new_root.text.rstrip("\n"))
+        )
 
 
 def _child(parent_node: Node | None, child_name: str | int) -> Node | None:
@@ -338,30 +344,30 @@ def tree(node: Node | None, by_node: dict[int, Tree] | None = None) -> Tree:
     return by_node[id(node)]
 
 
-def _with(tree: Tree, path: Path, value_change: Callable[[Any], Tree]) -> Tree:
+def _with_value(tree: Tree, path: Path, value_change: Callable[[Any], Tree]) -> Tree:
     """The tree with the value at a path changed; the old one stays as it was."""
     if not path:
         return value_change(tree)
     first_name = path[0]
     if isinstance(tree, list) and isinstance(first_name, int):
         items = list(tree)
-        items[first_name] = _with(items[first_name], path[1:], value_change)
+        items[first_name] = _with_value(items[first_name], path[1:], value_change)
         return items
     entries = dict(tree) if isinstance(tree, dict) else {}
-    entries[str(first_name)] = _with(entries.get(str(first_name)), path[1:], value_change)
+    entries[str(first_name)] = _with_value(entries.get(str(first_name)), path[1:], value_change)
     return entries
 
 
-def _without(tree: Tree, paths: list[Path]) -> Tree:
+def _without_values(tree: Tree, paths: list[Path]) -> Tree:
     """The tree without the values at `paths`. Raises EditError if they do not have one parent."""
     parents = {tuple(path[:-1]) for path in paths}
     if len(parents) > 1:
         raise EditError("entries can be removed together only from one list or mapping")
     last_names = {path[-1] for path in paths}
 
-    def dropped(parent: Any) -> Tree:
+    def without_items(parent: Any) -> Tree:
         if isinstance(parent, list):
-            return [item for i, item in enumerate(parent) if i not in last_names] or None
+            return [item for index, item in enumerate(parent) if index not in last_names] or None
         return {name: value for name, value in parent.items() if name not in last_names} or None
 
-    return _with(tree, parents.pop(), dropped)
+    return _with_value(tree, parents.pop(), without_items)

@@ -14,23 +14,23 @@ _NAME = "elided-"
 
 
 @dataclass(frozen=True, slots=True)
-class Elided:
+class ShortenedText:
     """A text in which each of `runs` is one line; it holds that line and what it replaces."""
 
     text: str
     runs: tuple[tuple[str, str], ...]
 
-    def put_back(self, edited: str) -> str | None:
+    def restored(self, edited_text: str) -> str | None:
         """An edited text with all its runs; None if the edit has changed one of them."""
-        edited = f"\n{edited}"
+        edited_text = f"\n{edited_text}"
         for elided_line, run in self.runs:
-            if edited.count(f"\n{elided_line}") != 1:
+            if edited_text.count(f"\n{elided_line}") != 1:
                 return None
-            edited = edited.replace(f"\n{elided_line}", f"\n{run}")
-        return edited[1:]
+            edited_text = edited_text.replace(f"\n{elided_line}", f"\n{run}")
+        return edited_text[1:]
 
 
-def elided(source_text: str, elided_names: Container[str]) -> Elided | None:
+def shorten(source_text: str, elided_names: Container[str]) -> ShortenedText | None:
     """A text whose long runs of entries and items are one line each, but for entries with these
     names. None if nothing is gained, or if its lines cannot be read alone.
     """
@@ -45,8 +45,8 @@ def elided(source_text: str, elided_names: Container[str]) -> Elided | None:
         pieces.append(source_text[copied_until:run_start])
         copied_until = run_end
         lines = source_text[run_start:run_end].splitlines(keepends=True)
-        for is_named, group in groupby(lines, lambda line: _name(line) in elided_names):
-            run = [*group]
+        for is_named, line_group in groupby(lines, lambda line: _name(line) in elided_names):
+            run = [*line_group]
             if is_named or len(run) < _MIN_LINES:
                 pieces += run
                 continue
@@ -54,7 +54,9 @@ def elided(source_text: str, elided_names: Container[str]) -> Elided | None:
             line = f"{indentation}{name}: {{}}\n" if is_mapping else f"{indentation}- {name}\n"
             pieces.append(line)
             runs.append((line, "".join(run)))
-    return Elided("".join((*pieces, source_text[copied_until:])), tuple(runs)) if runs else None
+    return (
+        ShortenedText("".join((*pieces, source_text[copied_until:])), tuple(runs)) if runs else None
+    )
 
 
 def _name(line: str) -> str:

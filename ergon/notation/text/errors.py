@@ -148,17 +148,17 @@ class Collector:
                 item[0].code,
             ),
         )
-        shown: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
+        shown_counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         sorted_diagnostics = []
         for diagnostic, similar_names in in_order:
-            shown[diagnostic.severity] += 1
-            if shown[diagnostic.severity] <= MAX_SHOWN:
+            shown_counts[diagnostic.severity] += 1
+            if shown_counts[diagnostic.severity] <= MAX_SHOWN:
                 sorted_diagnostics.append(_with_suggestion(diagnostic, similar_names))
         return sorted_diagnostics
 
     def left_out(self) -> dict[Severity, int]:
         """How many of each severity `finish` does not show."""
-        return {kind: max(0, n - MAX_SHOWN) for kind, n in self._counts.items()}
+        return {kind: max(0, count - MAX_SHOWN) for kind, count in self._counts.items()}
 
 
 def _with_suggestion(diagnostic: Diagnostic, similar_names: tuple[str, ...]) -> Diagnostic:
@@ -167,18 +167,21 @@ def _with_suggestion(diagnostic: Diagnostic, similar_names: tuple[str, ...]) -> 
     suggestion = nearest(similar_names[0], similar_names[1 : 1 + _MAX_NAMES])
     if suggestion == similar_names[0]:
         suggestion = None
-    help = diagnostic.help
-    if help is None and (character := typeset_character(similar_names[0])) is not None:
-        suggestion, help = plain(similar_names[0]), f"{quote(similar_names[0])} has {character}"
-    if suggestion is None and help is None and 1 < len(similar_names) <= _MAX_LISTED + 1:
-        help = f"known here: {', '.join(dict.fromkeys(similar_names[1:]))}"
-    return Diagnostic(diagnostic.code, diagnostic.message, diagnostic.place, suggestion, help)
+    help_text = diagnostic.help
+    if help_text is None and (character := typeset_character(similar_names[0])) is not None:
+        suggestion, help_text = (
+            plain(similar_names[0]),
+            f"{quote(similar_names[0])} has {character}",
+        )
+    if suggestion is None and help_text is None and 1 < len(similar_names) <= _MAX_LISTED + 1:
+        help_text = f"known here: {', '.join(dict.fromkeys(similar_names[1:]))}"
+    return Diagnostic(diagnostic.code, diagnostic.message, diagnostic.place, suggestion, help_text)
 
 
 def quote(word: str) -> str:
     """A word of the score in quotes, shortened, without terminal control characters."""
-    shown = word if len(word) <= 40 else word[:37] + "..."
-    return f"'{printable(shown)}'"
+    shown_word = word if len(word) <= 40 else word[:37] + "..."
+    return f"'{printable(shown_word)}'"
 
 
 _VOWELS = "aeiou"
@@ -197,27 +200,31 @@ def with_article(noun: str) -> str:
 
 def concise(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
     """One line: `file:line:column: error[E101] …     did you mean 'players'?`."""
-    d = diagnostic
-    question = f"     did you mean {quote(d.suggestion)}?" if d.suggestion else ""
-    return f"{d.place}: {d.severity}[{d.code}] {d.message}{question}"
+    shown = diagnostic
+    suggestion_text = f"     did you mean {quote(shown.suggestion)}?" if shown.suggestion else ""
+    return f"{shown.place}: {shown.severity}[{shown.code}] {shown.message}{suggestion_text}"
 
 
 def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
     """The sentence, the source line, a caret with the suggestion, and one line of help."""
-    d = diagnostic
-    source_here = (sources or {}).get(d.place.file)
+    shown = diagnostic
+    source_here = (sources or {}).get(shown.place.file)
     if source_here is None:
-        return concise(d) + (f"\n    = {d.help}" if d.help else "")
-    report_lines = [f"{d.place}: {d.severity}[{d.code}] {d.message}"]
-    gutter_text = f" {d.place.line} | "
-    text, indentation, marked = _window(source_here.line(d.place.line), d.place)
-    question = f" did you mean {quote(d.suggestion)}?" if d.suggestion else ""
+        return concise(shown) + (f"\n    = {shown.help}" if shown.help else "")
+    report_lines = [f"{shown.place}: {shown.severity}[{shown.code}] {shown.message}"]
+    gutter_text = f" {shown.place.line} | "
+    text, indentation, marked_width = _window(source_here.line(shown.place.line), shown.place)
+    suggestion_text = f" did you mean {quote(shown.suggestion)}?" if shown.suggestion else ""
     report_lines.append(gutter_text + text)
     report_lines.append(
-        " " * (len(gutter_text) - 2) + "| " + " " * indentation + "^" * marked + question
+        " " * (len(gutter_text) - 2)
+        + "| "
+        + " " * indentation
+        + "^" * marked_width
+        + suggestion_text
     )
-    if d.help:
-        report_lines.append(" " * (len(gutter_text) - 2) + f"= {d.help}")
+    if shown.help:
+        report_lines.append(" " * (len(gutter_text) - 2) + f"= {shown.help}")
     return "\n".join(report_lines)
 
 
@@ -225,27 +232,32 @@ def _window(shown_line: str, error_place: Place) -> tuple[str, int, int]:
     """The part of a line round the caret, columns before the caret, and its width."""
     start = error_place.column - 1
     first_column = max(0, start - _MAX_LINE // 2) if len(shown_line) > _MAX_LINE else 0
-    cut = "".join(
-        c if c.isprintable() else " " for c in shown_line[first_column : first_column + _MAX_LINE]
+    shown_text = "".join(
+        character if character.isprintable() else " "
+        for character in shown_line[first_column : first_column + _MAX_LINE]
     )
-    indentation = _width(cut[: start - first_column])
-    marked = max(1, _width(cut[start - first_column : start - first_column + error_place.length]))
-    return cut.rstrip(), indentation, marked
+    indentation = _width(shown_text[: start - first_column])
+    marked_width = max(
+        1, _width(shown_text[start - first_column : start - first_column + error_place.length])
+    )
+    return shown_text.rstrip(), indentation, marked_width
 
 
 def _width(text: str) -> int:
     """Columns on a terminal."""
-    n_wide = sum(unicodedata.east_asian_width(c) in "WF" for c in text)
-    return len(text) + n_wide - sum(unicodedata.combining(c) > 0 for c in text)
+    n_wide = sum(unicodedata.east_asian_width(character) in "WF" for character in text)
+    return len(text) + n_wide - sum(unicodedata.combining(character) > 0 for character in text)
 
 
 def github(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
     """A workflow command that GitHub shows beside the line."""
-    d = diagnostic
-    github_kind = "notice" if d.severity == "note" else d.severity
-    message = d.message + (f"; did you mean {quote(d.suggestion)}?" if d.suggestion else "")
-    location = f"file={_escaped(d.place.file)},line={d.place.line},col={d.place.column}"
-    return f"::{github_kind} {location},title={d.code}::{message.replace('%', '%25')}"
+    shown = diagnostic
+    github_kind = "notice" if shown.severity == "note" else shown.severity
+    message = shown.message + (
+        f"; did you mean {quote(shown.suggestion)}?" if shown.suggestion else ""
+    )
+    location = f"file={_escaped(shown.place.file)},line={shown.place.line},col={shown.place.column}"
+    return f"::{github_kind} {location},title={shown.code}::{message.replace('%', '%25')}"
 
 
 def _escaped(value: str) -> str:
@@ -256,16 +268,16 @@ def _escaped(value: str) -> str:
 
 def json_line(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
     """One JSON object, for other programs."""
-    d = diagnostic
+    shown = diagnostic
     record = {
         "v": 1,
-        "event": d.severity,
-        "code": d.code,
-        "file": d.place.file,
-        "line": d.place.line,
-        "column": d.place.column,
-        "message": d.message,
-        "suggestion": d.suggestion,
+        "event": shown.severity,
+        "code": shown.code,
+        "file": shown.place.file,
+        "line": shown.place.line,
+        "column": shown.place.column,
+        "message": shown.message,
+        "suggestion": shown.suggestion,
     }
     return json_text(record)
 

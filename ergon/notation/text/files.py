@@ -156,11 +156,11 @@ class Files:
     def _is_inside(
         self, path: Path, name: str, asked_place: Place, label: str, help: str = _HELP
     ) -> bool:
-        inside = self._holds(path) or self.bounds.allows(path)
-        if not inside:
+        is_inside = self._holds(path) or self.bounds.allows(path)
+        if not is_inside:
             message = f"{label}{name} lies outside the score's folder"
             self.collector.error("E112", message, asked_place, help=help)
-        return inside
+        return is_inside
 
     def text(self, name: str, text: str, folder: Path) -> Document:
         """A document from a text that is at hand."""
@@ -281,16 +281,16 @@ def _similar(file_name: str, folder: Path) -> str | None:
     for prefix in (library_folder,) if library_folder else _LIBRARY if _is_yaml(file_name) else ():
         paths = sorted(installed_path(prefix).glob("*.yaml"))
         paths_by_name |= {path.stem: f"{prefix}/{path.name}" for path in paths}
-    for inside in (PurePosixPath(), PurePosixPath(file_name).parent):
-        if inside.is_absolute() or ".." in inside.parts:
+    for subfolder in (PurePosixPath(), PurePosixPath(file_name).parent):
+        if subfolder.is_absolute() or ".." in subfolder.parts:
             continue
         try:
-            with os.scandir(folder / inside) as entries:
+            with os.scandir(folder / subfolder) as entries:
                 files = [entry.name for entry in islice(entries, MAX_LISTED) if entry.is_file()]
         except (OSError, ValueError):
             continue
-        alike = [file for file in sorted(files) if _is_yaml(file) == _is_yaml(file_name)]
-        paths_by_name |= {PurePosixPath(file).stem: str(inside / file) for file in alike}
+        similar_files = [file for file in sorted(files) if _is_yaml(file) == _is_yaml(file_name)]
+        paths_by_name |= {PurePosixPath(file).stem: str(subfolder / file) for file in similar_files}
     stem = nearest(PurePosixPath(file_name).stem, paths_by_name)
     return paths_by_name[stem] if stem is not None else None
 

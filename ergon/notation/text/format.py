@@ -42,9 +42,9 @@ def formatted(source_text: str) -> str:
     if len(source_text) > MAX_BYTES:
         raise TextError(f"more than {MAX_BYTES // 2**20} MB of text", code="E105")
     try:
-        meaning = _meaning(source_text)
+        meaning_before = _meaning(source_text)
         result = _trimmed(_aligned(_spaced(source_text)))
-        if _meaning(result) == meaning:
+        if _meaning(result) == meaning_before:
             return result
     except yaml.YAMLError as error:
         if is_too_deep(error):
@@ -96,16 +96,16 @@ def _texts(source_text: str) -> list[_Text]:
 
 def _meaning(source_text: str) -> list[object]:
     """What must not change: every event, tables as their words."""
-    meaning: list[object] = []
+    event_values: list[object] = []
     for yaml_event, path in _events(source_text):
         if isinstance(yaml_event, yaml.ScalarEvent):
             event_value: object = yaml_event.value
             if _Text(0, 0, path, yaml_event.style).columns:
                 event_value = [line.split() for line in yaml_event.value.rstrip().split("\n")]
-            meaning.append((event_value, yaml_event.style, yaml_event.anchor, yaml_event.tag))
+            event_values.append((event_value, yaml_event.style, yaml_event.anchor, yaml_event.tag))
         else:
-            meaning.append((type(yaml_event), getattr(yaml_event, "anchor", None)))
-    return meaning
+            event_values.append((type(yaml_event), getattr(yaml_event, "anchor", None)))
+    return event_values
 
 
 def _spaced(source_text: str) -> str:
@@ -117,18 +117,18 @@ def _spaced(source_text: str) -> str:
         if isinstance(yaml_token, yaml.KeyToken):  # no character of its own in the flow
             continue
         if previous is not None and depth:
-            gap = slice(previous.end_mark.index, yaml_token.start_mark.index)
-            if not source_text[gap].strip(" "):
-                pieces += (source_text[copied_end : gap.start], _gap(previous, yaml_token))
-                copied_end = gap.stop
+            gap_slice = slice(previous.end_mark.index, yaml_token.start_mark.index)
+            if not source_text[gap_slice].strip(" "):
+                pieces += (source_text[copied_end : gap_slice.start], _gap(previous, yaml_token))
+                copied_end = gap_slice.stop
         depth += isinstance(yaml_token, _OPENERS) - isinstance(yaml_token, _CLOSERS)
         previous = yaml_token
     return "".join((*pieces, source_text[copied_end:]))
 
 
-def _gap(previous: yaml.Token, following: yaml.Token) -> str:
+def _gap(previous: yaml.Token, next_token: yaml.Token) -> str:
     if isinstance(previous, _OPENERS) or isinstance(
-        following, (*_CLOSERS, yaml.FlowEntryToken, yaml.ValueToken)
+        next_token, (*_CLOSERS, yaml.FlowEntryToken, yaml.ValueToken)
     ):
         return ""
     return " "

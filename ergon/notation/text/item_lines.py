@@ -18,7 +18,7 @@ from ergon.notation.text.errors import Collector
 
 # An item in braces, without quotes or comments.
 _PLAIN_TEXT = r"[^][{}\"'#\n]*+"
-_REST = rf"{_PLAIN_TEXT}(?:\[{_PLAIN_TEXT}\]{_PLAIN_TEXT})*+\}}"
+_BRACED_REST = rf"{_PLAIN_TEXT}(?:\[{_PLAIN_TEXT}\]{_PLAIN_TEXT})*+\}}"
 # Lines of one indentation, each an item or an entry; and items in one line. With fewer than 8,
 # nothing is gained. Both begin with a character that is quickly found.
 _ENTRY = r"[A-Za-z][\w-]*: "
@@ -26,7 +26,7 @@ _LINES = re.compile(
     r"\n( *)- \{[^\n]*\}(?=\n)(?:\n\1- \{[^\n]*\}(?=\n)){7,}"
     rf"|\n( +){_ENTRY}\{{[^\n]*\}}(?=\n)(?:\n\2{_ENTRY}\{{[^\n]*\}}(?=\n)){{7,}}"
 )
-_ITEMS = re.compile(rf"\{{(?:(?<=\[\{{)|(?<=, \{{)){_REST}(?:, \{{{_REST}){{7,}}+")
+_ITEMS = re.compile(rf"\{{(?:(?<=\[\{{)|(?<=, \{{)){_BRACED_REST}(?:, \{{{_BRACED_REST}){{7,}}+")
 _size, _node = attrgetter("size"), attrgetter("node")
 _NAME = "lines"  # placeholder for a run; in a mapping with a number
 
@@ -45,8 +45,13 @@ class FoundRun(NamedTuple):
 def find_runs(source_text: str) -> list[FoundRun]:
     """The runs of at least 8 values in a text, in order; none is in another."""
     runs = [
-        FoundRun(m.start() + 1, m.end() + 1, m[2] if m[1] is None else m[1], m[1] is None)
-        for m in _LINES.finditer(source_text)
+        FoundRun(
+            line_match.start() + 1,
+            line_match.end() + 1,
+            line_match[2] if line_match[1] is None else line_match[1],
+            line_match[1] is None,
+        )
+        for line_match in _LINES.finditer(source_text)
     ]
     if ", {" not in source_text:
         return runs
@@ -61,7 +66,7 @@ def find_runs(source_text: str) -> list[FoundRun]:
 
 
 @dataclass(slots=True)
-class _Run:
+class _LineRun:
     """A run of values in a text, and the position of the one value that replaces it in a shortened
     text; `lines` are its values, once they are composed.
     """
@@ -69,10 +74,10 @@ class _Run:
     first: int
     end: int
     short_first: int
-    item: int  # after its dash, or at its name
+    stand_in_index: int  # after its dash, or at its name
     short_end: int
     words: list[str]  # lines, or what is between braces
-    gap: int  # between two of them
+    gap_length: int  # between two of them
     name: str  # the placeholder
     lines: list[Line] = field(default_factory=list)
 
@@ -84,13 +89,13 @@ class _Run:
     def full_index(self, run_index: int) -> int:
         """Index in the text of an index of the shortened text, at this run or after it."""
         # A mapping begins where its first name does.
-        if run_index < self.item + self.is_mapping:
+        if run_index < self.stand_in_index + self.is_mapping:
             return self.first + run_index - self.short_first
         return self.end + run_index - self.short_end
 
-    def bases(self) -> Iterator[int]:
+    def value_starts(self) -> Iterator[int]:
         """Where each value begins in the text."""
-        gaps = count(self.first, self.gap)
+        gaps = count(self.first, self.gap_length)
         return map(add, accumulate(map(len, self.words[:-1]), initial=0), gaps)
 
 
@@ -122,12 +127,12 @@ def compose_by_lines(
         for line_index in [number for number, line in enumerate(lines_before) if line is None]:
             line_word, line_row = (
                 run.words[line_index],
-                first_row if run.gap else first_row + line_index,
+                first_row if run.gap_length else first_row + line_index,
             )
             composed_line = lines_by_word.get(line_word)
             if composed_line is None:
                 composed_line = _line(
-                    f"{{{line_word}}}" if run.gap else line_word,
+                    f"{{{line_word}}}" if run.gap_length else line_word,
                     file_name,
                     line_row,
                     run.is_mapping,
@@ -141,10 +146,10 @@ def compose_by_lines(
     return (composed, lines_by_word) if _filled(composed, runs) else None
 
 
-def _shortened(source_text: str) -> tuple[str, list[_Run]]:
+def _shortened(source_text: str) -> tuple[str, list[_LineRun]]:
     """The text with one value in place of each run, and the runs."""
     short_text, copied_until = "", 0
-    runs: list[_Run] = []
+    runs: list[_LineRun] = []
     for run_start, run_end, indentation, is_mapping in find_runs(source_text):
         short_text += source_text[copied_until:run_start]
         first_length, copied_until, stand_in_name, gap = len(short_text), run_end, _NAME, 0
@@ -169,7 +174,7 @@ def _shortened(source_text: str) -> tuple[str, list[_Run]]:
             )
             short_text += f"{indentation}- {stand_in_name}\n"
         runs.append(
-            _Run(
+            _LineRun(
                 run_start,
                 run_end,
                 first_length,
@@ -199,14 +204,17 @@ def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
     return Line(composed.root, composed.size - is_mapping)
 
 
-def _filled(composed: Document, runs: list[_Run]) -> bool:
+def _filled(composed: Document, runs: list[_LineRun]) -> bool:
     """Put the lines in their places, and move all other nodes to their places in the text.
 
     False if a run is not part of a list or mapping after all.
     """
     assert composed.root is not None
-    by_item, all_nodes = {run.item: run for run in runs}, list(_nodes(composed.root))
-    places = {
+    by_item, all_nodes = (
+        {line_run.stand_in_index: line_run for line_run in runs},
+        list(_nodes(composed.root)),
+    )
+    places_by_node = {
         id(node): (_full_index(node.start, runs), _full_index(node.end, runs)) for node in all_nodes
     }
     n_filled = 0
@@ -215,59 +223,59 @@ def _filled(composed: Document, runs: list[_Run]) -> bool:
             n_filled += _fill_entries(moved_node, by_item)
         if not isinstance(moved_node, Sequence):
             continue
-        fills = [
+        item_runs = [
             isinstance(item, Scalar) and item.text == _NAME and by_item.get(item.start)
             for item in moved_node.items
         ]
-        if any(fills):
-            n_filled += _fill(moved_node, fills)
+        if any(item_runs):
+            n_filled += _fill_items(moved_node, item_runs)
     for moved_node in all_nodes:
-        moved_node.start, moved_node.end = places[id(moved_node)]
-    composed.size += sum(sum(map(_size, run.lines)) for run in runs)
-    composed.size -= sum(1 + run.is_mapping for run in runs)
+        moved_node.start, moved_node.end = places_by_node[id(moved_node)]
+    composed.size += sum(sum(map(_size, line_run.lines)) for line_run in runs)
+    composed.size -= sum(1 + line_run.is_mapping for line_run in runs)
     return n_filled == len(runs)
 
 
 def _nodes(root: Node) -> Iterator[Node]:
-    todo = [root]
-    while todo:
-        inner_node = todo.pop()
+    unvisited_nodes = [root]
+    while unvisited_nodes:
+        inner_node = unvisited_nodes.pop()
         yield inner_node
         if isinstance(inner_node, document.Mapping):
-            todo += [child for entry in inner_node.entries.values() for child in entry]
+            unvisited_nodes += [child for entry in inner_node.entries.values() for child in entry]
         elif isinstance(inner_node, Sequence):
-            todo += inner_node.items
+            unvisited_nodes += inner_node.items
 
 
-def _full_index(index: int, runs: list[_Run]) -> int:
+def _full_index(index: int, runs: list[_LineRun]) -> int:
     """Index in the text of an index of the shortened text."""
     earlier_runs = [run for run in runs if run.short_first <= index]
     return earlier_runs[-1].full_index(index) if earlier_runs else index
 
 
-def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:
-    """Put the items of the runs in `fills` in place of the values that replaced them; returns the
-    number of runs.
+def _fill_items(sequence: Sequence, item_runs: Iterable[_LineRun | bool | None]) -> int:
+    """Put the items of the runs in `item_runs` in place of the values that replaced them; returns
+    the number of runs.
     """
     item_nodes: list[Node] = []
     lines: list[Line | None] = []
-    bases: list[int] = []
+    value_starts: list[int] = []
     n_filled = 0
-    for item_node, run in zip(sequence.items, fills, strict=True):
-        if isinstance(run, _Run):
+    for item_node, run in zip(sequence.items, item_runs, strict=True):
+        if isinstance(run, _LineRun):
             lines += run.lines
             item_nodes += map(_node, run.lines)
-            bases += run.bases()
+            value_starts += run.value_starts()
             n_filled += 1
         else:
             item_nodes.append(item_node)
             lines.append(None)
-            bases.append(0)
-    sequence.items, sequence.lines, sequence.bases = item_nodes, lines, bases
+            value_starts.append(0)
+    sequence.items, sequence.lines, sequence.bases = item_nodes, lines, value_starts
     return n_filled
 
 
-def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int:
+def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _LineRun]) -> int:
     """Put the entries of runs in place of the entries that replaced them; returns the number of
     runs.
 
@@ -288,7 +296,7 @@ def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int
             mapping.entries[entry_name] = filled_entry
             continue
         n_names += len(run.words) - 1
-        for run_line, base in zip(run.lines, run.bases(), strict=True):
+        for run_line, base in zip(run.lines, run.value_starts(), strict=True):
             assert isinstance(run_line.node, document.Mapping)
             mapping.entries |= run_line.node.entries
             first_key = next(iter(run_line.node.entries))

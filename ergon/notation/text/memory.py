@@ -98,14 +98,14 @@ class Memory:
         """The stored value of a key, or a new one by `make`. A value is not stored if `make`
         reported a mistake.
         """
-        built: _Value
+        new_value: _Value
         if key in self._values_now:
-            built = self._values_now[key]
+            new_value = self._values_now[key]
         elif key in self._values_before:
-            built = self._values_now[key] = self._values_before[key]
+            new_value = self._values_now[key] = self._values_before[key]
         else:
             n_reports = self._collector.n_reports
-            built = make()
+            new_value = make()
             if self._collector.n_reports == n_reports:
-                self._values_now[key] = built
-        return built
+                self._values_now[key] = new_value
+        return new_value

@@ -31,26 +31,30 @@ class Section:
     size: int
 
 
-def lines(source_text: str, section_name: str) -> tuple[int, int] | None:
+def section_span(source_text: str, section_name: str) -> tuple[int, int] | None:
     """Where a section's lines begin and end; None where it is not written at the margin."""
     return next(
-        ((first_line, end) for name, first_line, end in _cut(source_text) if name == section_name),
+        (
+            (first_line, end)
+            for name, first_line, end in _top_level_sections(source_text)
+            if name == section_name
+        ),
         None,
     )
 
 
-def names(text: str) -> list[tuple[str, int, int]]:
+def section_spans(text: str) -> list[tuple[str, int, int]]:
     """The sections at the margin: name, and where its lines begin and end."""
-    return list(_cut(text))
+    return list(_top_level_sections(text))
 
 
-def alone(
+def section_composed_alone(
     source_text: str, file_name: str, folder: Path, section_name: str, memory: Memory
 ) -> Section | None:
     """A section, if it can be read without the others; `memory` then also has it for
     `compose_with_memory`.
     """
-    section_lines = lines(source_text, section_name)
+    section_lines = section_span(source_text, section_name)
     if section_lines is None:
         return None
     composed_section = _composed(
@@ -79,8 +83,10 @@ def _has_marker(text: str) -> bool:
 
 # An edit asks for the sections of the same text again and again.
 @lru_cache(maxsize=4)
-def _cut(source_text: str) -> tuple[tuple[str, int, int], ...]:
-    name_matches = [(0, first.group())] if (first := _FIRST_NAME.match(source_text)) else []
+def _top_level_sections(source_text: str) -> tuple[tuple[str, int, int], ...]:
+    name_matches = (
+        [(0, first_match.group())] if (first_match := _FIRST_NAME.match(source_text)) else []
+    )
     name_matches += [
         (match.start() + 1, match.group()) for match in _NEXT_NAME.finditer(source_text)
     ]
@@ -102,7 +108,7 @@ def compose_with_memory(
     composed = Document(file_name, source_text)
     entries_by_name: dict[str, tuple[Scalar, Node]] = {}
     total_size, section_begin, section_row = 1, 0, 0
-    for section_name, section_start, section_end in _cut(source_text):
+    for section_name, section_start, section_end in _top_level_sections(source_text):
         if not entries_by_name:
             section_begin = section_start
             if not _HEAD.fullmatch(source_text, 0, section_start):

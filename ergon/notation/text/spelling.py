@@ -31,10 +31,10 @@ def nearest(typed_word: str, known_names: Iterable[str]) -> str | None:
     """Return the known word that `typed_word` begins or resembles, None when nothing is near."""
     if not typed_word or len(typed_word) > LONGEST_WORD:
         return None
-    lowered = typed_word.lower()
+    lowercase_word = typed_word.lower()
     candidates = {name.lower(): name for name in known_names}
-    with_prefix = [name for name in candidates if name.startswith(lowered)]
+    with_prefix = [name for name in candidates if name.startswith(lowercase_word)]
     if len(with_prefix) == 1:
         return candidates[with_prefix[0]]
-    close = get_close_matches(lowered, candidates, n=1, cutoff=0.6)
-    return candidates[close[0]] if close else None
+    close_matches = get_close_matches(lowercase_word, candidates, n=1, cutoff=0.6)
+    return candidates[close_matches[0]] if close_matches else None

@@ -142,7 +142,8 @@ class Changes:
         """Lines of nested names; the innermost holds the value, or a list of it."""
         indent_step = self.layout.indent_step
         nested_lines = [
-            f"{' ' * (indent + indent_step * i)}{name}:" for i, name in enumerate(names_below)
+            f"{' ' * (indent + indent_step * depth)}{name}:"
+            for depth, name in enumerate(names_below)
         ]
         if is_item:
             return [
@@ -160,52 +161,62 @@ class Changes:
         self, root: Span, name: str, lines: list[str], order: Sequence[str]
     ) -> list[Splice]:
         """Insert a section in its place, with an empty line above if the others have one."""
-        rank = order.index(name) if name in order else len(order)
+        section_rank = order.index(name) if name in order else len(order)
         earlier_sections = [
-            i for i, key in enumerate(root.keys) if key.value in order[:rank] or rank == len(order)
+            key_index
+            for key_index, key in enumerate(root.keys)
+            if key.value in order[:section_rank] or section_rank == len(order)
         ]
-        lay = self.layout
+        text_layout = self.layout
         if not earlier_sections:
             start = root.keys[0].start
-            return [Splice(start, start, "".join(line + lay.newline for line in lines))]
+            return [Splice(start, start, "".join(line + text_layout.newline for line in lines))]
         section_end = root.items[earlier_sections[-1]].end
-        next_line = lay.next_line(section_end)
-        is_spaced = lay.is_blank(next_line)
-        if next_line == len(lay.text):
-            is_spaced = lay.newline * 2 in lay.text
+        next_line = text_layout.next_line(section_end)
+        is_spaced = text_layout.is_blank(next_line)
+        if next_line == len(text_layout.text):
+            is_spaced = text_layout.newline * 2 in text_layout.text
         return [self.below(section_end, ["", *lines] if is_spaced and len(lines) > 1 else lines)]
 
     def item(self, list_span: Span, item_text: str) -> list[Splice]:
         """Add an item at the end of a list or, in flow style, of a mapping."""
-        lay = self.layout
+        text_layout = self.layout
         if not list_span.is_flow:
-            dash = lay.column(lay.child_start(list_span, 0))
-            return [self.below(list_span.end, [f"{' ' * dash}- {item_text}"])]
+            dash_column = text_layout.column(text_layout.child_start(list_span, 0))
+            return [self.below(list_span.end, [f"{' ' * dash_column}- {item_text}"])]
         if not list_span.items:
-            opener = lay.text.index("[" if list_span.kind == "sequence" else "{", list_span.start)
-            return [Splice(opener + 1, opener + 1, item_text)]
+            opening_index = text_layout.text.index(
+                "[" if list_span.kind == "sequence" else "{", list_span.start
+            )
+            return [Splice(opening_index + 1, opening_index + 1, item_text)]
         last_item = list_span.items[-1]
         end_index = max(last_item.end, list_span.keys[-1].end) if list_span.keys else last_item.end
-        start_index = lay.child_start(list_span, len(list_span.items) - 1)
-        if not lay.begins_line(start_index):
+        start_index = text_layout.child_start(list_span, len(list_span.items) - 1)
+        if not text_layout.begins_line(start_index):
             return [Splice(end_index, end_index, f", {item_text}")]
-        comma = lay.next_token(end_index)
-        has_comma = lay.text[comma : comma + 1] == ","
+        comma = text_layout.next_token(end_index)
+        has_comma = text_layout.text[comma : comma + 1] == ","
         splices = [] if has_comma else [Splice(end_index, end_index, ",")]
-        item_line = " " * lay.column(start_index) + item_text + ("," if has_comma else "")
-        closer = list_span.end - 1
-        if lay.line_end(end_index) > closer:  # the bracket closes in the last item's line
+        item_line = " " * text_layout.column(start_index) + item_text + ("," if has_comma else "")
+        closing_index = list_span.end - 1
+        if (
+            text_layout.line_end(end_index) > closing_index
+        ):  # the bracket closes in the last item's line
             return [Splice(end_index, end_index, f", {item_text}")]
         return [*splices, self.below(end_index, [item_line])]
 
     def before(self, node: Span, number: int, text: str) -> list[Splice]:
         """Insert an item before another one of a list: in its line, or in a line above it."""
-        lay = self.layout
-        start_index = lay.child_start(node, number)
-        lead = text if node.is_flow else f"- {text}"
-        if lay.begins_line(start_index):
-            separator = ("," if node.is_flow else "") + lay.newline + " " * lay.column(start_index)
-            return [Splice(start_index, start_index, lead + separator)]
+        text_layout = self.layout
+        start_index = text_layout.child_start(node, number)
+        item_start = text if node.is_flow else f"- {text}"
+        if text_layout.begins_line(start_index):
+            separator = (
+                ("," if node.is_flow else "")
+                + text_layout.newline
+                + " " * text_layout.column(start_index)
+            )
+            return [Splice(start_index, start_index, item_start + separator)]
         if not node.is_flow:
             raise EditError(
                 "an entry cannot be inserted above this one, which does not begin a line"
@@ -214,7 +225,7 @@ class Changes:
 
     def wrap_in_list(self, parent: Span, lone_span: Span, item_text: str) -> list[Splice]:
         """Make a lone value the first item of a list of two."""
-        lay = self.layout
+        text_layout = self.layout
         if lone_span.is_flow or parent.is_flow or lone_span.kind == "scalar":
             if lone_span.is_block:
                 raise EditError("a text of several lines cannot become an item of a list")
@@ -222,23 +233,25 @@ class Changes:
                 Splice(lone_span.start, lone_span.start, "["),
                 Splice(lone_span.end, lone_span.end, f", {item_text}]"),
             ]
-        if lone_span.kind == "alias" or not lay.begins_line(lone_span.start):
+        if lone_span.kind == "alias" or not text_layout.begins_line(lone_span.start):
             raise EditError(
                 "the value cannot become a list as it is written; "
                 "edit the text of the score instead"
             )
-        indent, splices = lay.column(lone_span.start), []
-        start_index = lay.line_start(lone_span.start)
+        indent, splices = text_layout.column(lone_span.start), []
+        start_index = text_layout.line_start(lone_span.start)
         while start_index <= lone_span.end:
-            if lay.text[start_index : lay.line_end(start_index)].strip():
-                lead = "- " if start_index == lay.line_start(lone_span.start) else "  "
-                splices.append(Splice(start_index + indent, start_index + indent, lead))
+            if text_layout.text[start_index : text_layout.line_end(start_index)].strip():
+                line_start_text = (
+                    "- " if start_index == text_layout.line_start(lone_span.start) else "  "
+                )
+                splices.append(Splice(start_index + indent, start_index + indent, line_start_text))
             if (
-                lay.next_line(start_index) == start_index
-                or lay.next_line(start_index) > lone_span.end
+                text_layout.next_line(start_index) == start_index
+                or text_layout.next_line(start_index) > lone_span.end
             ):
                 break
-            start_index = lay.next_line(start_index)
+            start_index = text_layout.next_line(start_index)
         return [*splices, self.below(lone_span.end, [f"{' ' * indent}- {item_text}"])]
 
     # --- taking away -----------------------------------------------------------------------------
@@ -247,25 +260,29 @@ class Changes:
         """Remove an entry with its lines; of two empty lines that would meet, one is removed
         too.
         """
-        lay = self.layout
+        text_layout = self.layout
         start_index, end_index = (
-            lay.child_start(parent_span, child_index),
+            text_layout.child_start(parent_span, child_index),
             parent_span.items[child_index].end,
         )
-        if not lay.begins_line(start_index):
+        if not text_layout.begins_line(start_index):
             if len(parent_span.items) == 1:
-                return [Splice(start_index, lay.line_end(end_index), "")]
-            cut_end = lay.child_start(parent_span, 1)
-            if "#" in lay.text[lay.line_end(end_index) : cut_end]:
+                return [Splice(start_index, text_layout.line_end(end_index), "")]
+            cut_end = text_layout.child_start(parent_span, 1)
+            if "#" in text_layout.text[text_layout.line_end(end_index) : cut_end]:
                 raise EditError(
                     "a comment is between this entry and the next; move the comment first"
                 )
             return [Splice(start_index, cut_end, "")]
-        cut_start, cut_end = lay.line_start(start_index), lay.next_line(end_index)
-        is_end = cut_end == len(lay.text)
-        if cut_start and lay.is_blank(cut_start - 1) and (is_end or lay.is_blank(cut_end)):
-            cut_start = lay.line_start(cut_start - 1)
-        return [Splice(*lay.with_break(cut_start, cut_end), "")]
+        cut_start, cut_end = text_layout.line_start(start_index), text_layout.next_line(end_index)
+        is_end = cut_end == len(text_layout.text)
+        if (
+            cut_start
+            and text_layout.is_blank(cut_start - 1)
+            and (is_end or text_layout.is_blank(cut_end))
+        ):
+            cut_start = text_layout.line_start(cut_start - 1)
+        return [Splice(*text_layout.with_break(cut_start, cut_end), "")]
 
     def cut_flow(
         self, parent_span: Span, child_index: int, removed_numbers: Collection[int]
