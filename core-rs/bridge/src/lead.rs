@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use ergon_live::lead::path::{PathReader, PointerPosition};
-use ergon_live::lead::{FingerConstants, HeldKey, PointerStream as Stream, PointerStreamOptions, TRACE_COLUMNS};
+use ergon_live::pointer::path::{PathReader, PointerPosition};
+use ergon_live::pointer::{FingerConstants, HeldKey, PointerStream as Stream, PointerStreamOptions, TRACE_COLUMNS};
 use ergon_view::serve::PageKey;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;

@@ -91,8 +91,8 @@ pub(crate) struct Script {
 struct State {
     frame: u64,
     parameters: Parameters,
-    mechanics: MechanicalState,
-    excitations: Excitations,
+    motion: MotionState,
+    sources: ExcitationSources,
     monitors: Monitors,
 }
 
@@ -112,17 +112,17 @@ struct Parameters {
 
 /// What moves: positions, bodies inside the island, contacts between frames.
 #[derive(Clone, Debug)]
-struct MechanicalState {
+struct MotionState {
     modules: ModuleState,
     bodies: Vec<bodies::RunningBody>,
     fine_links: Option<fine::FineLinks>,
-    kernel_scratch: KernelScratch,
+    scratch: KernelScratch,
     targets: Vec<ImposedTarget>,
 }
 
 /// What plays: written hands, real hands, ergons, sounds that come in.
 #[derive(Clone, Debug)]
-struct Excitations {
+struct ExcitationSources {
     voices: Vec<Voice>,
     reports: Vec<GestureReport>,
     /// Indices of the next push and of the next ergon.
@@ -174,7 +174,7 @@ fn write_gate_openings(open: &mut [f64], gates: &[Gate], continuations: &[Option
     }
 }
 
-impl MechanicalState {
+impl MotionState {
     /// Give the ports of all bodies their positions and steps.
     fn set_ports(&mut self) {
         for running_body in &self.bodies {
@@ -205,25 +205,25 @@ impl Island {
 
     /// Positions now [m], (n_mat).
     pub(crate) fn positions(&self) -> &[f64] {
-        &self.state.mechanics.modules.x
+        &self.state.motion.modules.x
     }
 
     /// Whether a team of threads can share its work.
     pub(crate) fn can_share_work(&self) -> bool {
         let state = &self.state;
-        state.mechanics.kernel_scratch.mesh_partition.is_some()
-            || state.mechanics.bodies.iter().any(bodies::RunningBody::can_share_work)
+        state.motion.scratch.mesh_partition.is_some()
+            || state.motion.bodies.iter().any(bodies::RunningBody::can_share_work)
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
     pub(crate) fn backward_steps(&self) -> &[f64] {
-        &self.state.mechanics.modules.d
+        &self.state.motion.modules.d
     }
 
     /// Reports the position that the gesture of each key requests [m], NaN if none runs, then the deviation of each of
     /// the key's layers [m]. Arguments: key, value, whether it is a layer.
     pub(crate) fn report_gesture_positions(&self, mut report_position: impl FnMut(usize, f64, bool)) {
-        for (voice, voice_script) in self.state.excitations.voices.iter().zip(&self.script.voices) {
+        for (voice, voice_script) in self.state.sources.voices.iter().zip(&self.script.voices) {
             // The voice of a key comes before its layers.
             let asked_displacement = if voice_script.is_layer {
                 voice.deviation(voice_script)
@@ -236,13 +236,13 @@ impl Island {
 
     /// Reports of all gestures, in the timeline's order.
     pub(crate) fn reports(&self) -> &[GestureReport] {
-        &self.state.excitations.reports
+        &self.state.sources.reports
     }
 
     /// Whether a contact that is computed finely has been closed.
     pub(crate) fn has_closed_fine_contact(&self) -> bool {
         self.state
-            .mechanics
+            .motion
             .fine_links
             .as_ref()
             .is_some_and(|fine_links| fine_links.has_closed)
@@ -250,13 +250,13 @@ impl Island {
 
     /// Work of contacts that are computed finely, so far.
     pub(crate) fn fine_work(&self) -> fine::FineWork {
-        let fine_links = self.state.mechanics.fine_links.as_ref();
+        let fine_links = self.state.motion.fine_links.as_ref();
         fine_links.map_or_else(fine::FineWork::default, fine::FineLinks::work)
     }
 
     /// Work of exact contacts and frictions, so far.
     pub(crate) fn exact_work(&self) -> ExactWork {
-        self.state.mechanics.modules.exact_work
+        self.state.motion.modules.exact_work
     }
 
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.
@@ -277,14 +277,14 @@ impl Island {
             self.wake();
         }
         self.state.parameters.step_decay = step_factor;
-        for body in &mut self.state.mechanics.bodies {
+        for body in &mut self.state.motion.bodies {
             body.damp(decay_factor);
         }
     }
 
     /// Raises the squares of the modes of each body to at least the square of their present amplitude.
     pub(crate) fn raise_mode_squares(&self, squares: &mut [Vec<f64>]) {
-        for (body, squares) in self.state.mechanics.bodies.iter().zip(squares) {
+        for (body, squares) in self.state.motion.bodies.iter().zip(squares) {
             if let Some(modal_body) = body.modal() {
                 modal_body.raise_mode_squares(squares);
             }
@@ -293,13 +293,13 @@ impl Island {
 
     /// Ergons since the last call.
     pub(crate) fn take_ergons(&mut self) -> Vec<FramedErgon> {
-        self.state.excitations.ergon_stream.take_all()
+        self.state.sources.ergon_stream.take_all()
     }
 
     /// From here on, note the strongest push of each contact and the ergons of written hands.
     pub(crate) fn start_watching(&mut self) {
         self.state.monitors.contact_peaks = contact_peaks::ContactPeaks::new(&self.network);
-        let voices = &mut self.state.excitations.voices;
+        let voices = &mut self.state.sources.voices;
         voices.iter_mut().for_each(|voice| voice.sparks.start_watching());
         self.wake_from_rest();
     }
@@ -313,14 +313,14 @@ impl Island {
 
     /// Reports the ergons of written hands since the last call.
     pub(crate) fn take_sparks(&mut self, mut report_spark: impl FnMut(ErgonRecord)) {
-        for voice in &mut self.state.excitations.voices {
+        for voice in &mut self.state.sources.voices {
             voice.sparks.take(&mut report_spark);
         }
     }
 
     /// Largest number of ergons that [`Self::take_sparks`] reports in one call.
     pub(crate) fn sparks_max(&self) -> usize {
-        SPARKS * self.state.excitations.voices.len()
+        SPARKS * self.state.sources.voices.len()
     }
 
     /// Whether a link in space is broken.
@@ -330,7 +330,7 @@ impl Island {
 
     /// The bodies of the island.
     pub(crate) fn bodies(&self) -> &[bodies::RunningBody] {
-        &self.state.mechanics.bodies
+        &self.state.motion.bodies
     }
 
     /// The ledger, if it is kept.
@@ -343,7 +343,7 @@ impl Island {
                     .changing_scheme
                     .as_deref()
                     .unwrap_or(&self.script.scheme),
-                &state.mechanics.modules,
+                &state.motion.modules,
             )
         })
     }
@@ -376,7 +376,7 @@ impl Island {
         });
         let bodies = self
             .state
-            .mechanics
+            .motion
             .bodies
             .iter()
             .filter_map(bodies::RunningBody::finer_frames);
@@ -389,11 +389,11 @@ impl Island {
     /// Reserves room for every target that can occur, because a cloned vector has no spare capacity.
     pub(crate) fn reserve(&mut self) {
         let n_targets = self.script.drives.len() + self.script.voices.len();
-        self.state.mechanics.targets.reserve(n_targets);
-        for (voice, voice_script) in self.state.excitations.voices.iter_mut().zip(&self.script.voices) {
+        self.state.motion.targets.reserve(n_targets);
+        for (voice, voice_script) in self.state.sources.voices.iter_mut().zip(&self.script.voices) {
             voice.reserve(voice_script);
         }
-        for body in &mut self.state.mechanics.bodies {
+        for body in &mut self.state.motion.bodies {
             body.reserve();
         }
         if let Some(ledger) = &mut self.state.monitors.ledger {

@@ -9,9 +9,9 @@ mod emulated;
 mod firefader;
 mod frame;
 pub(crate) mod haply;
-mod led;
 #[cfg(unix)]
 mod lock;
+mod pointer_device;
 mod port;
 pub mod ports;
 mod url;
@@ -108,7 +108,7 @@ pub fn open_until(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Box<dyn 
 /// # Errors
 /// [`DeviceError`] if nothing leads it, or nobody plays it now.
 pub fn open_led(url: &DeviceUrl, period: f64, is_retry: bool) -> Result<Box<dyn Device>, DeviceError> {
-    Ok(Box::new(led::PointerDevice::open(url, period, is_retry)?))
+    Ok(Box::new(pointer_device::PointerDevice::open(url, period, is_retry)?))
 }
 
 /// The driver of a kind of device for a board that is emulated inside this process.

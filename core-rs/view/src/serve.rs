@@ -20,16 +20,16 @@ mod connection;
 mod hub;
 mod keys;
 mod pace;
+mod pending_connections;
 mod player;
 mod request;
-mod strangers;
 mod viewer;
 
 pub use access::AccessKey;
 pub use hub::{MessageHub, NextMessage, Retention, ViewerCursor};
 pub use keys::{KeyPoints, PageKey};
 
-use strangers::PendingConnections;
+use pending_connections::PendingConnections;
 
 /// Limits of connections; the defaults suit people, tests use shorter times.
 #[derive(Clone, Copy, Debug)]

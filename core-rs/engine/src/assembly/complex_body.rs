@@ -260,10 +260,10 @@ impl ModalBody for ComplexModeBody<'_> {
         };
         let energies: Vec<f64> = (0..body_modes.len()).map(mode_energy).collect();
         let row_norms = |row: &Vec<[f64; 2]>| row.iter().map(|&c| squared_norm(c).sqrt()).collect();
-        let seen_rows: Vec<Vec<f64>> = body_modes.output_shapes.iter().map(row_norms).collect();
-        let seen_rows: Vec<&[f64]> = seen_rows.iter().map(Vec::as_slice).collect();
+        let output_rows: Vec<Vec<f64>> = body_modes.output_shapes.iter().map(row_norms).collect();
+        let output_rows: Vec<&[f64]> = output_rows.iter().map(Vec::as_slice).collect();
         let frequency = |mode: usize| body_modes.frequency_and_decay(mode).0;
-        let mut loudest = truncate::loudest_by_energy(&[energies], &seen_rows, allowed, self.budget, frequency);
+        let mut loudest = truncate::loudest_by_energy(&[energies], &output_rows, allowed, self.budget, frequency);
         // Rigid motion stays, however quiet it is.
         let is_free_mode = |mode: &usize| body_modes.poles[*mode] == Pole::Free;
         loudest.modes.extend((0..body_modes.len()).filter(is_free_mode));

@@ -6,7 +6,7 @@ use crate::archive::{Archive, Damaged, State as Archived, state_of};
 impl Island {
     /// Whether its state can be written: ledgers and streams of ergons cannot.
     pub(crate) fn is_storable(&self) -> bool {
-        self.state.monitors.ledger.is_none() && !self.state.excitations.ergon_stream.is_recording()
+        self.state.monitors.ledger.is_none() && !self.state.sources.ergon_stream.is_recording()
     }
 
     /// The changing state, as bytes.
@@ -49,24 +49,24 @@ impl Archived for State {
         // archived.
         let has_begun = |report: &crate::gesture::report::GestureReport| !report.start.is_nan();
         let mut n_reports = self
-            .excitations
+            .sources
             .reports
             .iter()
             .rposition(has_begun)
             .map_or(0, |last_begun| last_begun + 1);
         n_reports.archive(archive)?;
-        let reports = self.excitations.reports.get_mut(..n_reports).ok_or(Damaged)?;
+        let reports = self.sources.reports.get_mut(..n_reports).ok_or(Damaged)?;
         reports.archive(archive)?;
         let Self {
             parameters,
-            mechanics: matter,
-            excitations: players,
+            motion,
+            sources,
             monitors,
             ..
         } = self;
-        state_of!(matter, archive, modules, bodies, fine_links)?;
+        state_of!(motion, archive, modules, bodies, fine_links)?;
         state_of!(
-            players,
+            sources,
             archive,
             voices,
             next_push,

@@ -16,7 +16,7 @@ use super::real_hands::{HandState, hand_bindings};
 use super::rest::RestSearch;
 use super::sounds_in::sound_drives;
 use super::voices::{build_voices, framed_gestures};
-use super::{ErgonStream, Excitations, Island, MechanicalState, Monitors, OnFault, Parameters, Script, State};
+use super::{ErgonStream, ExcitationSources, Island, Monitors, MotionState, OnFault, Parameters, Script, State};
 use crate::gesture::report::GestureReport;
 use crate::guard::{Guard, StabilityLimit};
 use crate::interrupt;
@@ -69,39 +69,39 @@ impl Island {
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
         let (mut scheme, fine_runs) = island_scheme(&network, timeline, steps.contact_substeps)?;
-        let mut matter = start_matter(&network, timeline, bodies, &scheme, fine_runs, steps)?;
+        let mut motion = start_matter(&network, timeline, bodies, &scheme, fine_runs, steps)?;
         let gestures = framed_gestures(timeline);
         let (voice_scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
-        let guard = build_guard(&network, timeline, bodies, &scheme, &matter, options)?;
-        matter.modules.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        let guard = build_guard(&network, timeline, bodies, &scheme, &motion, options)?;
+        motion.modules.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         let springs = energy_gain::hardening_springs(&scheme);
         if !options.ledger {
             fuse_springs(&mut scheme, &network, &voice_scripts, timeline);
         }
         let energy_gains = build_energy_gains(timeline, &scheme, springs, options);
-        let energy_rise = build_energy_rise(&network, timeline, &scheme, &matter, options);
+        let energy_rise = build_energy_rise(&network, timeline, &scheme, &motion, options);
         let led_links = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::build_glides(&network, timeline, &scheme)?;
-        matter.kernel_scratch = build_laws(&scheme, options);
-        for running_body in &mut matter.bodies {
+        motion.scratch = build_laws(&scheme, options);
+        for running_body in &mut motion.bodies {
             running_body.prepare_team(options.threads);
         }
         let values_change = !glides.is_empty() || !led_links.is_empty() || network.has_following();
         let changing_scheme = values_change.then(|| {
             let mut changing_scheme = scheme.with_changing_coefficients();
-            super::glide::apply_following_masses(&scheme, &mut changing_scheme, &matter.modules.x);
+            super::glide::apply_following_masses(&scheme, &mut changing_scheme, &motion.modules.x);
             changing_scheme
         });
         let ledger = options.ledger.then(|| {
             let scheme = changing_scheme.as_deref().unwrap_or(&scheme);
-            Ledger::new(scheme, &timeline.gates, &mut matter.modules)
+            Ledger::new(scheme, &timeline.gates, &mut motion.modules)
         });
         let hand_bindings = hand_bindings(&timeline.drives);
         let port_bindings = port_bindings(&timeline.drives, timeline.rate.hertz());
         let strike_points = strike_points(timeline);
         let (sound_drives, input_signals) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
-        let fine_link_ends = |mat| matter.fine_links.as_ref().map_or(0, |links| links.link_ends_on(mat));
+        let fine_link_ends = |mat| motion.fine_links.as_ref().map_or(0, |links| links.link_ends_on(mat));
         let pushes = strike_forces(&network, timeline, |mat| network.degree(mat) == fine_link_ends(mat));
         let state = State {
             frame: 0,
@@ -112,7 +112,7 @@ impl Island {
                 step_decay: 1.0,
                 changing_scheme,
             },
-            excitations: Excitations {
+            sources: ExcitationSources {
                 voices,
                 reports: vec![GestureReport::default(); timeline.gestures.len()],
                 next_push: 0,
@@ -132,7 +132,7 @@ impl Island {
                 energy_rise,
                 ledger,
             },
-            mechanics: matter,
+            motion,
         };
         let script = Script {
             scheme,
@@ -201,7 +201,7 @@ fn start_matter(
     scheme: &Scheme,
     mut fine_runs: Vec<LinkRun>,
     steps: StepNumbers,
-) -> Result<MechanicalState, Error> {
+) -> Result<MotionState, Error> {
     let link_acts = |first: usize| interrupt::each(&fine_runs).all(|run| run.first_link != first);
     let led_start = match &timeline.leads[..] {
         [] if network.following_masses().is_empty() => None,
@@ -227,8 +227,8 @@ fn start_matter(
     }
     kernel::proxies::set_from_masses(scheme, &mut body); // bodies have moved their ports
     let fine_links = build_fine_links(fine_runs, scheme, network, &mut bodies, steps, timeline);
-    Ok(MechanicalState {
-        kernel_scratch: KernelScratch::new(scheme),
+    Ok(MotionState {
+        scratch: KernelScratch::new(scheme),
         modules: body,
         bodies,
         fine_links,
@@ -247,7 +247,7 @@ fn build_guard(
     timeline: &Timeline,
     plans: &[BodyPlan],
     scheme: &Scheme,
-    matter: &MechanicalState,
+    motion: &MotionState,
     options: SimulationOptions,
 ) -> Result<Option<Box<Guard>>, Error> {
     if options.unchecked || timeline.is_unguarded {
@@ -259,7 +259,7 @@ fn build_guard(
     } else {
         let stiffest = with_greatest_factors(network, &timeline.leads)?;
         let mut stiffest_scheme = Scheme::new(&stiffest, timeline.rate)?;
-        if matter.fine_links.is_some() {
+        if motion.fine_links.is_some() {
             stiffest_scheme.take_substepped(&timeline.determined_mats());
         }
         Guard::new(&stiffest_scheme, &stiffest, StabilityLimit::CA, &body_ports)?
@@ -291,7 +291,7 @@ fn build_energy_rise(
     network: &Network,
     timeline: &Timeline,
     scheme: &Scheme,
-    matter: &MechanicalState,
+    motion: &MotionState,
     options: SimulationOptions,
 ) -> Option<Box<EnergyRise>> {
     // A force does work all the time, a constant one too, although no event falls on the island then.
@@ -299,7 +299,7 @@ fn build_energy_rise(
     if options.unchecked || is_pushed || !timeline.glides.is_empty() {
         return None;
     }
-    let (bodies, fine_state) = (&matter.bodies, matter.fine_links.as_ref());
+    let (bodies, fine_state) = (&motion.bodies, motion.fine_links.as_ref());
     EnergyRise::new(network, scheme, bodies, fine_state, timeline.rate)
 }
 

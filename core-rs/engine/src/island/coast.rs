@@ -10,7 +10,7 @@ use super::energy_account;
 use super::fault::Fault;
 use super::fine::OPEN_MARGIN;
 use super::step::StepOutputs;
-use super::{Excitations, Island, Script, bodies, energy_rise};
+use super::{ExcitationSources, Island, Script, bodies, energy_rise};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::But;
@@ -32,16 +32,16 @@ impl Island {
     /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on
     /// it.
     pub(super) fn can_coast(&self) -> bool {
-        let (scheme, matter) = (&self.script.scheme, &self.state.mechanics);
+        let (scheme, motion) = (&self.script.scheme, &self.state.motion);
         let has_only_contacts = scheme.runs.iter().all(|run| contact_law(run).is_some())
             && scheme.fused_springs.is_empty()
             && scheme.exact_runs.is_empty()
             && scheme.proxies.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0);
-        let has_contacts = !scheme.runs.is_empty() || matter.fine_links.is_some();
+        let has_contacts = !scheme.runs.is_empty() || motion.fine_links.is_some();
         has_only_contacts
             && has_contacts
-            && matter.bodies.iter().all(bodies::RunningBody::can_coast)
+            && motion.bodies.iter().all(bodies::RunningBody::can_coast)
             && self.has_only_events()
     }
 
@@ -64,17 +64,17 @@ impl Island {
     pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, steps: Range<usize>) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
-        let mut fine_links = state.mechanics.fine_links.as_mut();
+        let mut fine_links = state.motion.fine_links.as_mut();
         let has_later_force = fine_links.as_ref().is_some_and(|links| links.has_later_force());
-        if has_later_force || !are_contacts_open(scheme, &state.mechanics.modules) {
+        if has_later_force || !are_contacts_open(scheme, &state.motion.modules) {
             return Ok(0);
         }
         let gains = state.monitors.energy_gains.as_ref();
         if gains.is_some_and(|gains| !gains.is_idle()) {
             return Ok(0);
         }
-        let steps_to_event = steps_to_event(script, &state.excitations, first_step);
-        let modal_bodies = state.mechanics.bodies.iter().filter_map(bodies::RunningBody::modal);
+        let steps_to_event = steps_to_event(script, &state.sources, first_step);
+        let modal_bodies = state.motion.bodies.iter().filter_map(bodies::RunningBody::modal);
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::frames_ahead);
         let energy_rise = state.monitors.energy_rise.as_ref();
         let check_steps = [
@@ -88,15 +88,13 @@ impl Island {
             return Ok(0);
         }
         // The motion without forces is needed here: forces of the step before are cleared.
-        state.mechanics.modules.force.fill(0.0);
-        let has_bodies = !state.mechanics.bodies.is_empty();
+        state.motion.modules.force.fill(0.0);
+        let has_bodies = !state.motion.bodies.is_empty();
         let (mut steps_done, mut is_bounded, mut open_until_step, mut next_bound_attempt) = (0, true, 0, 0);
         while steps_done < coast_steps && is_bounded {
-            let modules = &mut state.mechanics.modules;
+            let modules = &mut state.motion.modules;
             if steps_done >= open_until_step {
-                let stays_open = fine_links
-                    .as_ref()
-                    .is_none_or(|links| links.stays_open(scheme, modules));
+                let stays_open = fine_links.as_ref().is_none_or(|fine| fine.stays_open(scheme, modules));
                 if !stays_open || !are_contacts_open(scheme, modules) {
                     break;
                 }
@@ -121,21 +119,21 @@ impl Island {
             let island_step = first_step + steps_done as u64;
             if let Some(output_row) = outputs.row(steps.start + steps_done) {
                 kernel::write_outputs(scheme, modules, output_row);
-                for running_body in &state.mechanics.bodies {
+                for running_body in &state.motion.bodies {
                     running_body.add_outputs_ahead(steps_done, output_row);
                 }
                 state.monitors.muted_parts.fade(island_step, scheme, output_row);
             }
-            for (voice, voice_script) in state.excitations.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(voice_script, &mut state.excitations.reports, island_step);
+            for (voice, voice_script) in state.sources.voices.iter_mut().zip(&script.voices) {
+                voice.step_idle(voice_script, &mut state.sources.reports, island_step);
             }
             is_bounded = kernel::advance_mats(scheme, &mut [], modules, None, &mut ThreadTeam::alone());
             steps_done += 1;
-            for running_body in &mut state.mechanics.bodies {
+            for running_body in &mut state.motion.bodies {
                 is_bounded &= running_body.set_ports_ahead(steps_done, modules);
             }
         }
-        let modal_bodies = state.mechanics.bodies.iter_mut();
+        let modal_bodies = state.motion.bodies.iter_mut();
         for modal in modal_bodies.filter_map(bodies::RunningBody::modal_mut) {
             modal.advance_ahead(steps_done);
         }
@@ -148,15 +146,15 @@ impl Island {
 }
 
 /// Steps from `step_now` before the first in which a gesture, a push or an ergon may act.
-pub(super) fn steps_to_event(script: &Script, players: &Excitations, step_now: u64) -> usize {
-    let push_frame = script.pushes.get(players.next_push).map(|push| push.frame);
-    let next_ergon = script.ergons.get(players.next_ergon);
+pub(super) fn steps_to_event(script: &Script, sources: &ExcitationSources, step_now: u64) -> usize {
+    let push_frame = script.pushes.get(sources.next_push).map(|push| push.frame);
+    let next_ergon = script.ergons.get(sources.next_ergon);
     let next_ergon = next_ergon.map(|(frame, _)| *frame);
-    let voice_frames = players.voices.iter().zip(&script.voices);
+    let voice_frames = sources.voices.iter().zip(&script.voices);
     let voice_frames =
         voice_frames.map(|(voice, voice_script)| voice.idle_until(voice_script, &script.gestures).unwrap_or(step_now));
     let event_frames = push_frame.into_iter().chain(next_ergon).chain(voice_frames);
-    let event_frames = event_frames.chain(players.has_pending_strikes().then_some(step_now));
+    let event_frames = event_frames.chain(sources.has_pending_strikes().then_some(step_now));
     let event_steps = event_frames.map(|event_frame| event_frame.saturating_sub(step_now) as usize);
     event_steps.fold(usize::MAX, usize::min)
 }

@@ -199,7 +199,7 @@ impl Island {
             Some((pair_gains.first_link(), pair_gains.worst_gain()?))
         });
         let fine_gain = state
-            .mechanics
+            .motion
             .fine_links
             .iter()
             .filter_map(|fine_links| fine_links.stepped_points().worst_gain());
@@ -219,7 +219,7 @@ impl Island {
     pub(crate) fn energy_gains(&self) -> impl Iterator<Item = (String, EnergyGain)> {
         let link_gains = self.link_gains();
         let link_gains = link_gains.map(|(link, gain)| (self.network.link_name(link), gain));
-        let bodies = self.state.mechanics.bodies.iter();
+        let bodies = self.state.motion.bodies.iter();
         link_gains.chain(bodies.filter_map(|body| Some((body.first_moving_mat()?.0, body.energy_gain()?))))
     }
 
@@ -227,7 +227,7 @@ impl Island {
     /// it.
     pub(crate) fn has_energy_risen(&self) -> bool {
         let state = &self.state;
-        let fine_state = state.mechanics.fine_links.as_ref();
+        let fine_state = state.motion.fine_links.as_ref();
         let energy_rise = state.monitors.energy_rise.as_ref();
         fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst_gain().is_some())
             || energy_rise.is_some_and(|energy_rise| energy_rise.worst_gain().is_some())
@@ -235,7 +235,7 @@ impl Island {
 
     /// Number of links and bodies that created energy.
     pub(crate) fn n_energy_gains(&self) -> usize {
-        let bodies = self.state.mechanics.bodies.iter();
+        let bodies = self.state.motion.bodies.iter();
         self.link_gains().count() + bodies.filter(|body| body.energy_gain().is_some()).count()
     }
 
@@ -254,12 +254,12 @@ impl Island {
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let energy_now = motion_energy(frame_scheme, &state.mechanics.bodies, &state.mechanics.modules);
+        let energy_now = motion_energy(frame_scheme, &state.motion.bodies, &state.motion.modules);
         let watched_links = state.monitors.energy_gains.iter().flat_map(|gains| {
             let imposed_work = gains.imposed_work.work_max();
             let watched_links = gains.link_accounts.iter().zip(&gains.checked_links);
             watched_links.map(move |(link_account, link)| {
-                let gain = link_account.energy_gain(link, &state.mechanics.modules, (energy_now, imposed_work), 0);
+                let gain = link_account.energy_gain(link, &state.motion.modules, (energy_now, imposed_work), 0);
                 (matches!(link.run.kind, LinkRunKind::But(_)), gain)
             })
         });
@@ -288,7 +288,7 @@ impl Island {
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let (body, bodies) = (&state.mechanics.modules, &state.mechanics.bodies);
+        let (body, bodies) = (&state.motion.modules, &state.motion.bodies);
         let energy_now = || motion_energy(frame_scheme, bodies, body);
         let hand_bindings = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
@@ -320,7 +320,7 @@ impl Island {
                 gain_faults.push((self.network.link_name(pair_gains.first_link()), part, gain));
             }
         }
-        if let Some(fine_state) = &mut state.mechanics.fine_links
+        if let Some(fine_state) = &mut state.motion.fine_links
             && let Some((gained_link, moved_mat, gain)) = fine_state
                 .stepped_points_mut()
                 .check_energy((energy_now, imposed_work), island_step)
@@ -332,7 +332,7 @@ impl Island {
                 gain,
             ));
         }
-        for body in &mut self.state.mechanics.bodies {
+        for body in &mut self.state.motion.bodies {
             if let Some(gain) = body.check_energy_gain(island_step).filter(EnergyGain::is_fault)
                 && let Some((module_name, part)) = body.first_moving_mat()
             {

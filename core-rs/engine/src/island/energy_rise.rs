@@ -236,7 +236,7 @@ impl Island {
         energy_rise.next_event_step = next_due;
         let rise_gain = energy_rise.energy_gain(self.total_energy(&energy_rise), had_no_event, last_step);
         let rise_gain = rise_gain.filter(|rise_gain| rise_gain.created_energy > self.rounding_energy());
-        if let (Some(rise_gain), Some(fine_state)) = (&rise_gain, &mut self.state.mechanics.fine_links)
+        if let (Some(rise_gain), Some(fine_state)) = (&rise_gain, &mut self.state.motion.fine_links)
             && energy_rise.needs_refinement(rise_gain)
         {
             fine_state.refine();
@@ -255,7 +255,7 @@ impl Island {
     /// The energy of all MATs, bodies and links.
     fn total_energy(&self, energy_rise: &EnergyRise) -> EnergyTotal {
         let state = &self.state;
-        let modules = &state.mechanics.modules;
+        let modules = &state.motion.modules;
         let frame_scheme = state
             .parameters
             .changing_scheme
@@ -268,7 +268,7 @@ impl Island {
             // What impulses between frames have still to add.
             let later_step = || {
                 w * state
-                    .mechanics
+                    .motion
                     .fine_links
                     .as_ref()
                     .map_or(0.0, |fine_state| fine_state.next_frame_force_at(mat))
@@ -288,11 +288,11 @@ impl Island {
                 }
             }
         }
-        for modal in state.mechanics.bodies.iter().filter_map(RunningBody::modal) {
+        for modal in state.motion.bodies.iter().filter_map(RunningBody::modal) {
             modal.visit_energies(|mode_energy| energy_total.add(mode_energy));
         }
         let gate_opening = |run: &LinkRun| run.gate.map_or(1.0, |gate| state.parameters.gate_openings[gate]);
-        if let Some(fine_state) = &state.mechanics.fine_links {
+        if let Some(fine_state) = &state.motion.fine_links {
             fine_state.report_energies(modules, gate_opening, |link_energy| energy_total.add(link_energy));
         }
         for run in frame_scheme.runs.iter().chain(&frame_scheme.exact_runs) {
@@ -321,7 +321,7 @@ impl Island {
 
     /// Energy that rounding alone explains [J].
     fn rounding_energy(&self) -> f64 {
-        let modules = &self.state.mechanics.modules;
+        let modules = &self.state.motion.modules;
         let largest_position = modules
             .x
             .iter()
@@ -343,12 +343,12 @@ impl Island {
     fn strongest_link(&self) -> Option<(usize, usize)> {
         let state = &self.state;
         let scheme = &self.script.scheme;
-        let fine_runs = state.mechanics.fine_links.iter().flat_map(FineLinks::links);
+        let fine_runs = state.motion.fine_links.iter().flat_map(FineLinks::links);
         let all_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fine_runs);
         let link_ends = all_runs
             .filter(|run| !matches!(run.kind, LinkRunKind::Ref))
             .flat_map(|run| (0..run.len).map(move |i| (run.first_link + i, [run.a + i, run.b + i])));
-        let push_strength = |pushing_link: usize| state.mechanics.modules.link_forces[pushing_link].abs();
+        let push_strength = |pushing_link: usize| state.motion.modules.link_forces[pushing_link].abs();
         let stronger_of_two = |strongest: (usize, [usize; 2]), link_push: (usize, [usize; 2])| {
             if push_strength(link_push.0) > push_strength(strongest.0) {
                 link_push

@@ -11,11 +11,11 @@ use crate::kernel::thread_team::ThreadTeam;
 impl Island {
     /// Whether it may compute steps without events by themselves: links pull once a step, and events alone act on it.
     pub(super) fn can_skip_events(&self) -> bool {
-        let (script, matter) = (&*self.script, &self.state.mechanics);
+        let (script, motion) = (&*self.script, &self.state.motion);
         let has_only_links = script.scheme.exact_runs.is_empty()
             && script.scheme.proxies.is_empty()
-            && matter.fine_links.is_none()
-            && matter.modules.link_memories.is_empty();
+            && motion.fine_links.is_none()
+            && motion.modules.link_memories.is_empty();
         let is_unbound = script.port_bindings.is_empty() && script.sound_drives.is_empty();
         has_only_links && is_unbound && self.has_only_events()
     }
@@ -32,32 +32,32 @@ impl Island {
         let first_step = state.frame;
         let check_steps = first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step;
         let step_count = (end_step - start_step).min(check_steps as usize);
-        let step_count = step_count.min(steps_to_event(script, &state.excitations, first_step));
+        let step_count = step_count.min(steps_to_event(script, &state.sources, first_step));
         if step_count == 0 {
             return Ok(0);
         }
         let scheme = &script.scheme;
         let super::State {
             parameters,
-            mechanics: matter,
-            excitations: players,
+            motion,
+            sources,
             monitors,
             ..
         } = state;
-        let super::MechanicalState {
+        let super::MotionState {
             modules: body,
             bodies,
-            kernel_scratch: laws,
+            scratch: laws,
             targets,
             ..
-        } = matter;
+        } = motion;
         targets.clear();
         let (mut steps_done, mut is_bounded) = (0, true);
         while steps_done < step_count && is_bounded {
             let n = first_step + steps_done as u64;
             kernel::compute_link_forces(scheme, &parameters.gate_openings, body, laws, team);
-            for (voice, voice_script) in players.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(voice_script, &mut players.reports, n);
+            for (voice, voice_script) in sources.voices.iter_mut().zip(&script.voices) {
+                voice.step_idle(voice_script, &mut sources.reports, n);
             }
             bodies
                 .iter_mut()

@@ -125,7 +125,7 @@ impl Island {
         let fault_step = self.state.frame;
         while let Some((module_name, part)) = self
             .state
-            .mechanics
+            .motion
             .bodies
             .iter()
             .find_map(bodies::RunningBody::diverged_mat)
@@ -147,7 +147,7 @@ impl Island {
 
     /// A MAT whose position is beyond all bounds, one that moves if there is one.
     fn diverged_mat(&self) -> Option<usize> {
-        let (positions, inverse_masses) = (&self.state.mechanics.modules.x, &self.script.scheme.w);
+        let (positions, inverse_masses) = (&self.state.motion.modules.x, &self.script.scheme.w);
         let diverged = (0..positions.len()).filter(|&mat| !kernel::is_bounded(positions[mat]));
         diverged.min_by_key(|&mat| inverse_masses[mat] == 0.0)
     }
@@ -175,8 +175,8 @@ impl Island {
         for (mat, _) in is_muted.iter().enumerate().filter(|(_, is_muted)| **is_muted) {
             // A rest position beyond all bounds would cause the next fault at once.
             let rest_position = Some(scheme.rest[mat]).filter(|&x| kernel::is_bounded(x));
-            state.mechanics.modules.x[mat] = rest_position.unwrap_or(0.0);
-            state.mechanics.modules.d[mat] = 0.0;
+            state.motion.modules.x[mat] = rest_position.unwrap_or(0.0);
+            state.motion.modules.d[mat] = 0.0;
             (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]) = (0.0, 0.0, 0.0);
         }
         let touches_part = |first_a: usize, first_b: usize, len: usize| {
@@ -196,17 +196,14 @@ impl Island {
         };
         let all_runs = scheme.runs.iter().chain(&scheme.exact_runs);
         for run in all_runs.filter(|run| run_touches_part(run)) {
-            state.mechanics.modules.link_forces[run.links()].fill(0.0);
+            state.motion.modules.link_forces[run.links()].fill(0.0);
             is_link_cut[run.links()].fill(true);
         }
         scheme.runs.retain(|run| !run_touches_part(run));
         let spring_touches_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
         scheme.fused_springs.retain(|spring| !spring_touches_part(spring));
         scheme.exact_runs.retain(|run| !run_touches_part(run));
-        state
-            .mechanics
-            .kernel_scratch
-            .set_springs(&scheme.fused_springs, scheme.n_mat());
+        state.motion.scratch.set_springs(&scheme.fused_springs, scheme.n_mat());
         if let Some(guard) = &mut state.monitors.guard {
             guard.unwatch(|mat| is_muted[mat]);
         }
@@ -217,9 +214,9 @@ impl Island {
         if state.parameters.changing_scheme.is_some() {
             state.parameters.changing_scheme = Some(scheme.with_changing_coefficients());
         }
-        if let Some(fine_links) = &mut state.mechanics.fine_links {
+        if let Some(fine_links) = &mut state.motion.fine_links {
             let mut retained_bodies = 0;
-            let new_body_indices: Vec<Option<usize>> = (state.mechanics.bodies.iter())
+            let new_body_indices: Vec<Option<usize>> = (state.motion.bodies.iter())
                 .map(|body| {
                     let stays = !body.touches_part(&is_muted, part);
                     retained_bodies += usize::from(stays);
@@ -227,40 +224,34 @@ impl Island {
                 })
                 .collect();
             for link in fine_links.remove_parts(&is_muted, &new_body_indices) {
-                state.mechanics.modules.link_forces[link] = 0.0;
+                state.motion.modules.link_forces[link] = 0.0;
                 is_link_cut[link] = true;
             }
         }
         let is_on_part = |body: &&bodies::RunningBody| body.touches_part(&is_muted, part);
-        for body in state.mechanics.bodies.iter().filter(is_on_part) {
+        for body in state.motion.bodies.iter().filter(is_on_part) {
             for output in body.outputs() {
                 state.monitors.muted_parts.fade_starts[output as usize].get_or_insert(mute_frame);
             }
         }
-        state
-            .mechanics
-            .bodies
-            .retain(|body| !body.touches_part(&is_muted, part));
+        state.motion.bodies.retain(|body| !body.touches_part(&is_muted, part));
         let ends_on_part = |port: &PortBinding| is_muted[port.port_mat] || is_muted[port.key_mat];
         for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
-            state.mechanics.modules.d[port.port_mat] = 0.0;
+            state.motion.modules.d[port.port_mat] = 0.0;
         }
         let mut is_retained = script.port_bindings.iter().map(|port| !ends_on_part(port));
-        state
-            .excitations
-            .port_states
-            .retain(|_| is_retained.next().unwrap_or(true));
+        state.sources.port_states.retain(|_| is_retained.next().unwrap_or(true));
         drop(is_retained);
         script.port_bindings.retain(|port| !ends_on_part(port));
         let ends_on_part = |drive: &Drive| is_muted[drive.mat] || drive.port().is_some_and(|port| is_muted[port.key]);
         script.drives.retain(|drive| !ends_on_part(drive));
         let mut is_retained = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
-        let input_signals = &mut state.excitations.input_signals;
+        let input_signals = &mut state.sources.input_signals;
         input_signals.retain(|_| is_retained.next().unwrap_or(true));
         drop(is_retained);
         script.sound_drives.retain(|drive| !is_muted[drive.mat]);
         let mut is_retained = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
-        state.excitations.voices.retain(|_| is_retained.next().unwrap_or(true));
+        state.sources.voices.retain(|_| is_retained.next().unwrap_or(true));
         drop(is_retained);
         script.voices.retain(|voice| !is_muted[voice.struck_mat]);
         for (output, fade_start) in scheme.outputs.iter().zip(&mut state.monitors.muted_parts.fade_starts) {

@@ -279,13 +279,12 @@ impl Ledger {
             let [tension_next, tension_now] = shared_stiffnesses(run, modules);
             if let Some((bristle_law, _)) = run.bristle() {
                 // Work on the bristles that is not stored is lost: their bend between frames is exact.
-                for i in 0..run.len {
-                    let stored_energy = open_next * bristle_law.energy(modules.link_memories[run.first_link + i]);
-                    let energy_rise = stored_energy - self.link_energies[run.first_link + i];
-                    self.link_energies[run.first_link + i] = stored_energy;
+                for (i, link) in run.links().enumerate() {
+                    let stored_energy = open_next * bristle_law.energy(modules.link_memories[link]);
+                    let energy_rise = stored_energy - self.link_energies[link];
+                    self.link_energies[link] = stored_energy;
                     let stretch = s(run.b + i) - s(run.a + i);
-                    self.lost
-                        .add(0.5 * stretch * modules.link_forces[run.first_link + i] - energy_rise);
+                    self.lost.add(0.5 * stretch * modules.link_forces[link] - energy_rise);
                 }
                 continue;
             }
@@ -315,13 +314,12 @@ impl Ledger {
                     continue;
                 };
                 followed_law.update_law(law_buffer, position_at_force);
-                for i in 0..run.len {
+                for (i, link) in run.links().enumerate() {
                     let (e_next, e) = elongation(run, modules, i);
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
                     let frame_stretch = run.stretch(i, position_at_force, |mat| modules.d[mat]);
                     let energy = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
-                    let energy_before =
-                        std::mem::replace(&mut self.link_energies[run.first_link + i], energy.stored_after);
+                    let energy_before = std::mem::replace(&mut self.link_energies[link], energy.stored_after);
                     self.injected.add(energy.stored_before - energy_before); // the law has changed
                     if finer_travel.is_some() {
                         self.lost.add(energy.damping_force * frame_stretch);
@@ -329,14 +327,13 @@ impl Ledger {
                     }
                     let stretch = 0.5 * run.stretch(i, position_at_force, s);
                     let elastic_work = stretch * energy.elastic_force;
-                    self.lost
-                        .add(stretch * modules.link_forces[run.first_link + i] - elastic_work);
+                    self.lost.add(stretch * modules.link_forces[link] - elastic_work);
                     self.produced
                         .add(energy.stored_after - energy.stored_before - elastic_work);
                 }
                 continue;
             }
-            for i in 0..run.len {
+            for (i, link) in run.links().enumerate() {
                 let stretch = run.stretch(i, position_at_force, s);
                 if is_spring(run) {
                     if run.z != 0.0 {
@@ -348,8 +345,8 @@ impl Ledger {
                 let energy_next = open_next * link_energy(run, tension_next, e_next);
                 let stored_energy = 0.5 * (energy_next + open_now * link_energy(run, tension_now, e));
                 if permanent_stretch(run, modules, i).is_infinite() {
-                    self.lost.add(self.link_energies[run.first_link + i]);
-                    self.link_energies[run.first_link + i] = 0.0;
+                    self.lost.add(self.link_energies[link]);
+                    self.link_energies[link] = 0.0;
                     continue;
                 }
                 if run.has_permanent_stretch() {
@@ -358,18 +355,18 @@ impl Ledger {
                     let e_before = run.elongation(i, position_before) - permanent_stretch(run, modules, i);
                     let [potential_now, potential_before] = [e, e_before].map(|e| run.potential_energy(e));
                     let energy_left = 0.5 * open_now * (potential_now + potential_before);
-                    self.lost.add(self.link_energies[run.first_link + i] - energy_left);
-                    self.link_energies[run.first_link + i] = energy_left;
+                    self.lost.add(self.link_energies[link] - energy_left);
+                    self.link_energies[link] = energy_left;
                 }
-                let energy_rise = stored_energy - self.link_energies[run.first_link + i];
-                self.link_energies[run.first_link + i] = stored_energy;
+                let energy_rise = stored_energy - self.link_energies[link];
+                self.link_energies[link] = stored_energy;
                 if finer_travel.is_some() {
                     let frame_stretch = run.stretch(i, position_at_force, |mat| modules.d[mat]);
                     let damping_force = open_now * run.damping_force(e, frame_stretch);
                     self.lost.add(damping_force * frame_stretch);
                     continue;
                 }
-                let link_work = 0.5 * stretch * modules.link_forces[run.first_link + i];
+                let link_work = 0.5 * stretch * modules.link_forces[link];
                 if is_exact(run) && run.z != 0.0 {
                     self.lost.add(link_work - energy_rise);
                 } else {

@@ -90,7 +90,7 @@ pub(super) fn apply_strikes(
     }
 }
 
-impl super::Excitations {
+impl super::ExcitationSources {
     /// Whether live strikes act in the next step or later.
     pub(super) fn has_pending_strikes(&self) -> bool {
         self.pending_strikes.iter().any(PendingStrikes::has_impulses)
@@ -102,7 +102,7 @@ impl super::Island {
     pub(crate) fn strike_point(&mut self, point: u32, impulse: f64) -> bool {
         let mut has_point = false;
         let strike_points = self.script.strike_points.iter();
-        for (strike_point, pending) in strike_points.zip(&mut self.state.excitations.pending_strikes) {
+        for (strike_point, pending) in strike_points.zip(&mut self.state.sources.pending_strikes) {
             if strike_point.point == point {
                 pending.add_strike(&strike_point.shares, impulse);
                 has_point = true;
@@ -116,14 +116,10 @@ impl super::Island {
 
     /// Take over what the points of another island have still to receive, where it has the same points.
     pub(crate) fn continue_strikes(&mut self, old: &Self) {
-        let strikes = old
-            .script
-            .strike_points
-            .iter()
-            .zip(&old.state.excitations.pending_strikes);
+        let strikes = old.script.strike_points.iter().zip(&old.state.sources.pending_strikes);
         for (old_point, old_pending) in strikes.filter(|(_, old_pending)| old_pending.has_impulses()) {
             let strike_points = self.script.strike_points.iter();
-            for (new_point, pending) in strike_points.zip(&mut self.state.excitations.pending_strikes) {
+            for (new_point, pending) in strike_points.zip(&mut self.state.sources.pending_strikes) {
                 if new_point.point == old_point.point && new_point.shares.len() == old_point.shares.len() {
                     pending.impulses.copy_from_slice(&old_pending.impulses);
                     pending.steps_left = old_pending.steps_left;

@@ -1,7 +1,7 @@
 //! The phases of a step (`step` says what each reads and writes).
 
 use super::strikes::apply_pushes_and_ergons;
-use super::{MechanicalState, Script, State, delayed_ports, glide, live_strikes, real_hands, sounds_in};
+use super::{MotionState, Script, State, delayed_ports, glide, live_strikes, real_hands, sounds_in};
 use crate::guard;
 use crate::island::written_hand::voice::{Voice, VoiceScene, VoiceScript};
 use crate::kernel;
@@ -12,31 +12,31 @@ use crate::scheme::Scheme;
 pub(super) fn set_inputs(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
     let State {
         parameters,
-        mechanics: matter,
-        excitations: players,
+        motion,
+        sources,
         monitors,
         ..
     } = state;
     if let Some(scheme) = scheme.as_deref_mut() {
         glide::apply_glides(&script.glides, &script.scheme, scheme, n);
-        glide::apply_leads(&script.led_links, &script.scheme, scheme, &mut matter.fine_links, n);
-        if let Some(fine_links) = &mut matter.fine_links {
+        glide::apply_leads(&script.led_links, &script.scheme, scheme, &mut motion.fine_links, n);
+        if let Some(fine_links) = &mut motion.fine_links {
             glide::set_fine_coefficients(&script.glides, &script.scheme, fine_links, n);
         }
     }
     parameters.set_gates(&script.gates, n);
     if parameters.step_decay < 1.0 {
-        matter.modules.d.iter_mut().for_each(|d| *d *= parameters.step_decay);
+        motion.modules.d.iter_mut().for_each(|d| *d *= parameters.step_decay);
         if let Some(guard) = &mut monitors.guard {
             guard.scale_velocities(parameters.step_decay);
         }
-        matter.set_ports(); // bodies are damped by themselves
+        motion.set_ports(); // bodies are damped by themselves
     }
-    let hand_states = &mut players.hand_states;
-    real_hands::move_hands(&script.hand_bindings, hand_states, n, &mut matter.modules);
-    delayed_ports::follow_keys(&script.port_bindings, &mut matter.modules);
+    let hand_states = &mut sources.hand_states;
+    real_hands::move_hands(&script.hand_bindings, hand_states, n, &mut motion.modules);
+    delayed_ports::follow_keys(&script.port_bindings, &mut motion.modules);
     if let Some(scheme) = scheme {
-        glide::apply_following_masses(&script.scheme, scheme, &matter.modules.x);
+        glide::apply_following_masses(&script.scheme, scheme, &motion.modules.x);
     }
 }
 
@@ -74,31 +74,31 @@ impl StepInProgress<'_, '_> {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
             parameters,
-            mechanics: matter,
-            excitations: players,
+            motion,
+            sources,
             monitors,
             ..
         } = &mut *self.state;
-        let MechanicalState {
+        let MotionState {
             modules: body,
-            kernel_scratch: laws,
+            scratch: laws,
             fine_links,
             targets,
             ..
-        } = matter;
+        } = motion;
         kernel::compute_link_forces(scheme, &parameters.gate_openings, body, laws, self.team);
         targets.clear();
         for drive in &script.drives {
             drive.apply(n, scheme.rate, body, targets);
         }
-        delayed_ports::push_keys(&script.port_bindings, &players.port_states, body);
-        sounds_in::apply_inputs(&script.sound_drives, &players.input_signals, n, body, targets);
+        delayed_ports::push_keys(&script.port_bindings, &sources.port_states, body);
+        sounds_in::apply_inputs(&script.sound_drives, &sources.input_signals, n, body, targets);
         if let Some(energy_rise) = &mut monitors.energy_rise
-            && players.has_pending_strikes()
+            && sources.has_pending_strikes()
         {
             energy_rise.restart();
         }
-        live_strikes::apply_strikes(&script.strike_points, &mut players.pending_strikes, scheme, body);
+        live_strikes::apply_strikes(&script.strike_points, &mut sources.pending_strikes, scheme, body);
         kernel::proxies::record_positions(scheme, body);
         kernel::proxies::distribute_forces(scheme, body);
         if let Some(fine_links) = fine_links {
@@ -113,9 +113,9 @@ impl StepInProgress<'_, '_> {
         self.sum_layers();
         self.for_each_voice(Voice::step);
         apply_pushes_and_ergons(self.script, self.scheme, self.state, self.n);
-        let MechanicalState {
+        let MotionState {
             modules: body, bodies, ..
-        } = &mut self.state.mechanics;
+        } = &mut self.state.motion;
         for running_body in bodies {
             running_body.apply_strikes(self.n, body);
         }
@@ -125,18 +125,14 @@ impl StepInProgress<'_, '_> {
     /// Solves contacts and friction, which need all other forces. Then written hands compute their forces.
     pub(super) fn solve_contacts(&mut self, _: StrikesApplied) -> ForcesComplete {
         let scheme = self.scheme;
-        let State {
-            parameters,
-            mechanics: matter,
-            ..
-        } = &mut *self.state;
-        let MechanicalState {
+        let State { parameters, motion, .. } = &mut *self.state;
+        let MotionState {
             modules: body,
             bodies,
             fine_links,
             targets,
             ..
-        } = matter;
+        } = motion;
         kernel::solve_exact_contacts(scheme, &parameters.gate_openings, targets, body);
         if let Some(fine_links) = fine_links {
             fine_links.step(scheme, &parameters.gate_openings, targets, bodies, body);
@@ -151,19 +147,19 @@ impl StepInProgress<'_, '_> {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
             parameters,
-            mechanics: matter,
-            excitations: players,
+            motion,
+            sources,
             monitors,
             ..
         } = &mut *self.state;
-        let MechanicalState {
+        let MotionState {
             modules: body,
             bodies,
             targets,
             ..
-        } = matter;
-        real_hands::add_hand_forces(&script.hand_bindings, &mut players.hand_states, n, body);
-        delayed_ports::record_port_forces(&script.port_bindings, &mut players.port_states, body);
+        } = motion;
+        real_hands::add_hand_forces(&script.hand_bindings, &mut sources.hand_states, n, body);
+        delayed_ports::record_port_forces(&script.port_bindings, &mut sources.port_states, body);
         delayed_ports::set_port_targets(&script.port_bindings, scheme, targets, body);
         monitors.contact_peaks.note_forces(n, &body.link_forces);
         if let Some(out) = out {
@@ -184,13 +180,13 @@ impl StepInProgress<'_, '_> {
     /// Masses and bodies move; the frame is computed again in finer steps if links have stiffened too much.
     pub(super) fn advance(&mut self, _: ForcesComplete) -> Moved {
         let scheme = self.scheme;
-        let MechanicalState {
+        let MotionState {
             modules: body,
             bodies,
-            kernel_scratch: laws,
+            scratch: laws,
             targets,
             ..
-        } = &mut self.state.mechanics;
+        } = &mut self.state.motion;
         for running_body in &mut *bodies {
             running_body.step(self.n, &body.force, self.team);
         }
@@ -205,19 +201,19 @@ impl StepInProgress<'_, '_> {
         let finer_plausible = recompute_finer(scheme, self.state, self.team);
         let State {
             parameters,
-            mechanics: matter,
+            motion,
             monitors,
             ..
         } = &mut *self.state;
         if finer_plausible.is_some() || parameters.step_decay < 1.0 {
             monitors.energy_gains.iter_mut().for_each(|gains| gains.restart());
-            let fine_links = matter.fine_links.iter_mut();
+            let fine_links = motion.fine_links.iter_mut();
             fine_links.for_each(|fine_links| fine_links.stepped_points_mut().restart());
         }
-        kernel::slide_bristles(scheme, &mut matter.modules);
-        kernel::stop_resting_masses(scheme, &mut matter.modules);
-        if let Some(fine_links) = &matter.fine_links {
-            fine_links.stop_held_masses(scheme, &mut matter.modules);
+        kernel::slide_bristles(scheme, &mut motion.modules);
+        kernel::stop_resting_masses(scheme, &mut motion.modules);
+        if let Some(fine_links) = &motion.fine_links {
+            fine_links.stop_held_masses(scheme, &mut motion.modules);
         }
         Moved {
             is_plausible: finer_plausible.unwrap_or(is_plausible) && are_bodies_bounded,
@@ -226,10 +222,10 @@ impl StepInProgress<'_, '_> {
     }
 
     /// The ledger of the energy, if it is kept.
-    pub(super) fn account(&mut self, motion: &Moved) {
+    pub(super) fn account(&mut self, moved: &Moved) {
         let State {
             parameters,
-            mechanics: matter,
+            motion,
             monitors,
             ..
         } = &mut *self.state;
@@ -237,45 +233,41 @@ impl StepInProgress<'_, '_> {
             return;
         };
         parameters.set_next_gates(&self.script.gates, self.n + 1);
-        let guard = monitors.guard.as_ref().filter(|_| motion.is_finer);
+        let guard = monitors.guard.as_ref().filter(|_| moved.is_finer);
         ledger.end_frame(
             self.scheme,
             [&parameters.gate_openings, &parameters.next_gate_openings],
-            &matter.targets,
-            &matter.modules,
+            &motion.targets,
+            &motion.modules,
             guard.map(|guard| guard.force_travel()),
         );
     }
 
     /// Sums the deviations that layers add to each key at this frame.
     fn sum_layers(&mut self) {
-        let players = &mut self.state.excitations;
-        players.layer_deviations.fill(0.0);
-        for (voice, voice_script) in players.voices.iter().zip(&self.script.voices) {
+        let sources = &mut self.state.sources;
+        sources.layer_deviations.fill(0.0);
+        for (voice, voice_script) in sources.voices.iter().zip(&self.script.voices) {
             if voice_script.is_layer {
-                players.layer_deviations[voice_script.key_index] += voice.deviation(voice_script);
+                sources.layer_deviations[voice_script.key_index] += voice.deviation(voice_script);
             }
         }
     }
 
     /// Run one phase of the frame for every voice.
     fn for_each_voice(&mut self, phase: fn(&mut Voice, &VoiceScript, &mut VoiceScene<'_>, u64)) {
-        let State {
-            mechanics: matter,
-            excitations: players,
-            ..
-        } = &mut *self.state;
+        let State { motion, sources, .. } = &mut *self.state;
         let mut voice_scene = VoiceScene {
             scheme: self.scheme,
             gestures: &self.script.gestures,
-            modules: &mut matter.modules,
-            targets: &mut matter.targets,
-            reports: &mut players.reports,
-            ergon_stream: &mut players.ergon_stream,
-            bodies: &mut matter.bodies,
-            layer_deviations: &players.layer_deviations,
+            modules: &mut motion.modules,
+            targets: &mut motion.targets,
+            reports: &mut sources.reports,
+            ergon_stream: &mut sources.ergon_stream,
+            bodies: &mut motion.bodies,
+            layer_deviations: &sources.layer_deviations,
         };
-        for (voice, voice_script) in players.voices.iter_mut().zip(&self.script.voices) {
+        for (voice, voice_script) in sources.voices.iter_mut().zip(&self.script.voices) {
             if voice.is_awake(voice_script, voice_scene.gestures, self.n) {
                 phase(voice, voice_script, &mut voice_scene, self.n);
             }
@@ -288,30 +280,30 @@ impl StepInProgress<'_, '_> {
 fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let State {
         parameters,
-        mechanics: matter,
+        motion,
         monitors,
         ..
     } = state;
-    let (guard, body) = (monitors.guard.as_mut()?, &mut matter.modules);
+    let (guard, body) = (monitors.guard.as_mut()?, &mut motion.modules);
     if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
         return None;
     }
     let previous = body.previous_state.as_mut()?;
     previous.swap(&mut body.x, &mut body.d);
-    let imposed_mats = matter.targets.iter().map(|target| target.mat);
+    let imposed_mats = motion.targets.iter().map(|target| target.mat);
     let (x, previous) = (&body.x, &previous.x);
     guard.set_imposed_paths(imposed_mats, |mat| (x[mat], previous[mat]));
     let is_plausible = guard.compute_finer(&mut guard::KernelSystem {
         scheme,
         gates: &parameters.gate_openings,
         modules: body,
-        laws: &mut matter.kernel_scratch,
+        laws: &mut motion.scratch,
         team,
     });
     if let Some(state_before) = &body.previous_state {
         guard.restore_unrelated(state_before, &mut body.x, &mut body.d);
     }
-    matter.set_ports();
-    kernel::proxies::move_to_masses(scheme, &mut matter.modules);
+    motion.set_ports();
+    kernel::proxies::move_to_masses(scheme, &mut motion.modules);
     Some(is_plausible)
 }

@@ -112,7 +112,7 @@ impl super::Island {
             .script
             .hand_bindings
             .iter()
-            .zip(&mut self.state.excitations.hand_states)
+            .zip(&mut self.state.sources.hand_states)
         {
             if binding.hand.index == hand {
                 state.sent_motion = Some((x, step));
@@ -122,11 +122,7 @@ impl super::Island {
 
     /// Mean force on a hand of the scene over the last complete tick [N].
     pub(crate) fn hand_force(&self, hand: usize) -> f64 {
-        let hand_pairs = self
-            .script
-            .hand_bindings
-            .iter()
-            .zip(&self.state.excitations.hand_states);
+        let hand_pairs = self.script.hand_bindings.iter().zip(&self.state.sources.hand_states);
         let hand_states = hand_pairs.filter(|(binding, _)| binding.hand.index == hand);
         hand_states.map(|(_, state)| state.mean_force).sum()
     }

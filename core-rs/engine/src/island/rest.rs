@@ -227,7 +227,7 @@ impl Island {
         let mut state_size = 0;
         let _ = self.archive_whole_state(&mut Archive::Count(&mut state_size));
         // Some lists grow while it plays.
-        let reports_size = size_of_val(&*self.state.excitations.reports);
+        let reports_size = size_of_val(&*self.state.sources.reports);
         let state_room = state_size + state_size / 4 + reports_size + 4_096;
         self.rest_search.noted_state.clear();
         if state_size <= STATE_BYTES_MAX {
@@ -256,7 +256,7 @@ impl Island {
                 .state
                 .monitors
                 .contact_peaks
-                .is_any_pushing(&self.state.mechanics.modules.link_forces)
+                .is_any_pushing(&self.state.motion.modules.link_forces)
             && self.archive_whole_state(&mut Archive::Note(&mut noted_state)).is_ok();
         self.rest_search.noted_state = noted_state;
         if may_rest {
@@ -305,7 +305,7 @@ impl Island {
         let state = &mut self.state;
         state.archive(archive)?;
         state.monitors.ledger.archive(archive)?;
-        state.excitations.ergon_stream.len().archive(archive)
+        state.sources.ergon_stream.len().archive(archive)
     }
 
     /// Advance all counters of steps by `steps`, and the work of contacts by that of `frames` frames; both may be
@@ -313,13 +313,13 @@ impl Island {
     fn shift_frames(&mut self, steps: i64, frames: i64) {
         let state = &mut self.state;
         state.frame = state.frame.wrapping_add_signed(steps);
-        for body in &mut state.mechanics.bodies {
+        for body in &mut state.motion.bodies {
             body.shift_frames(steps);
         }
-        for voice in &mut state.excitations.voices {
+        for voice in &mut state.sources.voices {
             voice.shift_frames(steps);
         }
-        if let Some(fine_state) = &mut state.mechanics.fine_links {
+        if let Some(fine_state) = &mut state.motion.fine_links {
             let [instants, products] = self.rest_search.noted_work.map(|fine_work| fine_work as i64 * frames);
             let fine_work = &mut fine_state.work;
             fine_work.instants = fine_work.instants.wrapping_add_signed(instants);
@@ -334,27 +334,27 @@ impl Island {
         let is_known = |drive: &Drive| matches!(drive.source, DriveSource::Constant(_) | DriveSource::Strikes { .. });
         if !script.drives.iter().all(is_known)
             || !script.hand_bindings.is_empty()
-            || state.excitations.has_pending_strikes()
+            || state.sources.has_pending_strikes()
         {
             return n;
         }
-        let body_intervals = state.mechanics.bodies.iter().map(bodies::RunningBody::kick_interval);
-        let mut kick_intervals = body_intervals.chain(state.excitations.voices.iter().map(Voice::kick_interval));
+        let body_intervals = state.motion.bodies.iter().map(bodies::RunningBody::kick_interval);
+        let mut kick_intervals = body_intervals.chain(state.sources.voices.iter().map(Voice::kick_interval));
         if kick_intervals.any(|interval| u64::from(interval) > UNCHANGED_FRAMES) {
             return n;
         }
         let push_frame = script
             .pushes
-            .get(state.excitations.next_push)
+            .get(state.sources.next_push)
             .map(|push_frame| push_frame.frame);
         let ergon_frame = script
             .ergons
-            .get(state.excitations.next_ergon)
+            .get(state.sources.next_ergon)
             .map(|ergon_frame| ergon_frame.0);
-        let voice_events = state.excitations.voices.iter().zip(&script.voices);
+        let voice_events = state.sources.voices.iter().zip(&script.voices);
         let voice_events =
             voice_events.map(|(voice, voice_script)| voice.next_gesture_frame(voice_script, &script.gestures, n));
-        let body_events = state.mechanics.bodies.iter().map(|body| body.next_event_frame(n));
+        let body_events = state.motion.bodies.iter().map(|body| body.next_event_frame(n));
         let continuations = state.parameters.gate_continuations.iter();
         let gate_events = script.gates.iter().zip(continuations);
         let gate_events = gate_events.map(|(gate, continuation)| gate.next_change_frame(continuation.as_ref(), n));

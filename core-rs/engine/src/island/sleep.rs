@@ -146,10 +146,10 @@ impl Island {
         // Slow bodies are kicked only every `kick_interval` steps; such islands never sleep.
         let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(slow) if slow.kick_interval() > 1);
         let state = &self.state;
-        if !state.mechanics.bodies.iter().any(is_slow)
-            && state.excitations.voices.iter().all(|voice| voice.kick_interval() == 1)
+        if !state.motion.bodies.iter().any(is_slow)
+            && state.sources.voices.iter().all(|voice| voice.kick_interval() == 1)
         {
-            self.sleep_monitor = Some(SleepMonitor::new(&self.network, state.mechanics.bodies.len()));
+            self.sleep_monitor = Some(SleepMonitor::new(&self.network, state.motion.bodies.len()));
         }
     }
 
@@ -182,8 +182,8 @@ impl Island {
             .unwrap_or(&self.script.scheme);
         let may_sleep = sleep_monitor.check_quiet(
             frame_scheme,
-            &state.mechanics.modules,
-            &state.mechanics.bodies,
+            &state.motion.modules,
+            &state.motion.bodies,
             (island_step / check_interval_steps) % CHECKS_PER_PERIOD,
         );
         let wake_step = may_sleep.then(|| self.wake_step()).flatten();

@@ -157,7 +157,7 @@ impl super::Island {
             .script
             .sound_drives
             .iter()
-            .zip(&mut self.state.excitations.input_signals);
+            .zip(&mut self.state.sources.input_signals);
         for (_, played) in input_pairs.filter(|(drive, _)| drive.input.index == index) {
             let InputSignal::Samples(samples) = played else {
                 continue;
@@ -196,7 +196,7 @@ impl super::Island {
             .script
             .sound_drives
             .iter()
-            .zip(&mut self.state.excitations.input_signals);
+            .zip(&mut self.state.sources.input_signals);
         input_pairs.filter_map(move |(drive, played)| match (drive.input.settings.source, played) {
             (
                 InputSource::Value {
@@ -210,11 +210,7 @@ impl super::Island {
 
     /// The ramps of inputs whose value was set, with their numbers.
     pub(crate) fn input_ramps(&self) -> impl Iterator<Item = (u64, Ramp)> {
-        let input_pairs = self
-            .script
-            .sound_drives
-            .iter()
-            .zip(&self.state.excitations.input_signals);
+        let input_pairs = self.script.sound_drives.iter().zip(&self.state.sources.input_signals);
         input_pairs.filter_map(|(drive, played)| match (drive.input.settings.source, played) {
             (InputSource::Value { number, .. }, InputSignal::Ramp(Some(ramp))) => Some((number, *ramp)),
             _ => None,

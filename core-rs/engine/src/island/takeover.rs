@@ -32,19 +32,19 @@ impl State {
     /// The memory of a link [m]; infinite if the link is broken.
     pub(super) fn memory_of(&self, link: usize) -> f64 {
         let bristle_deflection = self
-            .mechanics
+            .motion
             .fine_links
             .as_ref()
             .and_then(|fine_links| fine_links.bristle_deflection(link));
-        let stepped_memory = self.mechanics.modules.link_memories.get(link).copied();
+        let stepped_memory = self.motion.modules.link_memories.get(link).copied();
         bristle_deflection.or(stepped_memory).unwrap_or(0.0)
     }
 
     fn set_memory(&mut self, link: usize, memory: f64) {
-        if let Some(link_memory) = self.mechanics.modules.link_memories.get_mut(link) {
+        if let Some(link_memory) = self.motion.modules.link_memories.get_mut(link) {
             *link_memory = memory;
         }
-        if let Some(fine_state) = &mut self.mechanics.fine_links {
+        if let Some(fine_state) = &mut self.motion.fine_links {
             fine_state.set_bristle_deflection(link, memory);
         }
     }
@@ -57,22 +57,22 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let step_rate = script.scheme.rate;
         state.frame = start_step;
-        state.excitations.next_push = script.pushes.partition_point(|push| push.frame < start_step);
-        state.excitations.next_ergon = script.ergons.partition_point(|(frame, _)| *frame < start_step);
-        for (voice, voice_script) in state.excitations.voices.iter_mut().zip(&script.voices) {
+        state.sources.next_push = script.pushes.partition_point(|push| push.frame < start_step);
+        state.sources.next_ergon = script.ergons.partition_point(|(frame, _)| *frame < start_step);
+        for (voice, voice_script) in state.sources.voices.iter_mut().zip(&script.voices) {
             voice.seek(voice_script, &script.gestures, start_step);
         }
-        for body in &mut state.mechanics.bodies {
+        for body in &mut state.motion.bodies {
             body.seek(start_step);
         }
         for drive in &script.drives {
             if drive.is_path() && start_step > 0 {
                 let path_position = drive.value(start_step, step_rate);
-                state.mechanics.modules.x[drive.mat] = path_position;
-                state.mechanics.modules.d[drive.mat] = path_position - drive.value(start_step - 1, step_rate);
+                state.motion.modules.x[drive.mat] = path_position;
+                state.motion.modules.d[drive.mat] = path_position - drive.value(start_step - 1, step_rate);
             }
         }
-        super::real_hands::seek(&script.hand_bindings, &mut state.excitations.hand_states, start_step);
+        super::real_hands::seek(&script.hand_bindings, &mut state.sources.hand_states, start_step);
         self.resume_computing();
     }
 
@@ -82,42 +82,34 @@ impl Island {
         self.resume_computing();
         if old.n_muted_parts() > 0 {
             // Muted parts were removed from the old island's lists, so only positions and steps are sure to match.
-            self.state
-                .mechanics
-                .modules
-                .x
-                .copy_from_slice(&old.state.mechanics.modules.x);
-            self.state
-                .mechanics
-                .modules
-                .d
-                .copy_from_slice(&old.state.mechanics.modules.d);
+            self.state.motion.modules.x.copy_from_slice(&old.state.motion.modules.x);
+            self.state.motion.modules.d.copy_from_slice(&old.state.motion.modules.d);
             if let Some(guard) = &mut self.state.monitors.guard {
                 guard.reset();
             }
             self.set_ports();
             return;
         }
-        let (matter, old_matter) = (&mut self.state.mechanics, &mut old.state.mechanics);
-        let (body, old_body) = (&mut matter.modules, &mut old_matter.modules);
+        let (motion, old_matter) = (&mut self.state.motion, &mut old.state.motion);
+        let (body, old_body) = (&mut motion.modules, &mut old_matter.modules);
         std::mem::swap(&mut body.x, &mut old_body.x);
         std::mem::swap(&mut body.d, &mut old_body.d);
         std::mem::swap(&mut body.free_port_motion, &mut old_body.free_port_motion);
         std::mem::swap(&mut body.link_forces, &mut old_body.link_forces);
         std::mem::swap(&mut body.link_memories, &mut old_body.link_memories);
         std::mem::swap(&mut body.contact_histories, &mut old_body.contact_histories);
-        for (running_body, old_running) in matter.bodies.iter_mut().zip(&mut old_matter.bodies) {
+        for (running_body, old_running) in motion.bodies.iter_mut().zip(&mut old_matter.bodies) {
             running_body.continue_from(old_running);
         }
-        if let (Some(fine), Some(old_fine)) = (&mut matter.fine_links, &mut old_matter.fine_links) {
+        if let (Some(fine), Some(old_fine)) = (&mut motion.fine_links, &mut old_matter.fine_links) {
             fine.continue_from(old_fine);
         }
         let (monitors, old_monitors) = (&mut self.state.monitors, &mut old.state.monitors);
         monitors.muted_parts.continue_from(&old_monitors.muted_parts);
         std::mem::swap(&mut monitors.guard, &mut old_monitors.guard);
         std::mem::swap(
-            &mut self.state.excitations.ergon_stream,
-            &mut old.state.excitations.ergon_stream,
+            &mut self.state.sources.ergon_stream,
+            &mut old.state.sources.ergon_stream,
         );
         if monitors.ledger.is_some() && old_monitors.ledger.is_some() {
             std::mem::swap(&mut monitors.ledger, &mut old_monitors.ledger);
@@ -135,9 +127,9 @@ impl Island {
         match *item {
             ItemTakeover::Voice(ref takeover) if has_all_parts => {
                 let script = &self.script;
-                let voice = &mut self.state.excitations.voices[takeover.new_voice];
+                let voice = &mut self.state.sources.voices[takeover.new_voice];
                 let (old_voice, old_script) = (
-                    &mut old.state.excitations.voices[takeover.old_voice],
+                    &mut old.state.sources.voices[takeover.old_voice],
                     &old.script.voices[takeover.old_voice],
                 );
                 voice.continue_from(&script.voices[takeover.new_voice], old_voice, old_script, takeover);
@@ -168,22 +160,22 @@ impl Island {
                 };
             }
             ItemTakeover::Hand(old_index, new_index) => {
-                self.state.excitations.hand_states[new_index] = old.state.excitations.hand_states[old_index].clone();
+                self.state.sources.hand_states[new_index] = old.state.sources.hand_states[old_index].clone();
                 let mat = self.script.hand_bindings[new_index].mat();
                 let old_mat = old.script.hand_bindings[old_index].mat();
-                self.state.mechanics.modules.x[mat] = old.state.mechanics.modules.x[old_mat];
-                self.state.mechanics.modules.d[mat] = old.state.mechanics.modules.d[old_mat];
+                self.state.motion.modules.x[mat] = old.state.motion.modules.x[old_mat];
+                self.state.motion.modules.d[mat] = old.state.motion.modules.d[old_mat];
             }
             ItemTakeover::Port(old_index, new_index) => {
-                self.state.excitations.port_states[new_index].take_over(&old.state.excitations.port_states[old_index]);
+                self.state.sources.port_states[new_index].take_over(&old.state.sources.port_states[old_index]);
             }
             ItemTakeover::GestureReport(old_index, new_index, has_same_mats) => {
-                let new_report = &mut self.state.excitations.reports[new_index];
-                *new_report = old.state.excitations.reports[old_index];
+                let new_report = &mut self.state.sources.reports[new_index];
+                *new_report = old.state.sources.reports[old_index];
                 new_report.pushed_by_mat = new_report.pushed_by_mat.filter(|_| has_same_mats);
             }
             ItemTakeover::Body(old_index, new_index) if has_all_parts => {
-                self.state.mechanics.bodies[new_index].continue_from(&mut old.state.mechanics.bodies[old_index]);
+                self.state.motion.bodies[new_index].continue_from(&mut old.state.motion.bodies[old_index]);
             }
             ItemTakeover::LinkMemory(old_index, new_index) => {
                 let link_memory = old.state.memory_of(old_index);
@@ -195,8 +187,8 @@ impl Island {
                     self.script.scheme.slot_of(new_index),
                 );
                 if let (Some(old_slot), Some(new_slot)) = history_slots {
-                    let history = &mut self.state.mechanics.modules.contact_histories[new_slot];
-                    history.copy_from(&old.state.mechanics.modules.contact_histories[old_slot]);
+                    let history = &mut self.state.motion.modules.contact_histories[new_slot];
+                    history.copy_from(&old.state.motion.modules.contact_histories[old_slot]);
                 }
             }
             ItemTakeover::MutedPart(old_index, new_index) => {
@@ -217,7 +209,7 @@ impl Island {
 
     /// Position of a MAT [m], and its step in a frame of the scene [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
-        let body = &self.state.mechanics.modules;
+        let body = &self.state.motion.modules;
         (body.x[mat], body.d[mat] * self.steps_per_frame())
     }
 
@@ -225,8 +217,8 @@ impl Island {
     pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
         self.resume_computing();
         if kernel::is_bounded(x) && step.is_finite() {
-            self.state.mechanics.modules.x[mat] = x;
-            self.state.mechanics.modules.d[mat] = step / self.steps_per_frame();
+            self.state.motion.modules.x[mat] = x;
+            self.state.motion.modules.d[mat] = step / self.steps_per_frame();
             if let Some(guard) = &mut self.state.monitors.guard {
                 guard.reset();
             }
@@ -239,18 +231,18 @@ impl Island {
         if self.n_muted_parts() > 0 {
             return None;
         }
-        self.state.mechanics.bodies.get_mut(body_index)
+        self.state.motion.bodies.get_mut(body_index)
     }
 
     /// Set the ports to where their bodies have them.
     pub(crate) fn set_ports(&mut self) {
         self.resume_computing();
-        for body in &self.state.mechanics.bodies {
-            body.set_ports(&mut self.state.mechanics.modules);
+        for body in &self.state.motion.bodies {
+            body.set_ports(&mut self.state.motion.modules);
         }
         let changing_scheme = self.state.parameters.changing_scheme.as_deref();
         let frame_scheme = changing_scheme.unwrap_or(&self.script.scheme);
-        kernel::proxies::set_from_masses(frame_scheme, &mut self.state.mechanics.modules);
+        kernel::proxies::set_from_masses(frame_scheme, &mut self.state.motion.modules);
     }
 
     /// The script, whose voices, gates, hands and parts are matched with those of another version.

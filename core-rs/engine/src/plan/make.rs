@@ -115,15 +115,16 @@ pub(super) fn make_plan(
         builder.trial_seconds_max - builder.trial_seconds_left,
         builder.trial_seconds_max,
     );
-    let (mut final_plan, seen_units) = (builder.plan, builder.displayed_units);
+    let (mut final_plan, displayed_units) = (builder.plan, builder.displayed_units);
     final_plan.n_heard_units = final_plan.units.len();
     final_plan.motionless_mats.sort_unstable();
     if !sorted.displayed_unheard.is_empty() {
-        let seen_plan = unheard::plan_displayed_islands(&network, timeline, budget, context, sorted.displayed_unheard)?;
-        final_plan.units.extend(seen_plan.units);
-        final_plan.displayed_rows = seen_plan.rows;
+        let displayed_plan =
+            unheard::plan_displayed_islands(&network, timeline, budget, context, sorted.displayed_unheard)?;
+        final_plan.units.extend(displayed_plan.units);
+        final_plan.displayed_rows = displayed_plan.rows;
     }
-    final_plan.units.extend(seen_units);
+    final_plan.units.extend(displayed_units);
     Ok(final_plan)
 }
 

@@ -47,10 +47,7 @@ impl Performance {
             .collect();
         let hand_limit = |key: &HandKey| key.limit(&piece.hands[key.hand].piece_response);
         let hand_limits: Vec<HandLimit> = hand_keys.iter().map(hand_limit).collect();
-        if let Some(stiff_limit) = hand_limits
-            .iter()
-            .find(|hand_limit| hand_limit.force_scale < FORCE_SCALE_MIN)
-        {
+        if let Some(stiff_limit) = hand_limits.iter().find(|limit| limit.force_scale < FORCE_SCALE_MIN) {
             return Err(PlayError::Stiff {
                 hand: stiff_limit.hand,
                 stiffness: stiff_limit.stiffness,
@@ -62,8 +59,8 @@ impl Performance {
             .frames_ahead
             .unwrap_or(DEFAULT_FRAMES_AHEAD)
             .max(2 * piece.tick_frames.max(block_frames));
-        let (feed, ring_reader) = audio::ring(channels, 4 * frames_ahead);
-        feed.set_prefill(frames_ahead);
+        let (ring_writer, ring_reader) = audio::ring(channels, 4 * frames_ahead);
+        ring_writer.set_prefill(frames_ahead);
         let frozen_stems = std::mem::take(&mut piece.frozen_stems);
         let (frozen, reader) = if frozen_stems.is_empty() {
             (None, None)
@@ -119,7 +116,7 @@ impl Performance {
             commands: from_commands,
             events: to_events,
             status: to_status,
-            ring_writer: feed,
+            ring_writer,
             row_sink,
             frozen,
             sound_input,
@@ -134,7 +131,7 @@ impl Performance {
             output_info.paced,
         );
         let (tick_frames, mixed_channels) = (piece.tick_frames, piece.mixer.n_channels());
-        let is_seen = piece.is_displayed;
+        let is_displayed = piece.is_displayed;
         let frozen_outputs = reader.is_some().then(|| piece.simulation.n_out());
         let player = Player::new(
             piece,
@@ -167,7 +164,7 @@ impl Performance {
             frozen_outputs,
             rate,
             start_frame: start,
-            is_displayed: is_seen,
+            is_displayed,
         };
         Ok((performance, player))
     }

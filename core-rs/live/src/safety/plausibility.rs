@@ -15,15 +15,15 @@
 
 mod confirmation;
 mod lateness;
+mod observations;
 mod probe;
 mod question;
-mod signs;
 
 use super::TripCause;
 use crate::wire::MAX_AXES;
 use confirmation::{Confirmation, JudgedStep, Phase, Verdict};
+use observations::{AxisObservations, AxisParameters, Suspicion};
 use probe::{Probe, ProbeAnswer};
-use signs::{AxisObservations, AxisParameters, Suspicion};
 
 /// Length of a step, if a tick is shorter [s].
 const STEP_SECONDS: f64 = 1e-3;

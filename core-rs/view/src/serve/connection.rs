@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use super::answer::{self, RefusalStatus};
 use super::pace::PacedStream;
+use super::pending_connections::PendingPlace;
 use super::request::{self, Request, RequestError};
-use super::strangers::PendingPlace;
 use super::{ConnectionSlot, ServerState, access, assets, keys, player, viewer};
 
 /// Bytes of a refused request that are read after the answer: if a socket is closed with unread bytes, it is reset and

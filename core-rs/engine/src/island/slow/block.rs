@@ -174,8 +174,8 @@ impl SlowBlock {
 
     /// By how much it would move to the next frame without further forces [m].
     pub(super) fn velocity(&self, seen_row: usize) -> f64 {
-        let seen_index = seen_row * (self.flow.n_frames + 1) + self.frame_index as usize;
-        self.observed[seen_index + 1] - self.observed[seen_index]
+        let observed_index = seen_row * (self.flow.n_frames + 1) + self.frame_index as usize;
+        self.observed[observed_index + 1] - self.observed[observed_index]
     }
 
     /// Displacement of an output at this frame [m].

@@ -118,17 +118,17 @@ impl BlockFlow {
         let (n_state, n_rows) = (self.frame_map.n, self.n_frames + 1);
         let mut free_rows = vec![0.0; self.observed.len() * n_rows * n_state];
         for (index, weights) in self.observed.iter().enumerate() {
-            let mut seen_row = vec![0.0; n_state];
-            weights.iter().for_each(|&(mass, weight)| seen_row[mass] += weight);
+            let mut observed_row = vec![0.0; n_state];
+            weights.iter().for_each(|&(mass, weight)| observed_row[mass] += weight);
             for k in 0..n_rows {
                 interrupt::spend(n_state * n_state);
-                for (column, x) in seen_row.iter().enumerate() {
+                for (column, x) in observed_row.iter().enumerate() {
                     free_rows[column * self.observed.len() * n_rows + index * n_rows + k] = *x;
                 }
                 // Row times matrix: its columns lie one after the other.
                 let columns = self.frame_map.entries.chunks_exact(n_state);
-                let product = |column: &[f64]| seen_row.iter().zip(column).map(|(r, p)| r * p).sum();
-                seen_row = columns.map(product).collect();
+                let product = |column: &[f64]| observed_row.iter().zip(column).map(|(r, p)| r * p).sum();
+                observed_row = columns.map(product).collect();
             }
         }
         free_rows
@@ -169,8 +169,8 @@ impl BlockFlow {
     /// Number of products of a frame, on average, while one port is pushed.
     pub(crate) fn n_products(&self) -> f64 {
         let (n_state, n_frames) = (self.frame_map.n as f64, self.n_frames as f64);
-        let seen_count = self.observed.len() as f64;
-        n_state * (seen_count + 1.0) + n_state * n_state / n_frames + 0.5 * seen_count * n_frames
+        let n_observed = self.observed.len() as f64;
+        n_state * (n_observed + 1.0) + n_state * n_state / n_frames + 0.5 * n_observed * n_frames
     }
 }
 

@@ -157,15 +157,15 @@ impl PlanBuilder<'_> {
             1 => Some(subset.clone()),
             _ => multirate::with_offered_slow(subset, island_timeline, self.budget, offered, macrostep),
         };
-        let interval_pairs = tried_intervals.iter().flat_map(|seen_interval| {
+        let interval_pairs = tried_intervals.iter().flat_map(|displayed_interval| {
             tried_intervals
                 .iter()
-                .map(move |key_interval| (*seen_interval, *key_interval))
+                .map(move |key_interval| (*displayed_interval, *key_interval))
         });
         let mut first_offer = interval_pairs
             .filter(|&interval_pair| interval_pair != (1, 1))
-            .filter_map(|(seen_interval, key_interval)| {
-                let slow_subset = offer_slow(subset, OfferedParts::DisplayedOnly, seen_interval)?;
+            .filter_map(|(displayed_interval, key_interval)| {
+                let slow_subset = offer_slow(subset, OfferedParts::DisplayedOnly, displayed_interval)?;
                 let slow_subset = offer_slow(&slow_subset, OfferedParts::Keys, key_interval)?;
                 self.choose_stepping(&slow_subset, island_timeline, Some(pin)).ok()
             });

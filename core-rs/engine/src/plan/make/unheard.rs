@@ -15,7 +15,7 @@ use crate::assembly::unit::ComputationUnit;
 use crate::body_modes::linear::NoModes;
 use crate::network::{Error, Network, Subset};
 use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
-use crate::plan::trial::seen_rate;
+use crate::plan::trial::displayed_rate;
 use crate::plan::{Plan, PlanContext};
 use crate::timeline::Timeline;
 
@@ -50,7 +50,7 @@ pub(super) fn plan_displayed_islands(
             && island_plan.frame_interval > 1
         {
             let island_context = (&subset, &island_timeline, budget);
-            let rate_error = seen_rate::lower_rate_error(
+            let rate_error = displayed_rate::lower_rate_error(
                 island_plan,
                 island_context,
                 (&maker.mode_cache, &allowance, known.trial_store),

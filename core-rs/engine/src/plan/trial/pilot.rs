@@ -25,7 +25,7 @@ use crate::plan::trial::prune_modes::prune;
 use crate::plan::trial::reference::{
     Reference, ReferenceSearch, find_reference, is_cheaper_once_per_step, once_per_step_reference,
 };
-use crate::plan::trial::runs::RunCache;
+use crate::plan::trial::run_cache::RunCache;
 use crate::plan::trial::search::{CandidateSearch, CandidateTrial};
 use crate::plan::trial::waveform_error::{ComparedSpans, amplitude_difference_db, amplitude_sum_db, power_sum_db};
 use crate::waveform::is_still;

@@ -20,7 +20,7 @@ use crate::plan::constants::{
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::candidates::{Candidate, CandidateFamily, has_fine_links};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
-use crate::plan::trial::runs::RunCache;
+use crate::plan::trial::run_cache::RunCache;
 use crate::plan::trial::waveform_error::{ComparedSpans, FACTOR_TWO_DB, difference_db};
 use crate::waveform::is_still;
 

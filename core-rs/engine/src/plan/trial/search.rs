@@ -24,7 +24,7 @@ use crate::plan::trial::chaos::{ChaoticComparison, ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{EnergyGainShares, PilotRun, is_affordable};
 use crate::plan::trial::reference::Reference;
-use crate::plan::trial::runs::RunCache;
+use crate::plan::trial::run_cache::RunCache;
 use crate::plan::trial::waveform_error::{
     ComparedSpans, EarlyComparison, amplitude_difference_db, amplitude_sum_db, difference_db,
 };

@@ -2,8 +2,8 @@
 
 use super::AxisSpec;
 use super::lateness::{LATE_EFFECTS_SECONDS, Lateness};
+use super::observations::AxisParameters;
 use super::question::{QuestionAnswer, Questions};
-use super::signs::AxisParameters;
 use crate::safety::TripCause;
 
 /// Time for which a right answer counts [s].

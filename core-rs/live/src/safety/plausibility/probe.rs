@@ -1,6 +1,6 @@
 //! A probe: for some milliseconds the force differs from the piece's, and the answer of the key is judged.
 
-use super::signs::{AxisObservations, AxisParameters, Suspicion, VELOCITY_STEPS};
+use super::observations::{AxisObservations, AxisParameters, Suspicion, VELOCITY_STEPS};
 
 /// How the force of a probe grows.
 struct ProbeShape {

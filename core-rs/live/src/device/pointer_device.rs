@@ -7,9 +7,9 @@ use std::time::Instant;
 use super::emulated::exact_spec;
 use super::{Device, DeviceError, DeviceLoss, DeviceSample, DeviceSpec, DeviceUrl, WireStats};
 use crate::device::MAX_AXES;
-use crate::lead::finger::{FingerMotion, PointerPull};
-use crate::lead::path::PathReader;
-use crate::lead::{self, PointerStream};
+use crate::pointer::finger::{FingerMotion, PointerPull};
+use crate::pointer::path::PathReader;
+use crate::pointer::{self, PointerStream};
 use crate::safety::SafeForce;
 
 /// Distance of the ticks' clock from the wall's beyond which it is set anew [s], and the share of a smaller distance
@@ -34,7 +34,7 @@ pub(super) struct PointerDevice {
 
 impl PointerDevice {
     pub(super) fn open(url: &DeviceUrl, period: f64, is_retry: bool) -> Result<Self, DeviceError> {
-        let key_lead = lead::find(url.led_name());
+        let key_lead = pointer::find(url.led_name());
         let key_lead = key_lead.ok_or_else(|| url.closed("nothing leads this key"))?;
         if is_retry && !key_lead.is_present() {
             return Err(url.closed("nobody plays this key"));
