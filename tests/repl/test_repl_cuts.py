@@ -180,7 +180,7 @@ def test_cut_with_a_real_hand(tmp_path: Path) -> None:
             sounds.append(process(new.simulation, 8000))
         assert sounds[0][:, 1].any()
         np.testing.assert_array_equal(*sounds)
-        assert [hand.index for hand in cut.live] == [hand.index for hand in before.live_hands]
+        assert [hand.index for hand in cut.live_hands] == [hand.index for hand in before.live_hands]
 
 
 def _staged(piece, real, like: Stage | None, start: int, spans) -> Stage:

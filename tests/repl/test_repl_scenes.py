@@ -393,7 +393,7 @@ def test_scene_repeats_strikes_by_pattern_in_rounds():
                 item, pattern=dataclasses.replace(item.pattern, chance=None)
             ).steps(source)
             for place, beat in enumerate(steps):
-                note = steps.course.played(place)
+                note = steps.places.played_name(place)
                 if note is not None and first - 1e-9 <= beat < last - 1e-9:
                     result.append((beat - first, item.notes[note].value))
         return sorted(result)

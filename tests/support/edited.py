@@ -60,7 +60,7 @@ def begun(piece, player):
         for place, start in enumerate(starts or [piece.tempo_map.resolve(play.at)]):
             name, do = play.what, play.do
             if play.pattern is not None:  # as it was drawn in this place
-                name, do = starts.course.played(place), (*do, *starts.course.do(place))
+                name, do = starts.places.played_name(place), (*do, *starts.places.transforms(place))
             if name is not None:
                 result.append((start, name, tuple(t.word for t in do)))
     return sorted(result)

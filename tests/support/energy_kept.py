@@ -20,7 +20,7 @@ WAYS: dict[str, tuple[Accuracy, dict[str, Any]]] = {
     "by ear": (Accuracy(), {}),
     "-60 dB": (Accuracy(error=-60.0), {}),
     "draft": (Accuracy(), {"is_draft": True}),
-    "session": (Accuracy(), {"going": _IN_SESSION}),
+    "session": (Accuracy(), {"takeover": _IN_SESSION}),
     "ca": (Accuracy(method="ca"), {}),
     "modal": (Accuracy(method="modal"), {}),
     "bm4": (Accuracy(method="bm4"), {}),
