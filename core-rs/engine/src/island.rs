@@ -85,8 +85,8 @@ pub(crate) struct Script {
     on_fault: OnFault,
 }
 
-/// Everything that changes; a clone of it is a snapshot. Each field is a group: parameters that a step sets, matter
-/// that it moves, players, and monitors.
+/// Everything that changes; a clone of it is a snapshot. Each field is a group: parameters that a step sets, the
+/// motion that it advances, sources of excitation, and monitors.
 #[derive(Clone, Debug)]
 struct State {
     frame: u64,
