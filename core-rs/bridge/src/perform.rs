@@ -302,7 +302,7 @@ impl Performance {
         self.with(|performance| performance.part_gain(group, gain))
     }
 
-    /// Make a change at frame `tick`, the first of a tick; returns the ticket of the event "changed" or "late".
+    /// Make a change at frame `frame`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
     #[pyo3(signature = (frame, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, forces=Vec::new(), guidance=None, bounds=None, damp=None))]
@@ -355,7 +355,7 @@ impl Performance {
         })
     }
 
-    /// Withdraw the changes of the simulation that are due at `tick` or later; an event "late" reports each of them.
+    /// Withdraw the changes of the simulation that are due at `frame` or later; an event "late" reports each of them.
     fn revoke(&self, frame: u64) -> PyResult<()> {
         self.with(|performance| performance.revoke(frame))?.map_err(plain_error)
     }

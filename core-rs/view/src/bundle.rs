@@ -2,7 +2,7 @@
 //!
 //! Chunks of one kind stand together as a group, and of all their records first the first byte, then the second, and
 //! so on: bytes that are alike stand side by side. A group is `u16 kind, u16 record_width, u32 n`, the seconds and the
-//! lengths of its n chunks, and their payloads one after the other, the last in records of `record_width` bytes.
+//! lengths of its n chunks, and their payloads one after the other, the last in records of `width` bytes.
 
 use miniz_oxide::deflate::compress_to_vec_zlib;
 use miniz_oxide::inflate::TINFLStatus;
@@ -131,7 +131,7 @@ fn record_width(kind: u16, members: &[GroupMember<'_>]) -> u16 {
     }
 }
 
-/// Appends records of `record_width` bytes: the first byte of each, then the second of each, and so on; then what is
+/// Appends records of `width` bytes: the first byte of each, then the second of each, and so on; then what is
 /// left.
 fn split_columns(out: &mut Vec<u8>, records: &[u8], width: usize) {
     let (full_records, remainder) = records.split_at(records.len() - records.len() % width);

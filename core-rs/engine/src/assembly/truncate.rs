@@ -63,18 +63,18 @@ pub(crate) fn loudest_modes(
 }
 
 /// Keeps the loudest modes, so that the others together stay below `allowed` [dB] in every row, for each of several
-/// `sources` in which modes may get their energies   (n_excitations, n_modes).
+/// `excitations` in which modes may get their energies   (n_excitations, n_modes).
 pub(crate) fn loudest_by_energy(
-    sources: &[Vec<f64>],
+    excitations: &[Vec<f64>],
     rows: &[&[f64]],
     allowed: Option<f64>,
     budget: &Budget,
     frequency: impl Fn(usize) -> f64,
 ) -> KeptModes {
-    let mode_count = sources.first().map_or(0, Vec::len);
+    let mode_count = excitations.first().map_or(0, Vec::len);
     // The largest relative loudness of each mode over all rows and excitations.
     let mut mode_loudness = vec![0.0_f64; mode_count];
-    for (excitation, row) in sources
+    for (excitation, row) in excitations
         .iter()
         .flat_map(|excitation| rows.iter().map(move |row| (excitation, row)))
     {

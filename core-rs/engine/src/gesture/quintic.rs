@@ -84,7 +84,7 @@ impl Quintic {
         (x, v / self.duration, a / (self.duration * self.duration))
     }
 
-    /// Lowest and highest position [m] from instant `start_knot` to instant `end_knot` [s].
+    /// Lowest and highest position [m] from instant `from` to instant `to` [s].
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
         let unit_time = |t: f64| (t - self.start) / self.duration;
         let slope_terms: [f64; 5] = std::array::from_fn(|k| self.coefficients[k + 1] * (k + 1) as f64);

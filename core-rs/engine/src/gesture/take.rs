@@ -17,7 +17,7 @@ pub const MAX_SAMPLES: usize = 20_000_000;
 /// ```
 /// use ergon_engine::gesture::take::{Preparation, Take};
 ///
-/// let t: Vec<f64> = (0..100).map(|i| f64::part_start(i) / 100.0).collect();
+/// let t: Vec<f64> = (0..100).map(|i| f64::from(i) / 100.0).collect();
 /// let x: Vec<f64> = t.iter().map(|t| 1e-3 * t).collect();
 /// let preparation = Preparation { trim: Some((0.2, 0.7)), smooth: None };
 /// assert!((Take::new(&t, &x, preparation)?.duration() - 0.5).abs() < 1e-12);

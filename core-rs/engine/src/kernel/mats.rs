@@ -84,7 +84,7 @@ fn advance_free_in_ranges(
     all_bounded.into_inner()
 }
 
-/// Move a range of MATs: in place, or from the positions and steps in `previous_state`. `force` holds the forces of all
+/// Move a range of MATs: in place, or from the positions and steps in `previous`. `force` holds the forces of all
 /// MATs,
 /// `moved` the positions and steps of the range. Returns whether all positions are bounded.
 fn move_range(
@@ -148,7 +148,7 @@ fn update(mat_coefficients: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [
     diverged_flag == 0
 }
 
-/// [`update`] from positions and steps in `previous_state`, which are not changed.
+/// [`update`] from positions and steps in `previous`, which are not changed.
 #[inline(always)]
 fn update_from(
     mat_coefficients: impl Fn(usize) -> [f64; 4],
@@ -186,7 +186,7 @@ wide! {
 }
 
 wide! {
-    /// [`move_all`] from positions and steps in `previous_state`, which are not changed.
+    /// [`move_all`] from positions and steps in `previous`, which are not changed.
     pub(super) fn move_from(
         coefficients: [&[f64]; 4],
         force: &[f64],

@@ -131,7 +131,7 @@ fn link_line([x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2], rest: f64, i: usize) -> ([f6
     (direction, link_length - rest, length_step)
 }
 
-/// Distance − rest [m] of a link whose rest length has grown by `link_memories` [m]; updates `link_memories` if the
+/// Distance − rest [m] of a link whose rest length has grown by `memory` [m]; updates `memory` if the
 /// link yields.
 fn update_rest(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
     let elastic_elongation = link.law.after_yielding(k, e, *memory);

@@ -57,9 +57,9 @@ impl Simulation {
     /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
     /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
-    /// use ergon_engine::{OnFault, Options, Simulation};
+    /// use ergon_engine::{OnFault, SimulationOptions, Simulation};
     ///
-    /// let options = Options { ledger: true, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
+    /// let options = SimulationOptions { ledger: true, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
     /// let mut simulation = Simulation::new(network, &timeline, options)?;
     /// simulation.skip(1000)?;
     /// let energy = simulation.energy().expect("the ledger is kept");

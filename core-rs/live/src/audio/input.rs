@@ -67,7 +67,7 @@ pub struct InputReader {
 }
 
 impl InputReader {
-    /// The end of a ring that holds `target_frames` frames before sound begins, at `rate` [Hz].
+    /// The end of a ring that holds `target` frames before sound begins, at `rate` [Hz].
     #[must_use]
     pub fn new(mut ring_reader: RingReader, target: usize, rate: u32) -> Self {
         ring_reader.set_rate(rate);

@@ -238,7 +238,7 @@ pub fn find_directions<D: Device>(
     Ok(axes.iter().map(axis_sign).collect())
 }
 
-/// Least and greatest position of every axis during `duration_max` [s], while a player moves it and no force acts.
+/// Least and greatest position of every axis during `length` [s], while a player moves it and no force acts.
 ///
 /// # Errors
 /// [`DeviceLoss`] when the device goes away.
@@ -298,7 +298,7 @@ impl<'a, D: Device> TickLoop<'a, D> {
         Ok(())
     }
 
-    /// Send no force until the axes stand still, for at least `duration_max` [s] and at most eight times that.
+    /// Send no force until the axes stand still, for at least `length` [s] and at most eight times that.
     fn wait_for_rest(&mut self, axes: &[usize], length: f64) -> Result<(), DeviceLoss> {
         let still_limit = self.guarded_device.spec().pos_lsb.max(1e-6);
         for _ in 0..8 {

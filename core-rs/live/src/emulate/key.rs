@@ -101,7 +101,7 @@ impl KeyMotion {
 }
 
 impl EmulatedKeys {
-    /// `n_keys` equal keys, stepped `rate` times a second; keys beyond the end of `hands` are free.
+    /// `n` equal keys, stepped `rate` times a second; keys beyond the end of `hands` are free.
     ///
     /// # Errors
     /// If the key or the rate is impossible.

@@ -77,9 +77,9 @@ impl HandKey {
 /// Tolerance of a measured delay [ticks]: a delay that exceeds a whole number of ticks by less counts as that number.
 const DELAY_TOLERANCE: f64 = 0.05;
 
-/// The key of a device without hand or piece, in ticks of `tick_period` [s].
+/// The key of a device without hand or piece, in ticks of `period` [s].
 ///
-/// If both the device and `measured_key` give a value, the less stable one counts (smaller mass and damping, longer
+/// If both the device and `measured` give a value, the less stable one counts (smaller mass and damping, longer
 /// delay): a calibration cannot make a key look safer than its device reports.
 pub(super) fn bare_key(
     spec: &crate::device::DeviceSpec,

@@ -263,7 +263,7 @@ impl RecordingWriter {
         }
     }
 
-    /// Append the contents of the rings, and the end chunk if it is the `last_tick` time.
+    /// Append the contents of the rings, and the end chunk if it is the last time.
     fn append_all(&mut self, last: bool) -> io::Result<()> {
         self.append()?;
         while self.rows.slots() >= self.row_size || self.events.slots() > 0 {

@@ -3,8 +3,8 @@
 //! Each position is held for a tick and each force is late, so a virtual spring adds energy, and only the damping of
 //! the key removes it. The limit is on the stiffness of everything that is coupled to the key.
 
-/// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], for ticks of `tick_period` [s] and forces that are
-/// `delay_ticks` ticks late: 2b/(T(1+2d)), independent of the mass if the key is light.
+/// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], for ticks of `period` [s] and forces that are
+/// `delay` ticks late: 2b/(T(1+2d)), independent of the mass if the key is light.
 pub fn stable_stiffness_max(damping: f64, period: f64, delay: u32) -> f64 {
     2.0 * damping / (period * (1.0 + 2.0 * f64::from(delay)))
 }

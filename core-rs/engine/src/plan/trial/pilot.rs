@@ -1,6 +1,6 @@
 //! A pilot: plays the beginning of an island to choose how it is computed.
 //!
-//! It ends a while after the first contact, or after the first event if nothing touches. A `find_reference` is found
+//! It ends a while after the first contact, or after the first event if nothing touches. A `reference` is found
 //! first; the `search` then compares candidates with it; at last modes that this score does not excite are left out. By
 //! ear the plain ways come first, and others only if none of them is exact enough.
 

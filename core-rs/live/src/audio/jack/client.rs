@@ -288,7 +288,7 @@ impl Client {
         self.call(|api, raw| unsafe { (api.set_freewheel)(raw, is_on.into()) }) == Some(0)
     }
 
-    /// Start: `callback` is called for every cycle until the client is closed, with ports `prefix_1` to `prefix_n`.
+    /// Start: `process` is called for every cycle until the client is closed, with ports `prefix_1` to `prefix_n`.
     pub(super) fn activate<P: ProcessCallback>(
         self,
         prefix: &str,
@@ -373,7 +373,7 @@ impl<P: ProcessCallback> ActiveClient<P> {
         latency_range.max
     }
 
-    /// Close the client and return its `callback`.
+    /// Close the client and return its `process`.
     pub(super) fn close(mut self) -> P {
         self.client = None;
         let callback = std::mem::replace(&mut self.callback, ptr::null_mut());

@@ -49,7 +49,7 @@ impl Player {
         }
     }
 
-    /// Note the load of the tick, which `tick_duration` this long, and report parts that were newly muted or computed
+    /// Update the load by the tick, which took `tick_duration`, and report parts that were newly muted or computed
     /// finer, or created energy.
     pub(super) fn update_load(&mut self, tick_duration: Duration) {
         let tick_period = self.clock.period();

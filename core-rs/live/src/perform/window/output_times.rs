@@ -16,7 +16,7 @@ pub struct PlaybackTimes {
 }
 
 impl PlaybackTimes {
-    /// The times of an output whose first frame is `start_frame`, at `rate` frames per second.
+    /// The times of an output whose first frame is `start`, at `rate` frames per second.
     pub(in crate::perform) fn new(sound_clock: SoundClock, rate: f64, start: u64) -> Self {
         let line = FrameTimeLine::new(rate, start);
         Self {

@@ -41,7 +41,7 @@ pub(super) struct Lateness {
 }
 
 impl Lateness {
-    /// For steps of `step_seconds` [s] of a device that reports a `delay` [s], and the `work_max` [J] and `power` [W]
+    /// For steps of `step` [s] of a device that reports a `delay` [s], and the `energy` [J] and `power` [W]
     /// that its motor may give to a hand at once and for long.
     pub(super) fn new(step: f64, delay: f64, energy: f64, power: f64) -> Self {
         let lag_steps = |lag: f64| (((lag + delay) / step).round() as usize).min(FORCES_STORED - 1);
@@ -57,7 +57,7 @@ impl Lateness {
         }
     }
 
-    /// Take the force `sent_forces` before a step [N], and the movement in it [m].
+    /// Take the force `sent` before a step [N], and the movement in it [m].
     pub(super) fn add_step(&mut self, sent: f64, displacement: f64) {
         self.newest_index = (self.newest_index + 1) % FORCES_STORED;
         self.sent_forces[self.newest_index] = sent as f32;

@@ -131,7 +131,7 @@ pub(super) struct Questions {
 }
 
 impl Questions {
-    /// For steps of `step_seconds` [s] and an axis of `mass` [kg] whose sensor has steps of `resolution` [m] and whose
+    /// For steps of `step` [s] and an axis of `mass` [kg] whose sensor has steps of `resolution` [m] and whose
     /// device reports a `delay` [s].
     pub(super) fn new(step: f64, mass: f64, resolution: f64, delay: f64) -> Self {
         Self {
@@ -215,7 +215,7 @@ impl Questions {
             .max(NOISE_FACTOR * self.noise_sum)
     }
 
-    /// Take the position of a step [m], and the force `sent_range` before it [N]; returns the answer when a question is
+    /// Take the position of a step [m], and the force `sent_force` before it [N]; returns the answer when a question is
     /// over. Where `is_doubtful`, a right answer has to be greater than what comes later.
     pub(super) fn add_step(&mut self, x: f64, sent_force: f64, is_doubtful: bool) -> Option<QuestionAnswer> {
         if self.quiet_steps == 0 && self.active_question.is_none() {

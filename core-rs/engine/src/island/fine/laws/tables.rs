@@ -199,9 +199,9 @@ impl FineScript {
         coefficients
     }
 
-    /// Response of the elongation between `moved_end` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law
+    /// Response of the elongation between `moved_ends` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law
     /// between
-    /// `pushed_end`.
+    /// `pushed_ends`.
     pub(in crate::island::fine) fn elongation_response(
         &self,
         [moved_ends, pushed_ends]: [(usize, usize); 2],
