@@ -21,7 +21,7 @@ LONGER = {
     ("core-rs/engine/src/key_model/motion/derivatives.rs", "direct"): 82,
     ("core-rs/engine/src/network/bodies.rs", "add_mesh"): 90,
     ("core-rs/engine/src/network/modes.rs", "part_modes"): 82,
-    ("core-rs/engine/src/assembly/assemble.rs", "new"): 86,
+    ("core-rs/engine/src/assembly/assemble.rs", "new"): 85,
     ("core-rs/engine/src/body_modes/complex_modes/blocks.rs", "add"): 117,
     ("core-rs/engine/src/assembly/islands.rs", "islands"): 88,
     ("core-rs/engine/src/assembly/slow.rs", "find_bodies"): 107,

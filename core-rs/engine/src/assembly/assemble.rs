@@ -136,13 +136,7 @@ impl Assembled {
         } else {
             oversampled_timeline(&island_timeline.timeline, oversampling, &subset.network)?
         };
-        // The macrostep of a slow part keeps its duration at a higher rate.
-        let faster_subset = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
-            network: subset
-                .network
-                .with_macrosteps(|_, macrostep| macrostep?.checked_mul(oversampling)),
-            ..subset.clone()
-        });
+        let faster_subset = with_longer_macrosteps(subset, oversampling);
         let subset = faster_subset.as_ref().unwrap_or(subset);
         let stepped_ns = match subset.network.has_slow_parts() {
             true => 0.0,
@@ -298,6 +292,16 @@ impl Assembled {
         self.island_plan.contact_substeps = contact_substeps;
         self
     }
+}
+
+/// An island whose slow parts keep the duration of their macrosteps at a higher rate; `None` without such parts.
+fn with_longer_macrosteps(subset: &Subset, oversampling: u32) -> Option<Subset> {
+    (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
+        network: subset
+            .network
+            .with_macrosteps(|_, macrostep| macrostep?.checked_mul(oversampling)),
+        ..subset.clone()
+    })
 }
 
 /// Only at the score's own rate does the composer get an explanation.
