@@ -60,9 +60,9 @@ def request_handlers(
     groups_by_name = {name: group for group, name in enumerate(part_names)}
 
     def setter_for(names: Iterable[str]) -> Callable[[float], None]:
-        group_addresses = [groups_by_name[name] for name in names]
+        group_indices = [groups_by_name[name] for name in names]
         return lambda ratio: _check_accepted(
-            [performance.part_gain(group, ratio) for group in group_addresses]
+            [performance.part_gain(group, ratio) for group in group_indices]
         )
 
     instruments_by_player = exclusive_instruments(stage.piece, part_names)
@@ -80,10 +80,10 @@ def request_handlers(
             for name in part_names
         },
         **{
-            f"/ergon/player/{player}/gain": gain_handler(setter_for(addresses))
-            if addresses
+            f"/ergon/player/{player}/gain": gain_handler(setter_for(instrument_names))
+            if instrument_names
             else _shared_key_handler(player)
-            for player, addresses in instruments_by_player.items()
+            for player, instrument_names in instruments_by_player.items()
         },
         **{f"/ergon/input/{name}": handler_of(name) for name in input_names},
     }
@@ -114,11 +114,11 @@ def _reachable_instruments(piece: Piece, key_name: str) -> set[str]:
         for end in joined_parts:
             neighbours.setdefault(end, set()).update(joined_parts)
     instruments: set[str] = set()
-    visited_parts = [key_name]
-    while visited_parts:
-        for part in neighbours.get(visited_parts.pop(), set()) - instruments - piece.keys.keys():
+    parts_to_visit = [key_name]
+    while parts_to_visit:
+        for part in neighbours.get(parts_to_visit.pop(), set()) - instruments - piece.keys.keys():
             instruments.add(part)
-            visited_parts.append(part)
+            parts_to_visit.append(part)
     return instruments
 
 

@@ -119,7 +119,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         phrases={name: "phrase" for name in piece.phrases},
         paths=dict.fromkeys(filter(None, map(_path_of, piece.gestures.values())), "path in space"),
         acts=dict(_act_names(piece)),
-        blocks={name: f"block, {_called_names(block)}" for name, block in piece.blocks.items()},
+        blocks={name: f"block, {_line_count(block)}" for name, block in piece.blocks.items()},
     )
 
 
@@ -173,7 +173,7 @@ def _modules_with_masses(instrument: Instrument) -> list[str]:
     ]
 
 
-def _called_names(block: Sequence[str]) -> str:
+def _line_count(block: Sequence[str]) -> str:
     return f"{len(block)} line{'s' if len(block) > 1 else ''}"
 
 

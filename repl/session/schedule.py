@@ -230,10 +230,10 @@ class Schedule:
             self._let_wait([*taken_back.lines, *self.waiting])
         self.past_versions.update(self.changes.past_versions(self.past_versions))
 
-    def _drop_failed(self, failed_line: Sequence[WaitingLine], reason: str) -> None:
+    def _drop_failed(self, failed_lines: Sequence[WaitingLine], reason: str) -> None:
         """Drop waiting lines."""
-        self.reports.extend(LineDropped(waiting_line, reason) for waiting_line in failed_line)
-        numbers = {waiting_line.number for waiting_line in failed_line}
+        self.reports.extend(LineDropped(waiting_line, reason) for waiting_line in failed_lines)
+        numbers = {waiting_line.number for waiting_line in failed_lines}
         self._let_wait(
             [waiting_line for waiting_line in self.waiting if waiting_line.number not in numbers]
         )
@@ -342,15 +342,15 @@ class Schedule:
         self._let_wait(lines_left)
 
     def _without_start(
-        self, waiting_lines: Sequence[WaitingLine], stop_frame: int
+        self, waiting_lines: Sequence[WaitingLine], stop_line_number: int
     ) -> list[WaitingLine]:
         """Lines that wait after a stop: those that start the piece and were typed before the line
-        `stop_frame` are dropped.
+        `stop_line_number` are dropped.
         """
         started_lines = [
             waiting_line
             for waiting_line in waiting_lines
-            if waiting_line.sets_running and waiting_line.number < stop_frame
+            if waiting_line.sets_running and waiting_line.number < stop_line_number
         ]
         reason = "the piece was stopped before it began"
         self.reports.extend(LineDropped(waiting_line, reason) for waiting_line in started_lines)

@@ -92,8 +92,8 @@ def _check_same_piece(
     found.
     """
     piece_after = changed_texts.load().piece
-    names_after = None if piece_after is None else sounding_names.piece(piece_after)
-    if names_after is None or digest_of(replace(names_after, takes={})) != digest_of(
+    restored_piece = None if piece_after is None else sounding_names.piece(piece_after)
+    if restored_piece is None or digest_of(replace(restored_piece, takes={})) != digest_of(
         replace(piece, takes={})
     ):
         raise EditError(

@@ -50,9 +50,7 @@ def strike(
             **other_fields,
         }
     if "do" in strike_fields and "rhythm" not in strike_fields and "(" not in strike_fields["do"]:
-        fields_written["do"] = [
-            strikes_entry.strip() for strikes_entry in strike_fields["do"].split(",")
-        ]
+        fields_written["do"] = [transform.strip() for transform in strike_fields["do"].split(",")]
     bound_fields = (
         {"times", "until"}
         if fields_written.keys() & {"sweep", "path"}
@@ -108,7 +106,7 @@ def end_strikes(score_texts: Texts, piece: Piece, strikes: Strikes, from_beat: f
 
 
 def end_strikes_at_once(
-    score_texts: Texts, piece: Piece, strikes: Strikes, cut_instant: float
+    score_texts: Texts, piece: Piece, strikes: Strikes, cut_beat: float
 ) -> Texts:
     """End strikes at a beat, also in the middle of a phrase. Raises EditError.
 
@@ -116,8 +114,8 @@ def end_strikes_at_once(
     """
     tempo = piece.tempo_map
     if not strikes.hits or strikes.length is None:
-        return end_strikes(score_texts, piece, strikes, cut_instant)
-    begun_rounds = [beat for beat in strikes.rounds(tempo) if beat < cut_instant - SAME]
+        return end_strikes(score_texts, piece, strikes, cut_beat)
+    begun_rounds = [beat for beat in strikes.rounds(tempo) if beat < cut_beat - SAME]
     if not begun_rounds:
         return score_texts.remove(("strikes", strikes.name))
     timed_hits = [
@@ -126,9 +124,9 @@ def end_strikes_at_once(
         if beat >= begun_rounds[-1] - SAME
     ]
     last_round = timed_hits[: len(strikes.hits)]
-    played_hits = [(beat, hit) for beat, hit in last_round if beat < cut_instant - SAME]
+    played_hits = [(beat, hit) for beat, hit in last_round if beat < cut_beat - SAME]
     if len(played_hits) == len(last_round):
-        return end_strikes(score_texts, piece, strikes, cut_instant)
+        return end_strikes(score_texts, piece, strikes, cut_beat)
     if len(begun_rounds) == 1:
         score_texts = score_texts.remove(("strikes", strikes.name))
     else:

@@ -124,12 +124,12 @@ def _layouts(
     point_counts, analog_counts, frame_counts = [header.n_points], [header.n_analog], [frame_count]
     if (n_points := finite_number("POINT", "USED")) is not None:
         point_counts.append(int(n_points) & _HEADER_FRAMES_MAX)
-    if (n_points := finite_number("ANALOG", "USED")) is not None:
+    if (n_analog_used := finite_number("ANALOG", "USED")) is not None:
         rates = finite_number("ANALOG", "RATE"), finite_number("POINT", "RATE")
-        analog_counts.append(int(n_points) * number_format.word(header_bytes, 18))
+        analog_counts.append(int(n_analog_used) * number_format.word(header_bytes, 18))
         if rates[0] and rates[1]:
             analog_counts.append(
-                int(n_points) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX)
+                int(n_analog_used) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX)
             )
     if total := finite_number("POINT", "FRAMES"):
         frame_counts.append(int(total))
@@ -205,7 +205,7 @@ def read(path: Path) -> Motion:
     )
     # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
     factor = 1.0 if is_real else layout.scale
-    frame_width = layout.bytes_per_number
+    number_bytes = layout.bytes_per_number
     if start_offset + n * frame_bytes > file_size:
         n_complete = max(0, (file_size - start_offset) // frame_bytes)
         raise TakeError(f"the file is cut: of {n:,} frames {n_complete:,} are there", path)
@@ -217,7 +217,7 @@ def read(path: Path) -> Motion:
             open_file.seek(start_offset)
             frames_left, frames_max = (
                 n,
-                max(1, BLOCK_NUMBERS_MAX * frame_width // max(frame_bytes, 1)),
+                max(1, BLOCK_NUMBERS_MAX * number_bytes // max(frame_bytes, 1)),
             )
             while frames_left:
                 file_bytes = open_file.read(frame_bytes * min(frames_left, frames_max))
@@ -262,30 +262,28 @@ def _parameters(
     number_format = _NumberFormat(file_bytes[3])
     group_names: dict[int, str] = {}
     rows: list[tuple[int, str, _Value]] = []
-    parameters_start = 4
-    while parameters_start + 2 < len(file_bytes):
+    cursor = 4
+    while cursor + 2 < len(file_bytes):
         # A negative length of the name locks a parameter; a negative number makes it a group.
         name_length, group_number = (
-            abs(struct.unpack_from("b", file_bytes, parameters_start)[0]),
-            file_bytes[parameters_start + 1],
+            abs(struct.unpack_from("b", file_bytes, cursor)[0]),
+            file_bytes[cursor + 1],
         )
-        parameters_start += 2
+        cursor += 2
         parameter_name = (
-            file_bytes[parameters_start : parameters_start + name_length]
-            .decode("ascii", "replace")
-            .upper()
+            file_bytes[cursor : cursor + name_length].decode("ascii", "replace").upper()
         )
-        parameters_start += name_length
-        if not name_length or parameters_start + 2 > len(file_bytes):
+        cursor += name_length
+        if not name_length or cursor + 2 > len(file_bytes):
             break
-        byte_offset = number_format.word(file_bytes, parameters_start)
+        next_entry_distance = number_format.word(file_bytes, cursor)
         if group_number >= 0x80:
             group_names[0x100 - group_number] = parameter_name
-        elif (value := _parameter_at(file_bytes, parameters_start + 2)) is not None:
+        elif (value := _parameter_at(file_bytes, cursor + 2)) is not None:
             rows.append((group_number, parameter_name, value))
-        if not byte_offset:
+        if not next_entry_distance:
             break
-        parameters_start += byte_offset
+        cursor += next_entry_distance
     return number_format, {(group_names.get(group, ""), name): value for group, name, value in rows}
 
 

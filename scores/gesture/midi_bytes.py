@@ -63,8 +63,8 @@ class MidiBytes:
         file_bytes = self.data
         if file_bytes[:4] != b"MThd":
             raise TakeError("it is not a MIDI file: it does not begin with MThd", self.path)
-        file_size = int.from_bytes(file_bytes[4:8], "big")
-        if len(file_bytes) < 14 or file_size < 6:
+        header_length = int.from_bytes(file_bytes[4:8], "big")
+        if len(file_bytes) < 14 or header_length < 6:
             raise self.damage_error(4, "the header has fewer than 6 bytes")
         midi_format, n_tracks, division = (
             int.from_bytes(file_bytes[i : i + 2], "big") for i in (8, 10, 12)
@@ -78,14 +78,14 @@ class MidiBytes:
         if not division:
             raise self.damage_error(12, "a beat has no ticks")
         tracks: list[tuple[int, int]] = []
-        n_others, chunk_start = 0, _NAME_SIZE + file_size
+        n_others, chunk_start = 0, _NAME_SIZE + header_length
         while chunk_start < len(file_bytes):
             chunk_name, content_start = (
                 file_bytes[chunk_start : chunk_start + 4],
                 chunk_start + _NAME_SIZE,
             )
-            file_size = int.from_bytes(file_bytes[chunk_start + 4 : content_start], "big")
-            chunk_stop = content_start + file_size
+            chunk_length = int.from_bytes(file_bytes[chunk_start + 4 : content_start], "big")
+            chunk_stop = content_start + chunk_length
             is_chunk = (
                 content_start <= len(file_bytes)
                 and chunk_name.isascii()
@@ -98,7 +98,7 @@ class MidiBytes:
                 raise self.damage_error(chunk_start, "a chunk ends in its name or length")
             if chunk_stop > len(file_bytes):
                 raise self.damage_error(
-                    chunk_start + 4, f"a chunk of {file_size:,} bytes goes beyond the end"
+                    chunk_start + 4, f"a chunk of {chunk_length:,} bytes goes beyond the end"
                 )
             if chunk_name == b"MTrk":
                 tracks.append((content_start, chunk_stop))

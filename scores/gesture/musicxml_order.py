@@ -38,22 +38,20 @@ class MeasureOrderMarks:
 
 def order_marks(measure_columns: Sequence[Sequence[Element]]) -> list[MeasureOrderMarks]:
     """What measures say, each of them as all parts have it."""
-    turns_by_measure = [MeasureOrderMarks() for _ in measure_columns]
+    marks_by_measure = [MeasureOrderMarks() for _ in measure_columns]
     endings: frozenset[int] = frozenset()
-    for measure_index, (part_turns, measures) in enumerate(
-        zip(turns_by_measure, measure_columns, strict=True)
+    for measure_index, (marks, measures) in enumerate(
+        zip(marks_by_measure, measure_columns, strict=True)
     ):
-        opened_endings, is_closed = _read_marks(measures, part_turns)
+        opened_endings, is_closed = _read_marks(measures, marks)
         endings = opened_endings or endings
-        part_turns.endings = endings
+        marks.endings = endings
         if is_closed:
             endings = frozenset()
-        if part_turns.passes == 1:  # a repeat without a number of times
-            last_ending = max(part_turns.endings, default=1)
-            part_turns.passes = max(
-                2, last_ending + _has_next_ending(measure_columns, measure_index)
-            )
-    return turns_by_measure
+        if marks.passes == 1:  # a repeat without a number of times
+            last_ending = max(marks.endings, default=1)
+            marks.passes = max(2, last_ending + _has_next_ending(measure_columns, measure_index))
+    return marks_by_measure
 
 
 def _has_next_ending(columns: Sequence[Sequence[Element]], number: int) -> bool:
@@ -65,7 +63,7 @@ def _has_next_ending(columns: Sequence[Sequence[Element]], number: int) -> bool:
 
 
 def _read_marks(
-    measures: Sequence[Element], part_turns: MeasureOrderMarks
+    measures: Sequence[Element], marks: MeasureOrderMarks
 ) -> tuple[frozenset[int], bool]:
     """Read the marks of a measure; the endings that begin in it, and whether endings end."""
     opened_endings: frozenset[int] = frozenset()
@@ -78,13 +76,13 @@ def _read_marks(
                 is_closed = True
         for repeat in measure.iterfind("barline/repeat"):
             if repeat.get("direction") == "forward":
-                part_turns.begins = True
+                marks.begins = True
                 continue
             times = repeat.get("times", "")
             n_times = int(times) if times.isdigit() and len(times) < 4 else 1
-            part_turns.passes = max(part_turns.passes, min(n_times, _PASSES_MAX))
+            marks.passes = max(marks.passes, min(n_times, _PASSES_MAX))
         for sound in (*measure.iterfind("sound"), *measure.iterfind("direction/sound")):
-            _read_sound(sound, part_turns)
+            _read_sound(sound, marks)
     return opened_endings, is_closed
 
 
@@ -94,14 +92,14 @@ def _pass_numbers(text: str) -> frozenset[int]:
     return frozenset(n for a, b in ranges for n in range(int(a), int(b or a) + 1))
 
 
-def _read_sound(sound_element: Element, part_turns: MeasureOrderMarks) -> None:
+def _read_sound(sound_element: Element, marks: MeasureOrderMarks) -> None:
     if sound_element.get("dacapo") == "yes":
-        part_turns.jumps_to = "capo"
-    part_turns.jumps_to = sound_element.get("dalsegno") or part_turns.jumps_to
-    part_turns.to_coda = sound_element.get("tocoda") or part_turns.to_coda
-    part_turns.is_fine |= bool(sound_element.get("fine"))
-    part_turns.segnos |= {name for name in (sound_element.get("segno"),) if name}
-    part_turns.codas |= {name for name in (sound_element.get("coda"),) if name}
+        marks.jumps_to = "capo"
+    marks.jumps_to = sound_element.get("dalsegno") or marks.jumps_to
+    marks.to_coda = sound_element.get("tocoda") or marks.to_coda
+    marks.is_fine |= bool(sound_element.get("fine"))
+    marks.segnos |= {name for name in (sound_element.get("segno"),) if name}
+    marks.codas |= {name for name in (sound_element.get("coda"),) if name}
 
 
 def playing_order(measures: Sequence[MeasureOrderMarks]) -> list[int]:
@@ -117,62 +115,60 @@ def playing_order(measures: Sequence[MeasureOrderMarks]) -> list[int]:
 
 
 def _walk_measures(measures: Sequence[MeasureOrderMarks]) -> Iterator[int]:
-    measure_index, section_start, turn = 0, 0, 1
+    measure_index, section_start, pass_number = 0, 0, 1
     has_jumped = False
     while measure_index < len(measures):
-        part_turns = measures[measure_index]
-        if part_turns.begins and measure_index != section_start:
-            section_start, turn = measure_index, 1
-        if part_turns.endings and not _is_in_turn(measures, measure_index, turn, has_jumped):
+        marks = measures[measure_index]
+        if marks.begins and measure_index != section_start:
+            section_start, pass_number = measure_index, 1
+        if marks.endings and not _is_in_pass(measures, measure_index, pass_number, has_jumped):
             measure_index += 1
             if measure_index < len(measures) and not measures[measure_index].endings:
-                section_start, turn = measure_index, 1
+                section_start, pass_number = measure_index, 1
             continue
         yield measure_index
-        if part_turns.passes and not has_jumped and turn < part_turns.passes:
-            turn += 1
+        if marks.passes and not has_jumped and pass_number < marks.passes:
+            pass_number += 1
             measure_index = section_start
             continue
-        if has_jumped and part_turns.is_fine:
+        if has_jumped and marks.is_fine:
             return
-        if has_jumped and part_turns.to_coda:
+        if has_jumped and marks.to_coda:
             target_index = next(
-                (i for i, measure in enumerate(measures) if part_turns.to_coda in measure.codas),
+                (i for i, measure in enumerate(measures) if marks.to_coda in measure.codas),
                 None,
             )
             if target_index is not None and target_index > measure_index:
                 measure_index = section_start = target_index
-                turn = 1
+                pass_number = 1
                 continue
-        if part_turns.jumps_to and not has_jumped:
-            jump_names = (
-                i for i, measure in enumerate(measures) if part_turns.jumps_to in measure.segnos
+        if marks.jumps_to and not has_jumped:
+            segno_indices = (
+                i for i, measure in enumerate(measures) if marks.jumps_to in measure.segnos
             )
             measure_index = section_start = (
-                0 if part_turns.jumps_to == "capo" else next(jump_names, 0)
+                0 if marks.jumps_to == "capo" else next(segno_indices, 0)
             )
-            has_jumped, turn = True, 1
+            has_jumped, pass_number = True, 1
             continue
         measure_index += 1
         is_over = (
-            measure_index < len(measures)
-            and part_turns.endings
-            and not measures[measure_index].endings
+            measure_index < len(measures) and marks.endings and not measures[measure_index].endings
         )
-        if part_turns.passes or is_over:
-            section_start, turn = measure_index, 1
+        if marks.passes or is_over:
+            section_start, pass_number = measure_index, 1
 
 
-def _is_in_turn(
-    measures: Sequence[MeasureOrderMarks], turn_number: int, turn: int, has_jumped: bool
+def _is_in_pass(
+    measures: Sequence[MeasureOrderMarks], measure_index: int, pass_number: int, has_jumped: bool
 ) -> bool:
     """Whether an ending is played in this pass; after a jump the last one is."""
     if not has_jumped:
-        return turn in measures[turn_number].endings
-    number_after = turn_number
+        return pass_number in measures[measure_index].endings
+    next_index = measure_index
     while (
-        number_after < len(measures)
-        and measures[number_after].endings == measures[turn_number].endings
+        next_index < len(measures)
+        and measures[next_index].endings == measures[measure_index].endings
     ):
-        number_after += 1
-    return number_after >= len(measures) or not measures[number_after].endings
+        next_index += 1
+    return next_index >= len(measures) or not measures[next_index].endings

@@ -121,7 +121,7 @@ pub fn open_input(
     let block_frames = opened.block as usize;
     let mut target_frames = block_frames + frames_at_once;
     let capacity = (2 * RING_EXCESS_FACTOR * (target_frames + block_frames)).max(opened.rate as usize / 4);
-    let (ring_writer, inner_drain) = ring::ring_with_state(channels, capacity, stream_state.clone());
+    let (ring_writer, device_reader) = ring::ring_with_state(channels, capacity, stream_state.clone());
     ring_writer.set_prefill(target_frames);
     let mut info = InputInfo {
         backend: opened.backend.into(),
@@ -133,12 +133,17 @@ pub fn open_input(
         description: String::new(),
     };
     let (converter, ring_reader) = if opened.rate == rate {
-        (None, inner_drain)
+        (None, device_reader)
     } else {
-        let conversion = rate::convert_rate(inner_drain, opened.rate, rate, opened.block.max(frames_at_once as u32));
-        let (converter, outer_drain) = conversion.map_err(|(_, error)| error)?;
+        let conversion = rate::convert_rate(
+            device_reader,
+            opened.rate,
+            rate,
+            opened.block.max(frames_at_once as u32),
+        );
+        let (converter, converted_reader) = conversion.map_err(|(_, error)| error)?;
         target_frames = converter.latency;
-        (Some(converter), outer_drain)
+        (Some(converter), converted_reader)
     };
     info.latency_s = target_frames as f64 / f64::from(rate);
     let input_source = (opened.start)(ring_writer).map_err(|(_, error)| error)?;
@@ -242,7 +247,7 @@ impl InputState {
     /// Keep the input open until it is stopped.
     fn supervise(&self, source: Box<dyn Source>, converter: Option<rate::Converter>) {
         let mut source = Some(source);
-        let mut idle_feed = None;
+        let mut idle_writer = None;
         let mut next_retry = Instant::now();
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(CHECK_INTERVAL);
@@ -256,13 +261,13 @@ impl InputState {
                         "the input {} is lost; it is silent until it is found again",
                         self.spec
                     ));
-                    idle_feed = source.take().and_then(Source::stop);
+                    idle_writer = source.take().and_then(Source::stop);
                     next_retry = Instant::now() + RETRY_INTERVAL;
                 }
                 None if Instant::now() < next_retry => {}
                 None => {
                     next_retry = Instant::now() + RETRY_INTERVAL;
-                    let Some(stream) = idle_feed.take() else {
+                    let Some(stream) = idle_writer.take() else {
                         break;
                     };
                     match self.reopen(stream) {
@@ -271,7 +276,7 @@ impl InputState {
                             self.stream_state.set_alive(true);
                             self.add_event(format!("the input {} is back", self.spec));
                         }
-                        Err(stream) => idle_feed = stream.map(|stream| *stream),
+                        Err(stream) => idle_writer = stream.map(|stream| *stream),
                     }
                 }
             }

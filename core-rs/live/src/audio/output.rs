@@ -379,8 +379,8 @@ impl Playback {
             let sink = (opened.start)(ring_reader)?;
             return Ok(Self { sink, converter: None });
         }
-        let (converter, outer_drain) = rate::convert_rate(ring_reader, score_rate, opened.rate, opened.block)?;
-        match (opened.start)(outer_drain) {
+        let (converter, converted_reader) = rate::convert_rate(ring_reader, score_rate, opened.rate, opened.block)?;
+        match (opened.start)(converted_reader) {
             Ok(sink) => Ok(Self {
                 sink,
                 converter: Some(converter),

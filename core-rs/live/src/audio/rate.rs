@@ -38,10 +38,10 @@ pub(super) fn convert_rate(
     };
     let stream_state = inner.stream_state().clone();
     let frames_ahead = 2 * block as usize + filter.output.len() / channels;
-    let (ring_writer, mut outer_drain) = ring::ring_with_state(channels, 2 * frames_ahead, stream_state.clone());
+    let (ring_writer, mut converted_reader) = ring::ring_with_state(channels, 2 * frames_ahead, stream_state.clone());
     ring_writer.set_prefill(frames_ahead);
-    outer_drain.set_rate(output_rate);
-    outer_drain.start_counting(stream_state.played(), input_rate, output_rate);
+    converted_reader.set_rate(output_rate);
+    converted_reader.start_counting(stream_state.played(), input_rate, output_rate);
     inner.set_feeds_device(false);
     let latency = frames_ahead + filter.delay;
     let pump = RingThread::start("ergon rate", inner, move |inner, stop| {
@@ -53,7 +53,7 @@ pub(super) fn convert_rate(
             ring_thread: pump,
             latency,
         },
-        outer_drain,
+        converted_reader,
     ))
 }
 
@@ -173,7 +173,7 @@ mod tests {
     /// One second of a sine at `input_rate` [Hz], converted to `output_rate` [Hz], two channels.
     fn converted(from: u32, to: u32, pitch: f64) -> Vec<f32> {
         let (mut ring_writer, ring_reader) = ring::ring(2, 4096);
-        let (converter, mut outer_drain) = convert_rate(ring_reader, from, to, 256)
+        let (converter, mut converted_reader) = convert_rate(ring_reader, from, to, 256)
             .map_err(|(_, error)| error)
             .expect("the rates can be converted");
         let source_sound: Vec<f32> = (0..from)
@@ -184,20 +184,20 @@ mod tests {
             .collect();
         let mut sound_left = &source_sound[..];
         let (mut all_samples, mut block_samples) = (Vec::new(), [0.0; 512]);
-        while !outer_drain.has_ended() {
+        while !converted_reader.has_ended() {
             let frames_taken = ring_writer.push(sound_left);
             sound_left = &sound_left[2 * frames_taken..];
             if sound_left.is_empty() {
                 ring_writer.close();
             }
-            match outer_drain.take_waiting(&mut block_samples) {
+            match converted_reader.take_waiting(&mut block_samples) {
                 0 => std::thread::sleep(POLL_INTERVAL),
                 frames => all_samples.extend_from_slice(&block_samples[..2 * frames]),
             }
         }
-        let inner_drain = converter.stop().expect("the drain comes back");
-        assert!(inner_drain.has_ended());
-        assert_eq!(inner_drain.stream_state().played(), u64::from(from));
+        let source_reader = converter.stop().expect("the drain comes back");
+        assert!(source_reader.has_ended());
+        assert_eq!(source_reader.stream_state().played(), u64::from(from));
         all_samples
     }
 

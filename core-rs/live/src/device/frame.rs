@@ -129,7 +129,8 @@ impl OpenFrameDevice {
 
     /// The driver on an open port.
     pub(super) fn on_port(mut port: Port, url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
-        let device_info = request_info(&mut port, first_reply(url)?, canceller).map_err(|loss| url.closed(loss))?;
+        let device_info =
+            request_info(&mut port, first_reply_timeout(url)?, canceller).map_err(|loss| url.closed(loss))?;
         let device_info = device_info.ok_or_else(|| url.no_answer("device of the open frame"))?;
         let spec = spec(&device_info).map_err(|reason| url.impossible(reason))?;
         if url.lockstep && !spec.can_lockstep {
@@ -138,12 +139,12 @@ impl OpenFrameDevice {
         if url.wide && !spec.can_send_wide {
             return Err(url.cannot("the device sends integers only and does not support the option wide"));
         }
-        let patience = lockstep_timeout(url)?;
+        let lockstep_timeout = lockstep_timeout(url)?;
         let mut new_frame = Self {
             port,
             spec,
             lockstep: url.lockstep,
-            lockstep_timeout: patience,
+            lockstep_timeout,
             canceller: canceller.clone(),
             wide: url.wide,
             inbox: PacketBuffer::new_bytes(),
@@ -156,8 +157,8 @@ impl OpenFrameDevice {
             has_new_position: true,
         };
         // Read the position before the first force is sent: X(0).
-        let patience = Instant::now() + first_reply(url)?;
-        while new_frame.last_reply.is_none() && canceller.may_wait(patience) {
+        let deadline = Instant::now() + first_reply_timeout(url)?;
+        while new_frame.last_reply.is_none() && canceller.may_wait(deadline) {
             new_frame
                 .write_request([0.0; MAX_AXES], flag::REQUEST)
                 .and_then(|()| new_frame.read_replies(Instant::now() + REQUEST_RETRY_INTERVAL))
@@ -208,7 +209,7 @@ impl OpenFrameDevice {
             }
             let Self {
                 inbox,
-                sent_requests: sent_instant,
+                sent_requests,
                 last_reply: last,
                 drift,
                 stats,
@@ -219,7 +220,7 @@ impl OpenFrameDevice {
             inbox.add_bytes(&read_bytes[..byte_count], wire::FrameReply::parse, |reply| {
                 let is_newer = |last: &wire::FrameReply| reply.seq.wrapping_sub(last.seq) < 0x8000;
                 if reply.axis_count == spec.dof
-                    && sent_instant.note_reply(reply.seq, read_instant, stats)
+                    && sent_requests.note_reply(reply.seq, read_instant, stats)
                     && last.as_ref().is_none_or(is_newer)
                 {
                     stats.drift_ppm = drift.add(read_instant, reply.t_us).or(stats.drift_ppm);
@@ -245,7 +246,7 @@ fn lockstep_timeout(url: &DeviceUrl) -> Result<Duration, DeviceError> {
 }
 
 /// Longest wait for the first reply.
-fn first_reply(url: &DeviceUrl) -> Result<Duration, DeviceError> {
+fn first_reply_timeout(url: &DeviceUrl) -> Result<Duration, DeviceError> {
     let reply_limit = if url.lockstep {
         lockstep_timeout(url)?
     } else {
@@ -257,14 +258,14 @@ fn first_reply(url: &DeviceUrl) -> Result<Duration, DeviceError> {
 /// Ask for the device's information until it answers; `None` if it does not.
 fn request_info(
     port: &mut Port,
-    patience: Duration,
+    timeout: Duration,
     canceller: &WaitCanceller,
 ) -> Result<Option<wire::DeviceInfo>, DeviceLoss> {
-    let patience = Instant::now() + patience;
+    let deadline = Instant::now() + timeout;
     let mut inbox = PacketBuffer::<512>::new_bytes();
     let (mut read_bytes, mut packet_bytes, mut device_info) = ([0; 512], [0; wire::FRAME_BYTES_MAX], None);
     let mut seq = 0;
-    while device_info.is_none() && canceller.may_wait(patience) {
+    while device_info.is_none() && canceller.may_wait(deadline) {
         let request = wire::FrameRequest {
             seq,
             ..wire::FrameRequest::default()
@@ -313,10 +314,10 @@ impl Device for OpenFrameDevice {
     fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
         let is_latest = |last: &Option<wire::FrameReply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
         if self.lockstep {
-            let patience = Instant::now() + self.lockstep_timeout;
+            let deadline = Instant::now() + self.lockstep_timeout;
             sample.is_fresh = self.has_new_position || !is_latest(&self.last_reply, self.last_request);
             while !is_latest(&self.last_reply, self.last_request) {
-                if !self.read_replies(next_check(patience))? && !self.canceller.may_wait(patience) {
+                if !self.read_replies(next_check(deadline))? && !self.canceller.may_wait(deadline) {
                     return Err(DeviceLoss::Silent);
                 }
             }

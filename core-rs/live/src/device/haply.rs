@@ -126,7 +126,7 @@ impl HaplyDevice {
         loop {
             let Self {
                 line,
-                sent_requests: sent_instant,
+                sent_requests,
                 last_answered_number: last_answered,
                 position: last_position,
                 let_go: is_let_go,
@@ -141,7 +141,7 @@ impl HaplyDevice {
                     position,
                     let_go,
                 } => {
-                    sent_instant.note_reply(number, read_instant, stats);
+                    sent_requests.note_reply(number, read_instant, stats);
                     (*last_answered, *last_position, *is_let_go, is_fresh) = (number, position, let_go, true);
                 }
                 GuardianReply::Gone(reason) => *gone = Some(reason),

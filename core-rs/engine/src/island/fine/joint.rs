@@ -188,7 +188,7 @@ pub(super) fn path_responses(
         if is_crowded(owner) {
             return None;
         }
-        // All ports of a body move by the same modes: the response of each to_instant this port is computed once.
+        // All ports of a body move by the same modes: the response of each to this port is computed once.
         let instants = basis.instants.iter();
         let time_spans: Vec<f64> = instants
             .flat_map(|from_instant| {

@@ -176,10 +176,10 @@ impl Client {
                 },
             })
         })?;
-        let opened_at = opened.events.rate.load(Ordering::Acquire);
+        let opening_rate = opened.events.rate.load(Ordering::Acquire);
         let client = Self {
             open_client: opened,
-            opening_rate: opened_at,
+            opening_rate,
         };
         client.register_callbacks();
         Ok(client)

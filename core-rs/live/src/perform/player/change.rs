@@ -54,7 +54,7 @@ impl Player {
     pub(super) fn schedule(&mut self, due: Box<ScheduledChange>) {
         if self.scheduled_changes.len() == SCHEDULED_MAX {
             self.send_event(EventKind::ChangeMissed(due.ticket));
-            self.report_and_discard(due);
+            self.discard_change(due);
             return;
         }
         let queue_index = self.scheduled_changes.partition_point(|other| other.frame <= due.frame);
@@ -73,7 +73,7 @@ impl Player {
             };
             let due_change = self.scheduled_changes.remove(revoked_index);
             self.report(due_change.ticket, false);
-            self.report_and_discard(due_change);
+            self.discard_change(due_change);
         }
     }
 
@@ -87,7 +87,7 @@ impl Player {
             let mut due_change = self.scheduled_changes.remove(0);
             let change_made = due_change.frame == self.frame && self.change(&mut due_change);
             self.report(due_change.ticket, change_made);
-            self.report_and_discard(due_change);
+            self.discard_change(due_change);
         }
     }
 
@@ -197,7 +197,7 @@ impl Player {
         }
     }
 
-    fn report_and_discard(&mut self, due: Box<ScheduledChange>) {
+    fn discard_change(&mut self, due: Box<ScheduledChange>) {
         self.discard(Garbage::Change(due));
     }
 
