@@ -104,7 +104,7 @@ pub(in crate::plan) struct Candidates<'a, F> {
 }
 
 enum Waiting {
-    Candidate(Candidate),
+    Candidate(Box<Candidate>),
     /// Candidates that are not assembled yet, and a lower bound of their cost [ns].
     Steps(GroupSteps, f64),
 }
@@ -172,8 +172,8 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
                 Waiting::Steps(group_steps, _) => self.assemble_steps(group_steps),
                 Waiting::Candidate(candidate) => {
                     if !self.earlier.iter().any(|earlier| earlier.is_same_method(&candidate)) {
-                        self.earlier.push(candidate.clone());
-                        return Some(candidate);
+                        self.earlier.push((*candidate).clone());
+                        return Some(*candidate);
                     }
                 }
             }
@@ -195,7 +195,8 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
                 ..Candidate::new(island.clone(), substeps, Some(self.reference))
             });
             let first_waiting = self.waiting.len();
-            self.waiting.extend(candidates.map(Waiting::Candidate));
+            self.waiting
+                .extend(candidates.map(|candidate| Waiting::Candidate(Box::new(candidate))));
             let is_chosen_by_budget = matches!(family.body_methods, MethodChoice::ByBudget);
             if !is_chosen_by_budget || island.mesh_methods().iter().all(Option::is_none) {
                 cost_min = self.waiting[first_waiting].order().0;
