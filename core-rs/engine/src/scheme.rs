@@ -324,11 +324,16 @@ impl Scheme {
         (has_contacts, has_laws || self.can_locate_friction(steered_mats))
     }
 
+    /// All runs of links that it computes.
+    pub(crate) fn link_runs(&self) -> impl Iterator<Item = &LinkRun> + Clone {
+        self.runs.iter().chain(&self.exact_runs)
+    }
+
     /// Contacts and laws that can be computed in substeps, however many laws there are.
     fn substepped(&self) -> impl Iterator<Item = &LinkRun> {
         let substeps_springs = self.substeps_springs();
-        let all_runs = self.runs.iter().chain(&self.exact_runs);
-        all_runs.filter(move |run| self.can_substep_run(run, substeps_springs))
+        self.link_runs()
+            .filter(move |run| self.can_substep_run(run, substeps_springs))
     }
 
     /// Whether the ends of slides and holds of all its dry friction can be located between frames: beside no contacts

@@ -85,7 +85,7 @@ impl EnergyGains {
                 ..run.clone()
             })
         };
-        let candidate_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fused_runs);
+        let candidate_runs = scheme.link_runs().chain(fused_runs);
         let candidate_runs = candidate_runs.filter(may_gain).flat_map(single_links);
         let checked_links: Vec<CheckedLink> = candidate_runs.map(CheckedLink::new).collect();
         let link_account = checked_links.iter().map(|CheckedLink { run, .. }| {

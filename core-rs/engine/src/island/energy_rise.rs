@@ -95,7 +95,7 @@ impl EnergyRise {
         let is_discrete = |part: &u32| network.parts()[*part as usize].ca_rate.is_some();
         let has_energy = |body: &RunningBody| body.modal().is_some_and(|modal| modal.cells().is_some());
         let fine_runs = || fine_links.into_iter().flat_map(FineLinks::links);
-        let all_runs = || scheme.runs.iter().chain(&scheme.exact_runs).chain(fine_runs());
+        let all_runs = || scheme.link_runs().chain(fine_runs());
         let n_springs: usize = all_runs().filter(|run| run.is_hardening()).map(|run| run.len).sum();
         let is_known = scheme.proxies.is_empty()
             && scheme.following_masses.is_empty()
@@ -295,7 +295,7 @@ impl Island {
         if let Some(fine_state) = &state.motion.fine_links {
             fine_state.report_energies(modules, gate_opening, |link_energy| energy_total.add(link_energy));
         }
-        for run in frame_scheme.runs.iter().chain(&frame_scheme.exact_runs) {
+        for run in frame_scheme.link_runs() {
             let is_exact = matches!(&run.kind, LinkRunKind::But(but) if but.contact == Contact::Exact);
             for i in 0..run.len {
                 let elongation_now = run.elongation(i, |mat| modules.x[mat]);
@@ -328,7 +328,7 @@ impl Island {
             .fold(0.0_f64, |largest_position, x| largest_position.max(x.abs()));
         let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * largest_position;
         let scheme = &self.script.scheme;
-        let scheme_runs = scheme.runs.iter().chain(&scheme.exact_runs);
+        let scheme_runs = scheme.link_runs();
         let stiffness = scheme_runs.map(|run| run.k * run.len as f64).sum::<f64>()
             + scheme
                 .fused_springs
@@ -344,7 +344,7 @@ impl Island {
         let state = &self.state;
         let scheme = &self.script.scheme;
         let fine_runs = state.motion.fine_links.iter().flat_map(FineLinks::links);
-        let all_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fine_runs);
+        let all_runs = scheme.link_runs().chain(fine_runs);
         let link_ends = all_runs
             .filter(|run| !matches!(run.kind, LinkRunKind::Ref))
             .flat_map(|run| (0..run.len).map(move |i| (run.first_link + i, [run.a + i, run.b + i])));

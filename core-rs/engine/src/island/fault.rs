@@ -194,8 +194,7 @@ impl Island {
                 touches_part(first_a, first_b, run.len)
             })
         };
-        let all_runs = scheme.runs.iter().chain(&scheme.exact_runs);
-        for run in all_runs.filter(|run| run_touches_part(run)) {
+        for run in scheme.link_runs().filter(|run| run_touches_part(run)) {
             state.motion.modules.link_forces[run.links()].fill(0.0);
             is_link_cut[run.links()].fill(true);
         }

@@ -152,10 +152,6 @@ fn is_spring(run: &LinkRun) -> bool {
     matches!(run.kind, LinkRunKind::Ref) && run.gate.is_none()
 }
 
-fn all_runs(scheme: &Scheme) -> impl Iterator<Item = &LinkRun> {
-    scheme.runs.iter().chain(&scheme.exact_runs)
-}
-
 impl Ledger {
     pub(super) fn new(scheme: &Scheme, gates: &[Gate], modules: &mut ModuleState) -> Self {
         modules.outside_forces = vec![0.0; scheme.n_mat()];
@@ -167,7 +163,8 @@ impl Ledger {
             previous_steps: modules.d.clone(),
             holding_forces: Vec::new(),
             link_energies: vec![0.0; scheme.n_lia],
-            neighbour_buffers: all_runs(scheme)
+            neighbour_buffers: scheme
+                .link_runs()
                 .filter_map(LinkRun::pairwise)
                 .map(|pair_run| Neighbours::new(&pair_run))
                 .collect(),
@@ -177,7 +174,7 @@ impl Ledger {
         let gate_opening = |run: &LinkRun| run.gate.map_or(1.0, |gate| gates[gate].opening(0));
         let mut neighbour_buffers = ledger.neighbour_buffers.iter_mut();
         let mut law_buffers = ledger.law_buffers.iter_mut();
-        for run in all_runs(scheme).filter(|run| !is_spring(run)) {
+        for run in scheme.link_runs().filter(|run| !is_spring(run)) {
             if let Some((followed_law, rate)) = following_law(run) {
                 let Some(law_buffer) = law_buffers.next() else {
                     continue;
@@ -274,7 +271,7 @@ impl Ledger {
         }
         let mut neighbour_buffers = self.neighbour_buffers.iter_mut();
         let mut law_buffers = self.law_buffers.iter_mut();
-        for run in all_runs(scheme) {
+        for run in scheme.link_runs() {
             let [open_now, open_next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
             let [tension_next, tension_now] = shared_stiffnesses(run, modules);
             if let Some((bristle_law, _)) = run.bristle() {
@@ -399,7 +396,7 @@ impl Ledger {
                 - 0.25 * scheme.zeta[i] * d * d;
             energy_sum.add(mat_energy / scheme.w[i]);
         }
-        for run in all_runs(scheme) {
+        for run in scheme.link_runs() {
             for i in 0..run.len {
                 energy_sum.add(if is_spring(run) {
                     let (elongation_now, elongation_before) = elongation(run, modules, i);

@@ -236,8 +236,8 @@ proptest! {
         prop_assert_eq!(len, 14);
         let bit = bit % (len * 8);
         bytes[bit / 8] ^= 1 << (bit % 8);
-        let whole = matches!(frame::FrameRequest::parse(&bytes[..len], 2.0), Parsed::Packet(..));
-        prop_assert!(!whole);
+        let is_accepted = matches!(frame::FrameRequest::parse(&bytes[..len], 2.0), Parsed::Packet(..));
+        prop_assert!(!is_accepted);
     }
 
     #[test]

@@ -253,7 +253,7 @@ impl LinkAccount {
 /// The strength of a link in this step, as a factor of what it is as written.
 fn strength_factor(run: &LinkRun, scheme: &Scheme, gates: &[f64]) -> f64 {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
-    let mut scheme_runs = scheme.runs.iter().chain(&scheme.exact_runs);
+    let mut scheme_runs = scheme.link_runs();
     let run_now = scheme_runs.find(|scheme_run| scheme_run.links().contains(&run.first_link));
     let stiffness_ratio = run_now.map_or(1.0, |run_now| run_now.k / run.k);
     if stiffness_ratio.is_finite() {

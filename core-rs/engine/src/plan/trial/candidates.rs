@@ -100,13 +100,22 @@ pub(in crate::plan) struct Candidates<'a, F> {
     reference: (&'a Candidate, &'a PilotRun),
     waiting: Vec<Waiting>,
     /// Those that had their turn.
-    earlier: Vec<Candidate>,
+    earlier: Vec<ComputedBy>,
 }
 
 enum Waiting {
     Candidate(Box<Candidate>),
     /// Candidates that are not assembled yet, and a lower bound of their cost [ns].
     Steps(GroupSteps, f64),
+}
+
+/// How a candidate computes, and at what cost.
+#[derive(PartialEq)]
+struct ComputedBy {
+    cost_bits: u64,
+    contact_substeps: usize,
+    oversampling: u32,
+    mesh_methods: Vec<Option<(MeshMethod, u32)>>,
 }
 
 /// Steps a frame of one family of candidates.
@@ -171,8 +180,9 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
             match self.waiting.swap_remove(first) {
                 Waiting::Steps(group_steps, _) => self.assemble_steps(group_steps),
                 Waiting::Candidate(candidate) => {
-                    if !self.earlier.iter().any(|earlier| earlier.is_same_method(&candidate)) {
-                        self.earlier.push((*candidate).clone());
+                    let computed_by = candidate.computed_by();
+                    if !self.earlier.contains(&computed_by) {
+                        self.earlier.push(computed_by);
                         return Some(*candidate);
                     }
                 }
@@ -287,12 +297,13 @@ impl Candidate {
         self
     }
 
-    /// Whether both compute the same under two names.
-    fn is_same_method(&self, other: &Self) -> bool {
-        let [first_plan, other_plan] = [self, other].map(|candidate| &candidate.island.island_plan);
-        self.frame_ns.to_bits() == other.frame_ns.to_bits()
-            && self.contact_substeps == other.contact_substeps
-            && first_plan.oversampling == other_plan.oversampling
-            && self.island.mesh_methods() == other.island.mesh_methods()
+    /// What two candidates have in common that compute the same under two names.
+    fn computed_by(&self) -> ComputedBy {
+        ComputedBy {
+            cost_bits: self.frame_ns.to_bits(),
+            contact_substeps: self.contact_substeps,
+            oversampling: self.island.island_plan.oversampling,
+            mesh_methods: self.island.mesh_methods(),
+        }
     }
 }

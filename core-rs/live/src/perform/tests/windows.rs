@@ -152,7 +152,7 @@ fn window_changes_no_sample() {
     let file_config = |wav_path: &PathBuf| config(&format!("file:{}", wav_path.display()));
     let wav_paths = ["none", "shown", "stalled"].map(wav_path);
 
-    let piece = a_stage(&simulation, false);
+    let piece = prepared_piece(&simulation, false);
     let (performance, mut player) = Performance::prepare(piece, Vec::new(), file_config(&wav_paths[0])).unwrap();
     player.receive_first_positions();
     (0..1_000).for_each(|_| assert!(player.tick()));

@@ -145,7 +145,7 @@ pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &st
     window_pair(simulation, look, window_setup).unwrap()
 }
 
-pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> PreparedPiece {
+pub(super) fn prepared_piece(simulation: &Simulation, is_seen: bool) -> PreparedPiece {
     PreparedPiece {
         simulation: simulation.fork(),
         hands: Vec::new(),
@@ -189,7 +189,7 @@ impl Shown {
         limits: ConnectionLimits,
     ) -> Self {
         let (window, scene) = window_on(simulation, timeline, "first");
-        let piece = a_stage(simulation, true);
+        let piece = prepared_piece(simulation, true);
         let (mut this, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
         player.receive_first_positions();
         assert!(this.open(window));
