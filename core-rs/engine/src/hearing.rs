@@ -9,7 +9,25 @@ pub(crate) mod third_octaves;
 
 pub use constants::JUST_NOTICEABLE;
 pub(crate) use constants::{HIGHEST_AUDIBLE, QUIET_POWER_RATIO, SHORTEST_SECONDS};
-use constants::{MEAN_ROUNDING_SHARE, MOTION_START_SHARE};
+use constants::{MEAN_ROUNDING_SHARE, MOTION_START_SHARE, SURE_DEVIATIONS};
+
+/// What becomes of differences of pitch and decay that chance may explain: a partial that contacts disturb wavers, and a
+/// line through its level or phase has another slope after the smallest change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Scatter {
+    Counted,
+    Deducted,
+}
+
+impl Scatter {
+    /// Differences count as far as they exceed so many of their standard deviations.
+    const fn deviations(self) -> f64 {
+        match self {
+            Self::Counted => 0.0,
+            Self::Deducted => SURE_DEVIATIONS,
+        }
+    }
+}
 
 /// The audible error of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,14 +49,14 @@ pub struct Audible {
 impl Audible {
     /// The error of a run against a finer one of the same length (n_frames · n_out), at `rate` [Hz], with partials up
     /// to `upto` [Hz]. Both are compared from where the finer one begins to sound.
-    pub(crate) fn new((run, finer): (&[f64], &[f64]), n_out: usize, rate: f64, upto: f64) -> Self {
+    pub(crate) fn new((run, finer): (&[f64], &[f64]), n_out: usize, rate: f64, upto: f64, scatter: Scatter) -> Self {
         let n_outputs = n_out.max(1);
         (0..n_outputs).fold(Self::default(), |worst, output| {
             let [run_sound, finer_sound] = [run, finer]
                 .map(|sound| -> Vec<f64> { sound.iter().skip(output).step_by(n_outputs).copied().collect() });
             let sound_begin = begin_of_sound(&finer_sound);
             let [run_sound, finer_sound] = [run_sound, finer_sound].map(|sound| without_mean(&sound[sound_begin..]));
-            let (cents, t60) = partials::pitch_errors(&run_sound, &finer_sound, rate, upto);
+            let (cents, t60) = partials::pitch_errors(&run_sound, &finer_sound, rate, upto, scatter);
             let strokes = strokes::stroke_errors(&run_sound, &finer_sound, rate);
             worst.with(Self {
                 cents,
@@ -141,7 +159,7 @@ mod tests {
         };
         let audible = |ulp: f64| {
             let (run, finer) = (resting_sound(ulp), resting_sound(2.0 * ulp));
-            Audible::new((&run, &finer), 1, 32_000.0, 5_000.0)
+            Audible::new((&run, &finer), 1, 32_000.0, 5_000.0, Scatter::Counted)
         };
         assert_eq!(audible(1e-20), Audible::default());
         assert!(audible(1e-9).level > 5.0);

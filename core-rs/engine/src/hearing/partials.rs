@@ -4,19 +4,20 @@
 
 use std::f64::consts::{PI, TAU};
 
+use crate::hearing::Scatter;
 use crate::hearing::constants::{
-    COMMON_ANGLE_SHARE, DECAY_FIT_MAX, PARTIALS_HOP, PARTIALS_MAX, QUIET_POWER_RATIO, RAYLEIGH_MIN, SHORTEST_SECONDS,
-    SURE_DEVIATIONS, WINDOWS_APART, WINDOWS_MIN,
+    COMMON_ANGLE_SHARE, DECAY_FALL_MIN, DECAY_FIT_MAX, PARTIALS_HOP, PARTIALS_MAX, QUIET_POWER_RATIO, RAYLEIGH_MIN,
+    SHORTEST_SECONDS, WINDOWS_APART, WINDOWS_MIN,
 };
 use crate::hearing::third_octaves::{length, powers};
 use crate::maths::{atan2, log, log2, sincos};
 
 /// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `upto` [Hz]; `b` is the
-/// reference.
-pub(super) fn pitch_errors(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, f64) {
+/// reference. `scatter` says whether what chance may explain is deducted.
+pub(super) fn pitch_errors(a: &[f64], b: &[f64], rate: f64, upto: f64, scatter: Scatter) -> (f64, f64) {
     let partials = strongest(b, rate, upto).into_iter();
     partials.fold((0.0, 0.0), |(cents, t60), f| {
-        let (partial_cents, partial_t60) = compare(a, b, f, rate).unwrap_or((0.0, 0.0));
+        let (partial_cents, partial_t60) = compare(a, b, f, rate, scatter).unwrap_or((0.0, 0.0));
         (f64::max(cents, partial_cents), f64::max(t60, partial_t60))
     })
 }
@@ -45,22 +46,22 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
 
 /// Error of the pitch [cents] and of the T60, relative to itself, of the partial near `f` [Hz]; `None` if the sound is
 /// too short.
-fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
+fn compare(a: &[f64], b: &[f64], f: f64, rate: f64, scatter: Scatter) -> Option<(f64, f64)> {
     let (sound_band, reference_band) = (baseband(a, f, rate), baseband(b, f, rate));
     if reference_band.len() < WINDOWS_MIN {
         return None;
     }
     let weights: Vec<f64> = reference_band.iter().map(|[re, im]| re * re + im * im).collect();
-    let frequency_offset = sure_drift(&sound_band, &reference_band) / (TAU * PARTIALS_HOP);
+    let frequency_offset = sure_drift(&sound_band, &reference_band, scatter) / (TAU * PARTIALS_HOP);
     let log_level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
     let log_levels = |baseband_samples: &[[f64; 2]]| -> Vec<f64> { baseband_samples.iter().map(log_level).collect() };
     let (reference_levels, sound_levels) = (log_levels(&reference_band), log_levels(&sound_band));
     let reference_line = Line::fitted(&reference_levels, &weights);
     let level_ratios: Vec<f64> = sound_levels.iter().zip(&reference_levels).map(|(a, b)| a - b).collect();
-    let sound_slope = reference_line.slope + Line::fitted(&level_ratios, &weights).sure_slope();
+    let sound_slope = reference_line.slope + Line::fitted(&level_ratios, &weights).sure_slope(scatter);
     let pitch_error = 1200.0 * log2((1.0 + frequency_offset / f).max(f64::MIN_POSITIVE)).abs();
     let level_fall = -reference_line.slope * reference_band.len() as f64;
-    let is_decay = reference_line.residual < DECAY_FIT_MAX && level_fall > DECAY_FIT_MAX;
+    let is_decay = reference_line.residual < DECAY_FIT_MAX && level_fall > DECAY_FALL_MIN;
     // The ratio of the T60s, less 1.
     let decay_error = if is_decay && sound_slope < 0.0 {
         (reference_line.slope / sound_slope - 1.0).abs()
@@ -120,7 +121,7 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 /// The pulse-pair estimate and its deviation: Miller & Rochwarger, IEEE Trans. Inf. Theory 18 (1972); Zrnić, IEEE
 /// Trans. Aerosp. Electron. Syst. 13 (1977). The turns of noise have no common angle, by Rayleigh's test (Mardia &
 /// Jupp, Directional Statistics, 2000, 6.3.1), and no drift is sure.
-fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
+fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]], scatter: Scatter) -> f64 {
     let ratio = |(a, b): (&[f64; 2], &[f64; 2])| -> [f64; 2] {
         let [re, im] = turn(*b, *a);
         match modulus(*a) {
@@ -149,7 +150,7 @@ fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
     let (n_turns, share) = (n_independent(&sizes), coherence * coherence);
     let deviation = ((1.0 - share).max(0.0) / (2.0 * share * n_turns)).sqrt() / lag as f64;
     match share > (RAYLEIGH_MIN / n_turns).min(COMMON_ANGLE_SHARE) {
-        true => sure_part(drift, deviation),
+        true => sure_part(drift, scatter.deviations() * deviation),
         false => 0.0,
     }
 }
@@ -206,8 +207,8 @@ impl Line {
     }
 
     /// The slope as far as it is more than chance.
-    fn sure_slope(&self) -> f64 {
-        sure_part(self.slope, self.deviation)
+    fn sure_slope(&self, scatter: Scatter) -> f64 {
+        sure_part(self.slope, scatter.deviations() * self.deviation)
     }
 }
 
@@ -219,9 +220,9 @@ fn n_independent(weights: &[f64]) -> f64 {
     (sum * sum / square_sum / WINDOWS_APART as f64).max(1.0)
 }
 
-/// A value less what chance may make of it; 0 if either is not a number.
-fn sure_part(value: f64, deviation: f64) -> f64 {
-    let sure_size = value.abs() - SURE_DEVIATIONS * deviation;
+/// A value less `chance`, what chance may make of it; 0 if either is not a number.
+fn sure_part(value: f64, chance: f64) -> f64 {
+    let sure_size = value.abs() - chance;
     if sure_size > 0.0 {
         sure_size.copysign(value)
     } else {
@@ -248,15 +249,15 @@ mod tests {
     #[test]
     fn pitch_errors_of_weaker_partials() {
         let reference = sound((220.0, 8.0), (1_310.0, 20.0));
-        let (pitch_error, decay_error) = pitch_errors(&reference, &reference, RATE, 5_000.0);
+        let (pitch_error, decay_error) = pitch_errors(&reference, &reference, RATE, 5_000.0, Scatter::Deducted);
         assert_eq!((pitch_error, decay_error), (0.0, 0.0));
         // 5 cents, and a T60 that is a tenth longer.
         let detuned = sound((220.0, 8.0), (1_310.0 * 1.002_892, 20.0 / 1.1));
-        let (pitch_error, decay_error) = pitch_errors(&detuned, &reference, RATE, 5_000.0);
+        let (pitch_error, decay_error) = pitch_errors(&detuned, &reference, RATE, 5_000.0, Scatter::Deducted);
         assert!((pitch_error - 5.0).abs() < 0.2, "{pitch_error}");
         assert!((decay_error - 0.1).abs() < 0.01, "{decay_error}");
         // Partials above `upto` are not compared.
-        assert!(pitch_errors(&detuned, &reference, RATE, 1_000.0).0 < 0.3);
+        assert!(pitch_errors(&detuned, &reference, RATE, 1_000.0, Scatter::Deducted).0 < 0.3);
     }
 
     #[test]
@@ -264,7 +265,7 @@ mod tests {
         // 20 dB below the other at the beginning, and 60 dB lower after 115 ms of 300.
         let reference = sound((110.0, 20.0), (450.0, 60.0));
         let detuned = sound((110.0, 20.0), (450.0 * 1.002_892, 60.0));
-        let (pitch_error, _) = pitch_errors(&detuned, &reference, RATE, 5_000.0);
+        let (pitch_error, _) = pitch_errors(&detuned, &reference, RATE, 5_000.0, Scatter::Deducted);
         assert!((pitch_error - 5.0).abs() < 0.2, "{pitch_error}");
     }
 
@@ -279,7 +280,7 @@ mod tests {
                 .map(|t| exp(-5.0 * t) * (sincos(TAU * 235.0 * t).0 + second * sincos(TAU * 245.0 * t).0))
                 .collect()
         };
-        let (pitch_error, _) = pitch_errors(&beat(1.02), &beat(0.98), RATE, 5_000.0);
+        let (pitch_error, _) = pitch_errors(&beat(1.02), &beat(0.98), RATE, 5_000.0, Scatter::Deducted);
         assert!(pitch_error < 3.0, "{pitch_error}");
     }
 
@@ -290,18 +291,22 @@ mod tests {
             let mut chance = crate::chance::Chance::new(seed.into(), "noise", "", 0, 0);
             (0..13_230).map(|_| chance.uniform(-1.0, 1.0)).collect()
         };
-        let pitch_error = |seed: u32| pitch_errors(&noise(seed), &noise(100 + seed), RATE, 5_000.0).0;
+        let pitch_error =
+            |seed: u32| pitch_errors(&noise(seed), &noise(100 + seed), RATE, 5_000.0, Scatter::Deducted).0;
         let n_sure = (0..20).filter(|&seed| pitch_error(seed) > 3.0).count();
         assert!(n_sure <= 2, "{n_sure} of 20");
     }
 
     #[test]
     fn pitch_errors_of_short_and_silent_sounds_are_zero() {
-        assert_eq!(pitch_errors(&[], &[], RATE, 5_000.0), (0.0, 0.0));
-        assert_eq!(pitch_errors(&[0.0; 500], &[0.0; 500], RATE, 5_000.0), (0.0, 0.0));
+        assert_eq!(pitch_errors(&[], &[], RATE, 5_000.0, Scatter::Deducted), (0.0, 0.0));
+        assert_eq!(
+            pitch_errors(&[0.0; 500], &[0.0; 500], RATE, 5_000.0, Scatter::Deducted),
+            (0.0, 0.0)
+        );
         let reference = sound((220.0, 8.0), (1_310.0, 20.0));
         let silence = vec![0.0; reference.len()];
-        let (pitch_error, decay_error) = pitch_errors(&silence, &reference, RATE, 5_000.0);
+        let (pitch_error, decay_error) = pitch_errors(&silence, &reference, RATE, 5_000.0, Scatter::Deducted);
         assert!(pitch_error.is_finite() && decay_error.is_finite());
     }
 }

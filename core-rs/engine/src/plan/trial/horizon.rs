@@ -5,6 +5,7 @@ use crate::assembly::unit::IslandPlan;
 use crate::content::hex_of;
 use crate::content::island::Content;
 use crate::gesture::script::Gesture;
+use crate::hearing::Scatter;
 use crate::hearing::third_octaves::level_difference;
 use crate::island::bodies::BodyPlan;
 use crate::maths::log10;
@@ -169,7 +170,7 @@ fn extend_error_over(
     let error_excess = measured.waveform_db - change_at(pilot_frames);
     // The first run may have been played further.
     let sound_pair = (&run.sound[..other.sound.len()], &*other.sound);
-    let audible = spans.audible_error(budget, sound_pair);
+    let audible = spans.audible_error(budget, sound_pair, Scatter::Deducted);
     let audible_error = measured.audible.zip(audible).map(|(pilot_error, audible)| {
         // The finer run has up to as large an error as the change.
         MeasuredError {

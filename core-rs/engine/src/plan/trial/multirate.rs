@@ -13,6 +13,7 @@ use crate::assembly::solved_modes::ModeCache;
 use crate::assembly::split::LocalTimeline;
 use crate::assembly::unit::IslandPlan;
 use crate::content::island::IslandContent;
+use crate::hearing::Scatter;
 use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
 use crate::plan::constants::KEY_PHASE_MAX;
@@ -297,7 +298,7 @@ fn compare_with_every_frame(
         duration_seconds: excerpt.end() as f64 / spans.rate,
         third_octave_db: None,
         audible: spans
-            .audible_error(budget, (&slow_run.sound, &every_frame_run.sound))
+            .audible_error(budget, (&slow_run.sound, &every_frame_run.sound), Scatter::Counted)
             .filter(|_| !slow_run.is_unusable),
     }))
 }

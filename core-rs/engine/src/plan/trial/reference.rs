@@ -9,7 +9,7 @@ use std::rc::Rc;
 use crate::assembly::assemble::{Assembled, AssemblyOptions};
 use crate::assembly::budget::Budget;
 use crate::assembly::constants::{INAUDIBLE_ERROR_DB, SUBSTEPS_MAX};
-use crate::hearing::Audible;
+use crate::hearing::{Audible, Scatter};
 use crate::island::FINE_SUBSTEPS_MIN;
 use crate::maths::{amplitude_ratio, pow};
 use crate::network::Error;
@@ -49,6 +49,15 @@ impl Reference {
     /// Whether it shows that the motion is not chaotic.
     pub(in crate::plan) fn shows_regular_motion(&self, budget: &Budget) -> bool {
         self.error_db <= INAUDIBLE_ERROR_DB || (self.audible_error.is_some() && self.is_exact_enough(budget))
+    }
+
+    /// Whether what differs from it is error, and not the chance of a motion that it does not know.
+    pub(in crate::plan) fn scatter(&self) -> Scatter {
+        if self.error_db <= INAUDIBLE_ERROR_DB {
+            Scatter::Counted
+        } else {
+            Scatter::Deducted
+        }
     }
 
     fn is_better_than(&self, other: &Self, budget: &Budget) -> bool {
@@ -231,7 +240,8 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
     }
 
     fn audible_change(&self, coarser_run: &PilotRun, run: &PilotRun) -> Option<Audible> {
-        self.spans.audible_error(self.budget, (&coarser_run.sound, &run.sound))
+        self.spans
+            .audible_error(self.budget, (&coarser_run.sound, &run.sound), Scatter::Counted)
     }
 }
 

@@ -264,7 +264,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
         });
         let audible = self
             .spans
-            .audible_error(self.budget, (&run.sound, &reference.run.sound));
+            .audible_error(self.budget, (&run.sound, &reference.run.sound), reference.scatter());
         let audible = audible
             .zip(reference.audible_error)
             .filter(|_| chaotic_comparison.is_none());

@@ -2,7 +2,7 @@
 
 use crate::assembly::budget::Budget;
 use crate::assembly::unit::IslandPlan;
-use crate::hearing::Audible;
+use crate::hearing::{Audible, Scatter};
 use crate::maths::{amplitude_ratio, log10, pow, sqrt};
 use crate::plan::constants::{EARLY_COMPARISON, PILOT_SECONDS, PILOT_SPANS};
 use crate::plan::trial::pilot_run::frames_per_second;
@@ -50,11 +50,16 @@ impl ComparedSpans {
     }
 
     /// The audible error of a run against a finer one of the same length; `None` unless the budget is one of pitch.
-    pub(in crate::plan) fn audible_error(&self, budget: &Budget, sound_pair: (&[f64], &[f64])) -> Option<Audible> {
+    pub(in crate::plan) fn audible_error(
+        &self,
+        budget: &Budget,
+        sound_pair: (&[f64], &[f64]),
+        scatter: Scatter,
+    ) -> Option<Audible> {
         match *budget {
             Budget::Cents {
                 frequency_hz_max: upto, ..
-            } => Some(Audible::new(sound_pair, self.n_out, self.rate, upto)),
+            } => Some(Audible::new(sound_pair, self.n_out, self.rate, upto, scatter)),
             Budget::Error(_) | Budget::Method(_) => None,
         }
     }
