@@ -169,6 +169,20 @@ def test_by_ear_the_planner_rejects_a_too_loud_method():
     assert metrics.bands_db(ours, theirs, RATE) < 4.0
 
 
+def test_damped_cells_of_a_chaotic_gong_are_not_stepped():
+    # All references of this gong are apart by more than the sound. Three damped cells in a row,
+    # through which it is heard, are 12 dB too loud by CA at 44.1 kHz, which only modes show.
+    Path("a.yaml").write_text(
+        "ergon: 1\nuse: [instruments/gong.yaml]\nmix: {channels: 1}\nrender: {tail: 0.5s}\n"
+        "strikes: {a: {to: tamtam.mallet, at: 20ms, impulse: 100mNs}}\n"
+    )
+    piece = load("a.yaml").piece
+    assert piece is not None
+    source = Score(piece).build_at(RATE)
+    rows = _core.Plan(source.network, source.timeline, error_db=ASKED_DB).rows()
+    assert [row.what for row in rows].count("complex modes") == 2
+
+
 @pytest.mark.parametrize("share", [0.05, 0.02])
 def test_diverging_part_muted_after_truncated_planning(share: float):
     # At twenty times the blow the first trial leaves all bounds, and the allowance ends with it.

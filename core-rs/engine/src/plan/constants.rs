@@ -68,6 +68,9 @@ pub(in crate::plan) const REFERENCE_MARGIN_DB: f64 = 12.0;
 /// Whatever is asked for, a reference of a waveform is this exact [dB]: at -80 dB too, so that a plan for less sees the
 /// same errors of the same candidates.
 pub(in crate::plan) const REFERENCE_ERROR_DB_MAX: f64 = -92.0;
+/// Runs that take less work are doubled until no difference of pitch or decay is left, and not only none that is more
+/// than chance [s]: a piece has tens of islands, and a second of planning is what a composer waits for.
+pub(in crate::plan) const SHORT_RUN_SECONDS: f64 = 0.02;
 /// Errors that differ by less count as equal [dB]: a doubling that gains less ends a family of references; if none is
 /// within the budget, one of higher cost is taken only if its error is lower by more; an error that grows by less after
 /// a pilot is the pilot's.

@@ -15,7 +15,7 @@ use crate::maths::{amplitude_ratio, pow};
 use crate::network::Error;
 use crate::plan::constants::{
     CONVERGENCE_ORDERS, DOUBLING_WORK_FACTOR, EQUAL_ERRORS_DB, FAMILY_ALLOWANCE_SHARE, OVERSAMPLING_MAX,
-    REFERENCE_ERROR_DB_MAX, REFERENCE_MARGIN_DB,
+    REFERENCE_ERROR_DB_MAX, REFERENCE_MARGIN_DB, SHORT_RUN_SECONDS, UNCORRELATED_DB,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::candidates::{Candidate, CandidateFamily, has_fine_links};
@@ -60,7 +60,19 @@ impl Reference {
         }
     }
 
+    /// Whether it has nothing in common with the run before it, by waveform or by ear: how far these two are apart is
+    /// chance, and does not say how exact they are.
+    fn is_uncorrelated(&self, budget: &Budget) -> bool {
+        let is_audibly_apart = self
+            .audible_error
+            .is_none_or(|audible| budget.excess_ratio(&audible) > 1.0);
+        self.error_db > UNCORRELATED_DB && is_audibly_apart
+    }
+
     fn is_better_than(&self, other: &Self, budget: &Budget) -> bool {
+        if self.is_uncorrelated(budget) {
+            return false;
+        }
         match (self.audible_error, other.audible_error) {
             (Some(audible), Some(other_audible)) => budget.excess_ratio(&audible) < budget.excess_ratio(&other_audible),
             _ => self.error_db < other.error_db,
@@ -226,10 +238,11 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
             let gains_nothing = change_before.is_some_and(|change_before| run_change > change_before - EQUAL_ERRORS_DB)
                 && !gains_by_ear().unwrap_or(false);
             let is_last_run = gains_nothing || new_reference.is_exact_enough(self.budget);
-            if best_reference
-                .as_ref()
-                .is_none_or(|best_reference| new_reference.is_better_than(best_reference, self.budget))
-            {
+            // Of runs without anything in common the finest says most.
+            let is_preferred = best_reference.as_ref().is_none_or(|best_reference| {
+                new_reference.is_better_than(best_reference, self.budget) || best_reference.is_uncorrelated(self.budget)
+            });
+            if is_preferred {
                 best_reference = Some(new_reference);
             }
             if is_last_run {
@@ -240,8 +253,13 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
     }
 
     fn audible_change(&self, coarser_run: &PilotRun, run: &PilotRun) -> Option<Audible> {
+        let scatter = if run.work_seconds < SHORT_RUN_SECONDS {
+            Scatter::Counted
+        } else {
+            Scatter::Deducted
+        };
         self.spans
-            .audible_error(self.budget, (&coarser_run.sound, &run.sound), Scatter::Counted)
+            .audible_error(self.budget, (&coarser_run.sound, &run.sound), scatter)
     }
 }
 
