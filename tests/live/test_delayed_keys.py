@@ -44,7 +44,7 @@ def rendered(score: Path, name: str) -> np.ndarray:
 def test_delayed_key_in_a_render_and_on_an_emulated_device(work_folder: Path):
     """A spring pulls the key against a bell; by the device its force is late beyond a wire.
 
-    Compared up to the first question, a pulse that the performance adds to the force.
+    Compared up to the first pulse test, which the performance adds to the force.
     """
     Path("key.yaml").write_text(CALIBRATION)
     score = Path("score.yaml")

@@ -145,7 +145,7 @@ def test_driven_key_after_a_hand_lets_go(tmp_path: Path):
 
 def test_drive_force_above_the_limit(tmp_path: Path):
     _, forces = driven(tmp_path, RealKey(), RealKey(), options=("--force-max", "100mN"))
-    # Questions to the motor take a part of what is allowed.
+    # Pulse tests of the motor take a part of what is allowed.
     assert 0.08 < np.abs(forces).max() < 0.1 + 1e-6
 
 

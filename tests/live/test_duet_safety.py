@@ -100,7 +100,7 @@ def test_safety_stages_pass_played_forces_unchanged(
     # But for the pulses that ask whether the motor still pushes as it is told: two of 6 ms within
     # 24 ms, at most once in 56 ms (docs/live.md).
     pulsed = np.flatnonzero(~np.isclose(asked, part * forces, rtol=1e-12, atol=0))
-    questions = np.split(pulsed, np.flatnonzero(np.diff(pulsed) > 14) + 1)
-    assert all(question[-1] - question[0] < 24 for question in questions if len(question))
-    assert len(pulsed) <= 12 * len(questions) <= 12 * n / 56
+    pulse_tests = np.split(pulsed, np.flatnonzero(np.diff(pulsed) > 14) + 1)
+    assert all(pulse_test[-1] - pulse_test[0] < 24 for pulse_test in pulse_tests if len(pulse_test))
+    assert len(pulsed) <= 12 * len(pulse_tests) <= 12 * n / 56
     assert np.abs(asked - part * forces).max() <= 3.0

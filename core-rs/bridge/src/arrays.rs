@@ -31,12 +31,12 @@ pub(crate) fn load_numpy(py: Python<'_>) {
 
 /// An array of complex numbers.
 #[derive(Clone)]
-pub(crate) struct Complexes {
+pub(crate) struct ComplexArray {
     pub(crate) values: Vec<Complex64>,
     pub(crate) shape: Vec<usize>,
 }
 
-impl<'py> IntoPyObject<'py> for Complexes {
+impl<'py> IntoPyObject<'py> for ComplexArray {
     type Target = PyArrayDyn<Complex64>;
     type Output = Bound<'py, Self::Target>;
     type Error = PyErr;
@@ -48,9 +48,9 @@ impl<'py> IntoPyObject<'py> for Complexes {
 
 /// A one-dimensional array of numbers.
 #[derive(Clone)]
-pub(crate) struct Numbers<T>(pub(crate) Vec<T>);
+pub(crate) struct NumberArray<T>(pub(crate) Vec<T>);
 
-impl<'py, T: Element> IntoPyObject<'py> for Numbers<T> {
+impl<'py, T: Element> IntoPyObject<'py> for NumberArray<T> {
     type Target = PyArray1<T>;
     type Output = Bound<'py, Self::Target>;
     type Error = PyErr;

@@ -14,7 +14,7 @@ use crate::frames::rows;
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 const POLL_INTERVAL: Duration = Duration::from_micros(500);
 
-fn failed(error: AudioError) -> PyErr {
+fn audio_error(error: AudioError) -> PyErr {
     match error {
         AudioError::File { .. } => unwritten(error),
         error => plain_error(error),
@@ -35,7 +35,7 @@ impl AudioOut {
     #[new]
     #[pyo3(signature = (spec, rate, n_channels, capacity = 4096))]
     fn new(py: Python<'_>, spec: &str, rate: u32, n_channels: usize, capacity: usize) -> PyResult<Self> {
-        let spec: AudioSpec = spec.parse().map_err(failed)?;
+        let spec: AudioSpec = spec.parse().map_err(audio_error)?;
         if !(1..=audio::CHANNELS_MAX).contains(&n_channels) || rate == 0 {
             let channel_limit = audio::CHANNELS_MAX;
             return Err(plain_error(format!(
@@ -51,7 +51,7 @@ impl AudioOut {
                 n_channels,
             })
         })
-        .map_err(failed)
+        .map_err(audio_error)
     }
 
     /// Free frames of the ring.
@@ -76,7 +76,7 @@ impl AudioOut {
         let mut frames = rows(&frames, "frames", self.n_channels)?;
         while !frames.is_empty() {
             let frame_writer = self.ring_writer();
-            frames = py.detach(|| pushed(frame_writer, frames));
+            frames = py.detach(|| push_until_deadline(frame_writer, frames));
             py.check_signals()?;
         }
         Ok(())
@@ -101,7 +101,7 @@ impl AudioOut {
     /// Close the output; a file gets its final name.
     fn close(&mut self, py: Python<'_>) -> PyResult<()> {
         let audio_output = &mut self.output;
-        py.detach(|| audio_output.close()).map_err(failed)
+        py.detach(|| audio_output.close()).map_err(audio_error)
     }
 
     /// Silence within 5 ms, until `release`.
@@ -158,7 +158,7 @@ impl AudioOut {
     /// Whether the JACK server runs as fast as it can.
     #[getter]
     fn freewheeling(&self) -> bool {
-        self.output.stream_state().freewheeling()
+        self.output.stream_state().is_freewheeling()
     }
 
     /// Number of underruns.
@@ -200,12 +200,12 @@ impl AudioOut {
 }
 
 /// Push frames for at most `CHECK_INTERVAL`; returns those that are left.
-fn pushed<'a>(ring_writer: &mut RingWriter, mut frames: &'a [f32]) -> &'a [f32] {
+fn push_until_deadline<'a>(ring_writer: &mut RingWriter, mut frames: &'a [f32]) -> &'a [f32] {
     let deadline = Instant::now() + CHECK_INTERVAL;
     while !frames.is_empty() && Instant::now() < deadline {
         match ring_writer.push(frames) {
             0 => std::thread::sleep(POLL_INTERVAL),
-            taken => frames = &frames[taken * ring_writer.channels()..],
+            n_pushed => frames = &frames[n_pushed * ring_writer.channels()..],
         }
     }
     frames
@@ -270,11 +270,11 @@ pub(crate) struct AudioBackend {
 /// Every sound system that ergon knows; starts no server.
 #[pyfunction]
 pub(crate) fn survey_audio(py: Python<'_>) -> Vec<AudioBackend> {
-    let cards = py.detach(audio::survey).into_iter();
-    cards
-        .map(|(name, cards)| {
-            let available = cards.is_ok();
-            let (Ok(sentence) | Err(sentence)) = cards;
+    let backends = py.detach(audio::survey).into_iter();
+    backends
+        .map(|(name, description)| {
+            let available = description.is_ok();
+            let (Ok(sentence) | Err(sentence)) = description;
             AudioBackend {
                 name,
                 available,
@@ -298,7 +298,7 @@ impl JackCapture {
     fn new(py: Python<'_>, name: &str, n_channels: usize, n_frames: usize) -> PyResult<Self> {
         let capture = py
             .detach(|| audio::Capture::open(name, n_channels, n_frames))
-            .map_err(failed)?;
+            .map_err(audio_error)?;
         Ok(Self {
             capture: Some(capture),
             n_channels,

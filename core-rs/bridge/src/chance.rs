@@ -40,6 +40,6 @@ impl Chance {
     }
 }
 
-fn check(fit: bool, sentence: &'static str) -> PyResult<()> {
-    if fit { Ok(()) } else { Err(plain_error(sentence)) }
+fn check(is_valid: bool, sentence: &'static str) -> PyResult<()> {
+    if is_valid { Ok(()) } else { Err(plain_error(sentence)) }
 }

@@ -72,7 +72,7 @@ fn run_in_thread<T: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> T + 
     })
 }
 
-fn ticks(seconds: f64, period: f64) -> PyResult<usize> {
+fn tick_count(seconds: f64, period: f64) -> PyResult<usize> {
     let tick_count = (seconds / period).ceil();
     if period > 0.0 && (1.0..=TICKS_MAX).contains(&tick_count) {
         Ok(tick_count as usize)
@@ -128,7 +128,7 @@ pub(crate) fn serial_identity(py: Python<'_>, path: &str) -> Option<String> {
 /// Wake like the physics thread every `period` [s] for `seconds` [s].
 #[pyfunction]
 pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
-    let ticks = ticks(seconds, period)?;
+    let ticks = tick_count(seconds, period)?;
     let checkup = run_in_thread(py, |stop| {
         doctor::check_timing::<BoxedDevice>(None, period, ticks, stop)
     })?;
@@ -200,7 +200,7 @@ impl Device {
     /// Whether it gives force only while a finger touches it.
     #[getter]
     fn touch_gated(&self) -> bool {
-        self.spec.touch_gated
+        self.spec.is_touch_gated
     }
 
     /// Whether it runs in lockstep: it has no clock of its own.
@@ -223,7 +223,7 @@ impl Device {
 
     /// Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes, 2) [m or rad].
     fn ends<'py>(&self, py: Python<'py>, seconds: f64, period: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        ticks(seconds, period)?;
+        tick_count(seconds, period)?;
         let axis_ends = self
             .with(py, |device, stop| calibrate::travel_ends(device, seconds, period, stop))?
             .map_err(plain_error)?;
@@ -233,7 +233,7 @@ impl Device {
 
     /// Send zero forces every `period` [s] for `seconds` [s], and time the replies.
     fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
-        let ticks = ticks(seconds, period)?;
+        let ticks = tick_count(seconds, period)?;
         let (checkup, device_stats) = self.with(py, |device, stop| -> (Result<_, DeviceLoss>, WireStats) {
             let device_limits = SafetyLimits::from_spec(device.spec());
             let mut guarded_device = GuardedDevice::new(device, device_limits, period);
@@ -302,7 +302,7 @@ impl Device {
 /// Timings that `check_timing` measured.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Checkup {
-    measured: Measured,
+    timing: Measured,
     stats: WireStats,
 }
 
@@ -311,7 +311,7 @@ impl Checkup {
     /// SCHED_FIFO priority that the thread got; None: no real-time priority.
     #[getter]
     fn priority(&self) -> Option<i32> {
-        self.measured.granted.fifo_priority
+        self.timing.granted.fifo_priority
     }
 
     /// Whether memory is locked in RAM.
@@ -320,30 +320,30 @@ impl Checkup {
         let GrantedScheduling {
             is_memory_locked: locked,
             ..
-        } = self.measured.granted;
+        } = self.timing.granted;
         locked
     }
 
     /// Duration of the measurement [s].
     #[getter]
-    fn seconds(&self) -> f64 {
-        self.measured.seconds
+    fn seconds_array(&self) -> f64 {
+        self.timing.seconds
     }
 
     /// Lateness of each tick [s], (n_ticks,); empty in lockstep.
     fn lateness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        seconds(py, &self.measured.lateness)
+        seconds(py, &self.timing.lateness)
     }
 
     /// Time from each force to its reply [s], (n_replies,).
     fn round_trips<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        seconds(py, &self.measured.round_trips)
+        seconds(py, &self.timing.round_trips)
     }
 
     /// Forces without a reply within 20 ms.
     #[getter]
     fn unanswered(&self) -> u64 {
-        self.measured.unanswered
+        self.timing.n_unanswered
     }
 
     /// Received bytes that belong to no packet.
@@ -360,8 +360,8 @@ impl Checkup {
 }
 
 impl Checkup {
-    fn new(measured: Measured, stats: WireStats) -> Self {
-        Self { measured, stats }
+    fn new(timing: Measured, stats: WireStats) -> Self {
+        Self { timing, stats }
     }
 }
 

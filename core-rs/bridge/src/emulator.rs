@@ -87,13 +87,13 @@ pub(crate) fn emulate(
         axes,
         key,
         model,
-        network: network.map(|(network, struck, constant_force, delay)| {
-            (network.0.clone(), struck, KeyMotor { delay, constant_force })
+        network: network.map(|(network, struck_mat, constant_force, delay)| {
+            (network.0.clone(), struck_mat, KeyMotor { delay, constant_force })
         }),
         rate,
         hands: paths.iter().map(|path| hand_on_path(path, hand)).collect(),
         seconds,
-        once,
+        ends_with_host: once,
     };
     run(py, options, &tell)
 }
@@ -112,7 +112,7 @@ fn hand_on_path(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f6
 }
 
 fn run(py: Python<'_>, options: EmulationOptions, tell: &Py<PyAny>) -> PyResult<()> {
-    let (outcome, error) = py.detach(|| {
+    let (serve_result, error) = py.detach(|| {
         // A signal handler's exception appears at the next run of Python code: a call of `tell`, or `check_signals`.
         // The first one is kept.
         let error = RefCell::new(None);
@@ -130,10 +130,10 @@ fn run(py: Python<'_>, options: EmulationOptions, tell: &Py<PyAny>) -> PyResult<
             };
             run_python(&|py| tell.call1(py, event_words.clone()).map(drop));
         };
-        let outcome = serve(options, &mut report_event, &mut || run_python(&|py| py.check_signals()));
-        (outcome, error.into_inner())
+        let serve_result = serve(options, &mut report_event, &mut || run_python(&|py| py.check_signals()));
+        (serve_result, error.into_inner())
     });
-    let ServeSummary { periods, packets, hash } = outcome.map_err(|error| module_error("emulate", error))?;
+    let ServeSummary { periods, packets, hash } = serve_result.map_err(|error| module_error("emulate", error))?;
     // The summary is also sent after Ctrl-C.
     let summary_line = format!("{periods} {packets} {hash:016x}");
     tell.call1(py, ("over", summary_line))?;

@@ -132,14 +132,14 @@ pub(crate) fn unwritten(sentence: impl Display) -> PyErr {
 }
 
 /// The value of a word in the table `words`; EngineError that lists the known words.
-pub(crate) fn word<T: Copy>(what: &str, word_text: &str, words: &[(&str, T)]) -> PyResult<T> {
+pub(crate) fn word<T: Copy>(argument: &str, word_text: &str, words: &[(&str, T)]) -> PyResult<T> {
     let matched = words
         .iter()
         .find(|(word, _)| *word == word_text)
         .map(|(_, value)| *value);
     matched.ok_or_else(|| {
         let known_words: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-        module_error(what, format!("'{word_text}' is none of {}", known_words.join(", ")))
+        module_error(argument, format!("'{word_text}' is none of {}", known_words.join(", ")))
     })
 }
 

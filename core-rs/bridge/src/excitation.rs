@@ -15,7 +15,7 @@ use crate::device::{AxisTuple, Device, axis};
 use crate::emulator::PROTOCOLS;
 use crate::error::{module_error, plain_error, word};
 use crate::perform::RecordTuple;
-use crate::status::tripped;
+use crate::status::trip_text;
 
 /// The guide: (centre, where the key is kept [m]; distance from there to the nearer end [m]; (stiffness, damping) of
 /// the guide; the same of the brake; deceleration by the brake [m/s²]).
@@ -41,10 +41,10 @@ pub(crate) fn excite(
     is_gated: bool,
     record: Option<RecordTuple>,
 ) -> PyResult<Excited> {
-    let (centre, half, guide_spring, brake_spring, deceleration) = guide;
+    let (centre, half_travel, guide_spring, brake_spring, deceleration) = guide;
     let spring_damper = |(stiffness, damping)| SpringDamper { stiffness, damping };
-    let positive = |x: f64| x.is_finite() && x > 0.0;
-    if !(positive(half) && positive(deceleration) && positive(rate) && frames > 0) {
+    let is_positive = |x: f64| x.is_finite() && x > 0.0;
+    if !(is_positive(half_travel) && is_positive(deceleration) && is_positive(rate) && frames > 0) {
         return Err(module_error(
             "excite",
             "rate, frames, half the travel and the deceleration must be above zero",
@@ -57,7 +57,7 @@ pub(crate) fn excite(
         period: f64::from(frames) / rate,
         guide: Guide {
             centre,
-            half_travel: half,
+            half_travel,
             guide: spring_damper(guide_spring),
             brake: spring_damper(brake_spring),
             deceleration,
@@ -78,14 +78,14 @@ pub(crate) fn excite(
         Recorder::start(&path, &take_header).map_err(crate::recording::from_recording)
     });
     let (mut record_sink, record_handle) = recorder.transpose()?.unzip();
-    let excited_rows = device.with(py, |port, stop| {
-        let turned_axis = AxisCalibration {
+    let excitation_result = device.with(py, |port, stop| {
+        let excited_axis = AxisCalibration {
             sign: f64::from(sign),
             range: port.range(axis),
             ..AxisCalibration::plain(port.spec())
         };
         let mut axes = vec![AxisCalibration::plain(port.spec()); port.spec().dof];
-        axes[axis] = turned_axis;
+        axes[axis] = excited_axis;
         metrology::excite(
             CalibratedDevice::new(port, axes),
             &excitation,
@@ -94,10 +94,10 @@ pub(crate) fn excite(
         )
     });
     drop(record_sink);
-    let stopped = record_handle.map(|record_handle| py.detach(|| record_handle.stop()));
-    let excited_rows = excited_rows?;
-    stopped.transpose().map_err(crate::recording::from_recording)?;
-    Ok(Excited(excited_rows))
+    let stop_result = record_handle.map(|record_handle| py.detach(|| record_handle.stop()));
+    let excitation_result = excitation_result?;
+    stop_result.transpose().map_err(crate::recording::from_recording)?;
+    Ok(Excited(excitation_result))
 }
 
 /// The record of a key that `excite` pushed: its ticks as columns, and why they ended.
@@ -114,7 +114,7 @@ impl Excited {
             ExcitationEnd::Touched => "touched",
             ExcitationEnd::GateClosed => "gate closed",
             ExcitationEnd::NotFinite => "not finite",
-            ExcitationEnd::Tripped(why) => tripped(why),
+            ExcitationEnd::Tripped(cause) => trip_text(cause),
             ExcitationEnd::Gone(DeviceLoss::Silent) => "silent",
             ExcitationEnd::Gone(DeviceLoss::Shared) => "shared",
             ExcitationEnd::Gone(_) => "unplugged",
@@ -139,7 +139,7 @@ impl Excited {
 
     /// Whether there was a reply to each force (n,).
     fn fresh<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        self.column(py, |row| row.fresh)
+        self.column(py, |row| row.is_fresh)
     }
 
     /// The device's clock in each reply (n,) [µs].
@@ -154,8 +154,8 @@ impl Excited {
 }
 
 impl Excited {
-    fn column<'py, T: Element>(&self, py: Python<'py>, value: fn(&ExcitationRow) -> T) -> Bound<'py, PyArray1<T>> {
-        PyArray1::from_iter(py, self.0.rows.iter().map(value))
+    fn column<'py, T: Element>(&self, py: Python<'py>, row_value: fn(&ExcitationRow) -> T) -> Bound<'py, PyArray1<T>> {
+        PyArray1::from_iter(py, self.0.rows.iter().map(row_value))
     }
 }
 
@@ -221,7 +221,7 @@ pub(crate) fn emulated_device(
         rate,
         hands,
         seconds,
-        once: false,
+        ends_with_host: false,
     };
     let calibrated_axes = calibration.into_iter().map(axis).collect::<PyResult<Vec<_>>>()?;
     let open_device = || live::open_board(&options).map(|device| calibrate::with_calibration(device, &calibrated_axes));

@@ -8,9 +8,9 @@ use crate::error::module_error;
 /// Make every fault on every emulated device, in virtual time.
 #[pyfunction]
 pub(crate) fn measure_faults(py: Python<'_>) -> PyResult<Vec<FaultMeasurement>> {
-    let measured = py.detach(faults::measure);
-    let measured = measured.map_err(|error| module_error("measure_faults", error))?;
-    Ok(measured.into_iter().map(FaultMeasurement).collect())
+    let measurements = py.detach(faults::measure);
+    let measurements = measurements.map_err(|error| module_error("measure_faults", error))?;
+    Ok(measurements.into_iter().map(FaultMeasurement).collect())
 }
 
 /// One fault on one emulated device.
@@ -50,7 +50,7 @@ impl FaultMeasurement {
     #[getter]
     fn excluded(&self) -> Option<&'static str> {
         match self.0.outcome {
-            FaultOutcome::Excluded(why) => Some(why),
+            FaultOutcome::Excluded(reason) => Some(reason),
             FaultOutcome::Zero(_) | FaultOutcome::Persists => None,
         }
     }

@@ -25,11 +25,11 @@ pub(crate) fn rows_mut<'a, T: Element>(
     Ok(array.as_slice_mut()?)
 }
 
-fn check(shape: &[usize], contiguous: bool, name: &str, columns: usize) -> PyResult<()> {
+fn check(shape: &[usize], is_contiguous: bool, name: &str, columns: usize) -> PyResult<()> {
     if shape[1] != columns {
         let message = format!("{name} must be (n_frames, {columns}); it is {shape:?}");
         Err(plain_error(message))
-    } else if !contiguous {
+    } else if !is_contiguous {
         Err(plain_error(format!("{name} must be C-contiguous")))
     } else {
         Ok(())

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use crate::error::plain_error;
 
 /// Loads only the library file that the host process uses, without `site` and without the package.
-const LOAD: &str = "\
+const LOAD_SCRIPT: &str = "\
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
 spec = spec_from_file_location('ergon._core', sys.argv[1])
@@ -31,12 +31,12 @@ pub(crate) fn register_guardian(py: Python<'_>) {
     if ONCE.is_completed() {
         return;
     }
-    if let Some(program) = program(py) {
+    if let Some(program) = guardian_program(py) {
         ONCE.call_once(|| guardian::register_program(program));
     }
 }
 
-fn program(py: Python<'_>) -> Option<GuardianProgram> {
+fn guardian_program(py: Python<'_>) -> Option<GuardianProgram> {
     let sys_module = py.import("sys").ok()?;
     if sys_module.hasattr("frozen").ok()? {
         return None;
@@ -44,7 +44,7 @@ fn program(py: Python<'_>) -> Option<GuardianProgram> {
     let path: PathBuf = sys_module.getattr("executable").ok()?.extract().ok()?;
     let core_file = py.import("ergon._core").ok()?.getattr("__file__").ok()?;
     let core_file: PathBuf = core_file.extract().ok()?;
-    let mut arguments: Vec<OsString> = ["-I", "-S", "-c", LOAD].map(Into::into).into();
+    let mut arguments: Vec<OsString> = ["-I", "-S", "-c", LOAD_SCRIPT].map(Into::into).into();
     arguments.push(core_file.into());
     path.is_file().then_some(GuardianProgram { path, arguments })
 }

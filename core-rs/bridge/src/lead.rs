@@ -53,12 +53,12 @@ impl Lead {
             finger,
             delay,
             key,
-            lockstep,
+            in_lockstep: lockstep,
             traced_ticks,
         };
-        let refused = format!("{} is in use", options.address);
+        let refusal = format!("{} is in use", options.address);
         let lead_stream = Stream::new(options, present);
-        lead_stream.map(Self).ok_or_else(|| plain_error(refused))
+        lead_stream.map(Self).ok_or_else(|| plain_error(refusal))
     }
 
     #[getter]
@@ -124,14 +124,18 @@ impl Lead {
 
     /// Discard the positions that wait, where no performance reads them.
     fn discard(&self) {
-        let _ = self.0.forget();
+        let _ = self.0.discard_positions();
     }
 
     /// The quantile `part` of the gap between positions while the pointer moves, of the time from stamp to arrival, and
     /// of the delay that a path would need [s], to 0.25 ms upwards.
     fn arrival_times(&self, part: f64) -> (f64, f64, f64) {
         let time_quantiles = self.0.arrival_times(part);
-        (time_quantiles.gap, time_quantiles.wait, time_quantiles.need)
+        (
+            time_quantiles.interval,
+            time_quantiles.transit,
+            time_quantiles.needed_delay,
+        )
     }
 
     /// Counts of positions, and mean and deviation of the gaps between them [s].
@@ -139,12 +143,12 @@ impl Lead {
     fn tally(&self) -> BTreeMap<&'static str, f64> {
         let position_tally = self.0.tally();
         BTreeMap::from([
-            ("taken", position_tally.taken as f64),
+            ("taken", position_tally.accepted as f64),
             ("refused", position_tally.refused as f64),
             ("misdated", position_tally.misdated as f64),
             ("late", position_tally.late as f64),
-            ("gap", position_tally.gap),
-            ("deviation", position_tally.deviation),
+            ("gap", position_tally.mean_interval),
+            ("deviation", position_tally.interval_deviation),
         ])
     }
 }
@@ -172,8 +176,8 @@ pub(crate) fn even_path<'py>(
     let (mut path_reader, mut read_count) = (PathReader::new(delay), 0);
     let path_positions = times.iter().map(|&time| {
         let mut next_position = || {
-            let is_there = arrivals.get(read_count).is_some_and(|&arrival| arrival <= time);
-            is_there.then(|| {
+            let has_arrived = arrivals.get(read_count).is_some_and(|&arrival| arrival <= time);
+            has_arrived.then(|| {
                 read_count += 1;
                 PointerPosition {
                     time: stamps[read_count - 1],

@@ -64,20 +64,20 @@ impl Mixer {
         to_room: bool,
         squared: bool,
     ) -> PyResult<()> {
-        let destination = if to_room {
+        let target = if to_room {
             mixer::RouteTarget::Room(channel)
         } else {
             mixer::RouteTarget::Channel(channel)
         };
         let highpass = highpass.map(|f| Ok(FilterKind::Highpass { f }));
         let tones = tones.iter().map(|(word, f, level)| tone_of(word, *f, *level));
-        let pan = pan.map(|(places, is_second)| {
+        let pan = pan.map(|(pan_points, is_second)| {
             let pan_side = if is_second {
                 PanChannel::Second
             } else {
                 PanChannel::First
             };
-            Pan::new(points_of(places), pan_side)
+            Pan::new(points_of(pan_points), pan_side)
         });
         let treatment = mixer::RouteTreatment {
             is_squared: squared,
@@ -93,7 +93,7 @@ impl Mixer {
             },
         };
         self.0
-            .add_treated_route(group, out, destination, gain, treatment)
+            .add_treated_route(group, out, target, gain, treatment)
             .map_err(plain_error)
     }
 

@@ -106,7 +106,7 @@ impl MotionRecorder {
     /// The next frame of the simulation at which `look` must be called.
     #[getter]
     fn next(&self) -> u64 {
-        self.recorder.next()
+        self.recorder.next_frame()
     }
 
     /// Record the state of the simulation, which is at frame `next`.
@@ -147,7 +147,10 @@ fn setup(
     let places = rows(places, "places", 3)?;
     Ok(RecordingSetup {
         manifest,
-        point_positions: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
+        point_positions: places
+            .chunks(3)
+            .map(|position| [position[0], position[1], position[2]])
+            .collect(),
         ergons: simulation.written_ergons(&timeline.inner),
         strike_points: timeline.inner.strike_points().collect(),
         key_mats: keys,
@@ -186,7 +189,7 @@ impl Window {
 
 impl Window {
     /// Its two ends; EngineError at the second call.
-    pub(crate) fn ends(&self) -> PyResult<(perform::DisplayWindow, perform::WindowReader)> {
+    pub(crate) fn take_ends(&self) -> PyResult<(perform::DisplayWindow, perform::WindowReader)> {
         let mut window_ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         window_ends
             .take()
@@ -276,9 +279,9 @@ impl Motion {
 
     /// The payload of a chunk.
     fn payload<'py>(&self, py: Python<'py>, chunk: usize) -> PyResult<Bound<'py, PyBytes>> {
-        let chunk_place = self.0.chunks().get(chunk);
-        let chunk_place = chunk_place.ok_or_else(|| plain_error(format!("there is no chunk {chunk}")))?;
-        Ok(PyBytes::new(py, self.0.payload(chunk_place)))
+        let motion_chunk = self.0.chunks().get(chunk);
+        let motion_chunk = motion_chunk.ok_or_else(|| plain_error(format!("there is no chunk {chunk}")))?;
+        Ok(PyBytes::new(py, self.0.payload(motion_chunk)))
     }
 
     /// Displacements of all points [m] at rising instants [s], (n_instants, n_points).

@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::IntoPyDict;
 
-use crate::arrays::{Complexes, Numbers};
+use crate::arrays::{ComplexArray, NumberArray};
 
 /// The class of a named tuple.
 struct NamedTupleClass {
@@ -80,8 +80,8 @@ results! {
     Mode { f: f64, t60: f64 }
     /// Modes of a part, from low to high, with the motion of each mass.
     PartModes {
-        poles: Complexes,
-        shapes: Complexes,
+        poles: ComplexArray,
+        shapes: ComplexArray,
         mats: Vec<usize>,
         is_certified: bool,
         n_laws: usize,
@@ -91,12 +91,12 @@ results! {
     /// held.
     Elements {
         mats: Vec<usize>,
-        masses: Numbers<f64>,
+        masses: NumberArray<f64>,
         kinds: Vec<&'static str>,
-        a: Numbers<i64>,
-        b: Numbers<i64>,
-        stiffness: Numbers<f64>,
-        damping: Numbers<f64>,
+        a: NumberArray<i64>,
+        b: NumberArray<i64>,
+        stiffness: NumberArray<f64>,
+        damping: NumberArray<f64>,
         n_held: usize,
         ca_rate: Option<f64>,
     }

@@ -14,7 +14,7 @@ use ergon_engine::scheme::{BoundMethod, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
 use pyo3::prelude::*;
 
-use crate::arrays::{Complexes, Numbers, load_numpy};
+use crate::arrays::{ComplexArray, NumberArray, load_numpy};
 use crate::error::{from_engine, hertz, module_error};
 use crate::named::{Elements, Mode, PartModes, Place};
 use crate::work::computing;
@@ -189,11 +189,11 @@ impl Network {
             computed_modes.map_err(|error: network::TooManyModes| module_error(part, error))?;
         let (n_modes, n_masses) = (computed_modes.poles.len(), computed_modes.mats.len());
         Ok(PartModes {
-            poles: Complexes {
+            poles: ComplexArray {
                 values: computed_modes.poles,
                 shape: vec![n_modes],
             },
-            shapes: Complexes {
+            shapes: ComplexArray {
                 values: mode_shapes,
                 shape: vec![n_modes, n_masses],
             },
@@ -209,10 +209,10 @@ impl Network {
         load_numpy(py);
         let indices = self.part_indices(&parts)?;
         let elements = computing(py, || self.0.elements(&indices))?;
-        let end_slots = |end_index: usize| -> Numbers<i64> {
+        let end_slots = |end_index: usize| -> NumberArray<i64> {
             let slot_index =
                 |element: &network::Element| element.ends[end_index].map_or(-1, |slot_index| slot_index as i64);
-            Numbers(elements.elements.iter().map(slot_index).collect())
+            NumberArray(elements.elements.iter().map(slot_index).collect())
         };
         let kind_word = |element: &network::Element| match element.kind {
             ElementKind::Tie => "CEL",
@@ -229,12 +229,12 @@ impl Network {
             kinds: elements.elements.iter().map(kind_word).collect(),
             a: end_slots(0),
             b: end_slots(1),
-            stiffness: Numbers(elements.elements.iter().map(|element| element.k).collect()),
-            damping: Numbers(elements.elements.iter().map(|element| element.z).collect()),
+            stiffness: NumberArray(elements.elements.iter().map(|element| element.k).collect()),
+            damping: NumberArray(elements.elements.iter().map(|element| element.z).collect()),
             n_held: elements.n_held,
             ca_rate: elements.ca_rate.map(Rate::hertz),
             mats: elements.mats,
-            masses: Numbers(elements.m),
+            masses: NumberArray(elements.m),
         })
     }
 
@@ -247,7 +247,7 @@ impl Network {
         forced: Vec<usize>,
         observed: Vec<Vec<usize>>,
         frequencies: Vec<f64>,
-    ) -> PyResult<Complexes> {
+    ) -> PyResult<ComplexArray> {
         load_numpy(py);
         let indices = self.part_indices(&parts)?;
         if !frequencies.iter().all(|f| *f > 0.0 && f.is_finite()) {
@@ -256,7 +256,7 @@ impl Network {
         }
         let shape = vec![observed.len(), frequencies.len()];
         let values = computing(py, || self.0.admittance(&indices, &forced, &observed, &frequencies))?;
-        Ok(Complexes { values, shape })
+        Ok(ComplexArray { values, shape })
     }
 
     /// The same network with positions in place of each SOV and SOA.
@@ -288,7 +288,7 @@ impl Network {
 
 impl Network {
     fn part_index(&self, part: &str) -> PyResult<usize> {
-        let matched_index = self.0.parts().iter().position(|known| known.name == part);
+        let matched_index = self.0.parts().iter().position(|candidate| candidate.name == part);
         matched_index.ok_or_else(|| module_error(part, "no part has this name"))
     }
 

@@ -16,7 +16,7 @@ pub(crate) fn pcm<'py>(
     bits: u32,
 ) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
     let bits = SampleWidth::try_from(bits).map_err(|bits| plain_error(format!("bits must be 16 or 24, not {bits}")))?;
-    converted(py, &frames, |samples, codes| engine::pcm(samples, gain, bits, codes))
+    convert_samples(py, &frames, |samples, codes| engine::pcm(samples, gain, bits, codes))
 }
 
 /// The top `width` bytes (1 to 4) of codes in C order, the lowest of each first.
@@ -53,13 +53,13 @@ pub(crate) fn single<'py>(
     frames: PyReadonlyArrayDyn<'py, f64>,
     gain: f64,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    converted(py, &frames, |samples, singles| {
+    convert_samples(py, &frames, |samples, singles| {
         engine::to_single(samples, gain, singles)
     })
 }
 
 /// A new array of the same shape, filled from the samples in C order.
-fn converted<'py, T: Element + Default>(
+fn convert_samples<'py, T: Element + Default>(
     py: Python<'py>,
     frames: &PyReadonlyArrayDyn<'py, f64>,
     convert: impl FnOnce(&[f64], &mut [T]) + Send,

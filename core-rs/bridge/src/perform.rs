@@ -108,7 +108,7 @@ impl Performance {
             )));
         }
         let output_channels = fold.map_or(n_channels, |fold| fold.0.n_out());
-        let stage = PreparedPiece {
+        let prepared_piece = PreparedPiece {
             simulation: simulation.0.fork(),
             mixer: mixer.0.clone(),
             gain,
@@ -119,7 +119,7 @@ impl Performance {
             tick_frames: tick_frames.max(1),
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,
-            frozen_stems: stems(frozen, simulation.0.n_out())?,
+            frozen_stems: checked_stems(frozen, simulation.0.n_out())?,
             is_displayed: seen,
         };
         let playback_config = PlaybackConfig {
@@ -127,9 +127,9 @@ impl Performance {
             input: InputConfig {
                 source: match audio_in {
                     "none" => None,
-                    other => Some(other.parse().map_err(plain_error)?),
+                    input_spec => Some(input_spec.parse().map_err(plain_error)?),
                 },
-                record: record_in,
+                record_path: record_in,
             },
             frames_ahead: ahead,
             recording: record.map(|(path, axes, about)| {
@@ -148,9 +148,9 @@ impl Performance {
             let tick_period = tick_frames as f64 / rate;
             let boards = boards
                 .into_iter()
-                .map(|board| open(board, tick_period))
+                .map(|board| open_keyboard(board, tick_period))
                 .collect::<PyResult<_>>()?;
-            perform::Performance::start(stage, boards, playback_config).map_err(|error| match error {
+            perform::Performance::start(prepared_piece, boards, playback_config).map_err(|error| match error {
                 perform::PlayError::Recording(_) | perform::PlayError::Audio(AudioError::File { .. }) => {
                     unwritten(error)
                 }
@@ -187,7 +187,7 @@ impl Performance {
     fn silences(&self, since: u64) -> PyResult<Vec<SilenceEdge>> {
         let silence_edge = |edge: audio::SilenceEdge| SilenceEdge {
             frame: edge.frame,
-            begins: edge.silent,
+            begins: edge.is_start,
         };
         self.with(|performance| {
             let silence_edges = performance.output().stream_state().edges(since);
@@ -224,7 +224,7 @@ impl Performance {
             let input_state = performance.input();
             let shared_state = input_state.input.as_ref().map(audio::Input::stream_state);
             let shared_count =
-                |of: fn(&audio::StreamState) -> u64| shared_state.map_or(0, |shared_state| of(shared_state));
+                |counter: fn(&audio::StreamState) -> u64| shared_state.map_or(0, |shared_state| counter(shared_state));
             let tap_status = input_state.recording.as_ref().map(audio::TapHandle::status);
             SoundInput {
                 sentence: input_state.description.clone(),
@@ -328,18 +328,18 @@ impl Performance {
         }
         let new_simulation = simulation.map(|new_simulation| &new_simulation.0);
         let old = old.map(|old| &old.0);
-        let copied_values = |values: &PyReadonlyArray1<'_, f64>| Ok(values.as_slice()?.to_vec());
-        let copied_lists = |all: &Vec<_>| all.iter().map(copied_values).collect::<PyResult<Vec<_>>>();
+        let to_vector = |values: &PyReadonlyArray1<'_, f64>| Ok(values.as_slice()?.to_vec());
+        let to_vectors = |arrays: &Vec<_>| arrays.iter().map(to_vector).collect::<PyResult<Vec<_>>>();
         let mut planned_change = perform::Change {
             simulation: None,
             mixer: mixer.map(|mixer| mixer.0.clone()),
             gains,
             gain,
             bars,
-            standin_positions: standins.as_ref().map(copied_lists).transpose()?,
-            forces: copied_lists(&forces)?,
-            guidance_steps: guidance.map(|all| all.into_iter().map(steps).collect()),
-            scale_bounds: bounds.map(|all| all.into_iter().map(limits).collect()),
+            standin_positions: standins.as_ref().map(to_vectors).transpose()?,
+            standin_forces: to_vectors(&forces)?,
+            guidance_steps: guidance.map(|all| all.into_iter().map(guidance_steps).collect()),
+            scale_bounds: bounds.map(|all| all.into_iter().map(scale_bounds).collect()),
             decay_time: match damp {
                 Some(0.0) => Some(None),
                 damp => damping(damp)?.map(Some),
@@ -400,32 +400,32 @@ impl Performance {
         self.performance.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
+    pub(crate) fn with<T>(&self, work: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
         let mut performance = self.lock();
         let performance = performance.as_mut();
         performance
-            .map(ask)
+            .map(work)
             .ok_or_else(|| plain_error("the performance is closed"))
     }
 }
 
-fn steps(all: Vec<StepTuple>) -> Vec<GuidanceStep> {
+fn guidance_steps(step_tuples: Vec<StepTuple>) -> Vec<GuidanceStep> {
     let guidance_step = |(frame, k, z)| GuidanceStep {
         tick: frame,
         share: GuidanceShare { k, z },
     };
-    all.into_iter().map(guidance_step).collect()
+    step_tuples.into_iter().map(guidance_step).collect()
 }
 
-fn limits(all: Vec<BoundTuple>) -> Vec<ScaleBound> {
+fn scale_bounds(bound_tuples: Vec<BoundTuple>) -> Vec<ScaleBound> {
     let tick_bound = |(tick, scale)| ScaleBound { tick, scale };
-    all.into_iter().map(tick_bound).collect()
+    bound_tuples.into_iter().map(tick_bound).collect()
 }
 
-fn open((url, axes, force_limit, calibrated): BoardTuple, period: f64) -> PyResult<Keyboard> {
+fn open_keyboard((url, axes, force_limit, calibration): BoardTuple, period: f64) -> PyResult<Keyboard> {
     let device_config = DeviceConfig {
         url: DeviceUrl::parse(&url).map_err(plain_error)?,
-        calibration: calibrated.into_iter().map(device::axis).collect::<PyResult<_>>()?,
+        calibration: calibration.into_iter().map(device::axis).collect::<PyResult<_>>()?,
         force_limit,
         period,
         canceller: WaitCanceller::default(),
@@ -433,7 +433,7 @@ fn open((url, axes, force_limit, calibrated): BoardTuple, period: f64) -> PyResu
     Keyboard::open(device_config, axes).map_err(plain_error)
 }
 
-fn stems(frozen: Vec<StemTuple>, n_out: usize) -> PyResult<Vec<Stem>> {
+fn checked_stems(stem_tuples: Vec<StemTuple>, n_out: usize) -> PyResult<Vec<Stem>> {
     let checked_stem = |(path, offset, n_frames, outputs): StemTuple| {
         if outputs.is_empty() || outputs.iter().any(|&output| output >= n_out) {
             return Err(module_error(
@@ -448,7 +448,7 @@ fn stems(frozen: Vec<StemTuple>, n_out: usize) -> PyResult<Vec<Stem>> {
             outputs,
         })
     };
-    frozen.into_iter().map(checked_stem).collect()
+    stem_tuples.into_iter().map(checked_stem).collect()
 }
 
 /// The state of a sound file that is being recorded.

@@ -23,14 +23,14 @@ type PythonRecord = (Vec<Option<f64>>, Vec<Vec<u32>>, Option<String>);
 struct PythonStore {
     object: Py<PyAny>,
     /// The exception of the object, which ended the planning.
-    raised: Mutex<Option<PyErr>>,
+    raised_error: Mutex<Option<PyErr>>,
 }
 
 impl PythonStore {
     fn call<T: Default>(&self, call: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>) -> T {
         let call_outcome = Python::attach(|py| call(self.object.bind(py)));
         call_outcome.unwrap_or_else(|error| {
-            *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            *self.raised_error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             interrupt::stop()
         })
     }
@@ -92,10 +92,10 @@ impl Plan {
             .map_err(from_engine)?;
         let store = store.map(|object| PythonStore {
             object,
-            raised: Mutex::default(),
+            raised_error: Mutex::default(),
         });
-        let planned = computing(py, || {
-            let prior_knowledge = PlanContext {
+        let plan_result = computing(py, || {
+            let context = PlanContext {
                 earlier_plan: like.map(|like| &*like.0),
                 trial_store: store.as_ref().map(|store| store as &dyn TrialStore),
                 allowance_share: share,
@@ -106,14 +106,14 @@ impl Plan {
                 displayed_parts: &seen,
                 displayed_frame_interval: seen_every.max(1),
             };
-            plan::Plan::in_context(network, &timeline.inner, &budget, pins, prior_knowledge)
+            plan::Plan::in_context(network, &timeline.inner, &budget, pins, context)
         });
         if let Some(store) = store
-            && let Some(store_error) = store.raised.into_inner().unwrap_or_else(PoisonError::into_inner)
+            && let Some(store_error) = store.raised_error.into_inner().unwrap_or_else(PoisonError::into_inner)
         {
             return Err(store_error);
         }
-        planned?.map(|plan| Self(Arc::new(plan))).map_err(from_engine)
+        plan_result?.map(|plan| Self(Arc::new(plan))).map_err(from_engine)
     }
 
     /// Every module stepped as written, with contacts computed several times a frame.
@@ -173,8 +173,8 @@ impl Plan {
 }
 
 fn budget(method: Option<&str>, error: Option<f64>, cents: Option<f64>, upto: Option<f64>) -> PyResult<Budget> {
-    let check_number = |name: &str, value: f64, good: bool| {
-        if value.is_finite() && good {
+    let check_number = |name: &str, value: f64, is_allowed: bool| {
+        if value.is_finite() && is_allowed {
             Ok(value)
         } else {
             Err(module_error("accuracy", format!("{name} cannot be {value}")))
@@ -281,8 +281,8 @@ impl PlanRow {
         };
         Self {
             parts: row.parts.clone(),
-            n_mat: row.mats,
-            n_lia: row.links,
+            n_mat: row.n_mats,
+            n_lia: row.n_links,
             what,
             modes,
             left_out_db,

@@ -131,7 +131,7 @@ impl Recording {
 
     #[getter]
     fn finished(&self) -> bool {
-        self.0.finished
+        self.0.is_finished
     }
 
     /// The tick of each row, rising, (n_ticks,).
@@ -167,7 +167,7 @@ impl Recording {
     /// Positions [m] at every tick from the first to the last, (n, n_axes); a gap holds its last value.
     fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let filled_positions = py.detach(|| self.0.positions_filled()).map_err(from_recording)?;
-        Ok(self.shaped(py, filled_positions))
+        Ok(self.tick_array(py, filled_positions))
     }
 
     /// The bytes of a complete `.take` file.
@@ -179,11 +179,15 @@ impl Recording {
 }
 
 impl Recording {
-    fn column<'py, T: Element>(&self, py: Python<'py>, value: fn(&RecordedSample) -> T) -> Bound<'py, PyArray2<T>> {
-        self.shaped(py, self.0.samples.iter().map(value).collect())
+    fn column<'py, T: Element>(
+        &self,
+        py: Python<'py>,
+        sample_value: fn(&RecordedSample) -> T,
+    ) -> Bound<'py, PyArray2<T>> {
+        self.tick_array(py, self.0.samples.iter().map(sample_value).collect())
     }
 
-    fn shaped<'py, T: Element>(&self, py: Python<'py>, values: Vec<T>) -> Bound<'py, PyArray2<T>> {
+    fn tick_array<'py, T: Element>(&self, py: Python<'py>, values: Vec<T>) -> Bound<'py, PyArray2<T>> {
         let n_axes = self.0.header.axes.len();
         let array_shape = (values.len() / n_axes, n_axes);
         let tick_array = Array2::from_shape_vec(array_shape, values).expect("a value for each tick and axis");

@@ -46,11 +46,11 @@ impl Simulation {
         timeline.check_network(network)?;
         let on_fault = word("on_fault", on_fault, words::FAULT_RESPONSES)?;
         let options = simulation::SimulationOptions {
-            ledger,
-            record,
+            keeps_ledger: ledger,
+            records_ergons: record,
             on_fault,
             threads,
-            unchecked,
+            is_unchecked: unchecked,
         };
         if let Some(plan) = plan {
             if ledger {
@@ -68,7 +68,7 @@ impl Simulation {
         // The network that was passed, not the timeline's copy: it may have new outputs.
         let network = std::sync::Arc::new(network.0.clone());
         computing(py, || {
-            let plan = ergon_engine::plan::Plan::plain(network, &timeline.inner, options.unchecked)?;
+            let plan = ergon_engine::plan::Plan::plain(network, &timeline.inner, options.is_unchecked)?;
             simulation::Simulation::from_plan_at_frame(std::sync::Arc::new(plan), options, start)
         })?
         .map(|simulation| Self(simulation, false))

@@ -6,8 +6,8 @@ use pyo3::prelude::*;
 
 use crate::named::PerformanceEvent;
 
-pub(crate) fn tripped(why: TripCause) -> &'static str {
-    match why {
+pub(crate) fn trip_text(cause: TripCause) -> &'static str {
+    match cause {
         TripCause::NotFinite => "tripped: not finite",
         TripCause::Speed => "tripped: speed",
         TripCause::WrongWay => "tripped: wrong way",
@@ -25,8 +25,8 @@ pub(crate) fn named_event(event: perform::PerformanceEvent) -> PerformanceEvent 
         EventKind::KeyboardLost(board) => ("gone", board as f64),
         EventKind::KeyboardReturned(board) => ("back", board as f64),
         EventKind::HandTakenOver(hand) => ("took over", hand as f64),
-        EventKind::ClockReset(late) => ("lost", late.as_secs_f64()),
-        EventKind::AxisTripped(hand, why) => (tripped(why), hand as f64),
+        EventKind::ClockReset(reset_time) => ("lost", reset_time.as_secs_f64()),
+        EventKind::AxisTripped(hand, why) => (trip_text(why), hand as f64),
         EventKind::PartMuted => ("muted", 0.0),
         EventKind::PartRefined => ("finer", 0.0),
         EventKind::EnergyCreated => ("gained", 0.0),
@@ -101,7 +101,7 @@ impl Status {
             panicked: output_state.is_panicking(),
             sounding: output_state.first_frame_age().map(|since| since.as_secs_f64()),
             latency: f64::from(latency) / f64::from(output_info.rate.max(1)),
-            paced: output_info.paced,
+            paced: output_info.is_paced,
             peaks: play_status.peaks[..performance.n_channels()].to_vec(),
             hands: play_status.hands.iter().map(HandStatus::new).collect(),
         }

@@ -74,13 +74,13 @@ impl Timeline {
             .iter()
             .map(|curve| word("curve", curve, words::APPROACHES))
             .collect::<PyResult<Vec<Approach>>>()?;
-        let written = WrittenPoints {
+        let written_points = WrittenPoints {
             t: &t,
             x: &x,
             approaches: &approaches,
             sources: &sources,
         };
-        Gesture::from_points(key, &written, manner)
+        Gesture::from_points(key, &written_points, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
             .map_err(|error| from_gesture("gesture", &error))
     }
@@ -226,7 +226,7 @@ impl Timeline {
     /// Let K, Z and M of a MAT go through points (t [s], K, Z, M).
     fn path(&mut self, mat: usize, points: Vec<(f64, f64, f64, f64)>) -> PyResult<()> {
         self.check_mat("path", mat)?;
-        let points: Vec<_> = points.into_iter().map(|(at, k, z, m)| (at, [k, z, m])).collect();
+        let points: Vec<_> = points.into_iter().map(|(t, k, z, m)| (t, [k, z, m])).collect();
         self.inner
             .glide_through(&self.network, mat, &points)
             .map_err(from_engine)
@@ -237,14 +237,14 @@ impl Timeline {
     #[pyo3(signature = (mat, points, *, n=1))]
     fn retune(&mut self, mat: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
         self.check_mat("retune", mat.saturating_add(n).saturating_sub(1))?;
-        let points: Vec<_> = points.into_iter().map(|(at, f, s)| (at, [f, s])).collect();
+        let points: Vec<_> = points.into_iter().map(|(t, f, s)| (t, [f, s])).collect();
         self.inner.retune(&self.network, (mat, n), &points).map_err(from_engine)
     }
 
     /// Let K and Z of `n` LIAs from `link` on, whole runs, go through points (t [s], factor of K, factor of Z).
     #[pyo3(signature = (link, points, *, n=1))]
     fn lead(&mut self, link: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
-        let points: Vec<_> = points.into_iter().map(|(at, k, z)| (at, [k, z])).collect();
+        let points: Vec<_> = points.into_iter().map(|(t, k, z)| (t, [k, z])).collect();
         self.inner.lead(&self.network, (link, n), &points).map_err(from_engine)
     }
 
@@ -266,7 +266,7 @@ impl Timeline {
             highpass,
             clamp,
         };
-        self.input(py, settings, samples)
+        self.add_input(py, settings, samples)
     }
 
     /// Declare an input that `Simulation.tell` tells values by its `number`; each is reached within `glide` [s].
@@ -287,7 +287,7 @@ impl Timeline {
             highpass: None,
             clamp,
         };
-        self.input(py, settings, samples)
+        self.add_input(py, settings, samples)
     }
 
     /// Impose a MAT's position (ENX) or a force on it (ENF): a constant, a take from `start` [s], or an input.
@@ -417,7 +417,7 @@ impl Timeline {
         ))
     }
 
-    fn input(
+    fn add_input(
         &mut self,
         py: Python<'_>,
         settings: SoundInSettings,
@@ -437,10 +437,10 @@ fn manner(
     is_layer: bool,
 ) -> PyResult<Manner> {
     let touch = word("touch", touch, words::GESTURE_TOUCHES)?;
-    let ergons = word("ergons", ergons, words::ERGON_KINDS)?;
+    let ergon_kind = word("ergons", ergons, words::ERGON_KINDS)?;
     Ok(Manner {
         touch,
-        ergon_kind: ergons,
+        ergon_kind,
         grain,
         join_seconds: join,
         force_max: limit,

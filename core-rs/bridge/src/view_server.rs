@@ -19,10 +19,10 @@ use crate::perform::Performance;
 #[pyclass(module = "ergon._core", frozen)]
 pub(crate) struct ViewServer(Mutex<Option<OpenServer>>);
 
-/// Fields are dropped in this order: `showing`, which uses the server, before the server.
+/// Fields are dropped in this order: `window`, which uses the server, before the server.
 struct OpenServer {
     /// Present from the first performance on.
-    showing: Option<WindowServer>,
+    window_server: Option<WindowServer>,
     server: Arc<Server>,
 }
 
@@ -31,11 +31,11 @@ impl ViewServer {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn with<T>(&self, look: impl FnOnce(&mut OpenServer) -> T) -> PyResult<T> {
+    fn with<T>(&self, work: impl FnOnce(&mut OpenServer) -> T) -> PyResult<T> {
         let mut server_lock = self.lock_server();
         server_lock
             .as_mut()
-            .map(look)
+            .map(work)
             .ok_or_else(|| plain_error("the server is closed"))
     }
 }
@@ -52,12 +52,12 @@ impl ViewServer {
         key: &str,
         leads: Vec<PyRef<'_, Lead>>,
     ) -> PyResult<Self> {
-        let no_place = || plain_error(format!("{address} is not an address of this machine; write HOST:PORT"));
+        let address_error = || plain_error(format!("{address} is not an address of this machine; write HOST:PORT"));
         let address_lookup = py.detach(|| address.to_socket_addrs());
-        let socket_address = address_lookup.ok().and_then(|mut all| all.next());
+        let socket_address = address_lookup.ok().and_then(|mut addresses| addresses.next());
         let key = AccessKey::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
         let options = ServerOptions {
-            address: socket_address.ok_or_else(no_place)?,
+            address: socket_address.ok_or_else(address_error)?,
             access_key: key,
             motion_file: path,
             sound_file: sound,
@@ -67,7 +67,10 @@ impl ViewServer {
         let server = Server::start(options).map_err(plain_error)?;
         let server = Arc::new(server);
         let showing = None;
-        Ok(Self(Mutex::new(Some(OpenServer { showing, server }))))
+        Ok(Self(Mutex::new(Some(OpenServer {
+            window_server: showing,
+            server,
+        }))))
     }
 
     #[getter]
@@ -77,20 +80,20 @@ impl ViewServer {
 
     /// Show a performance through `window`, as soon as the simulation plays for which the window was made.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
-        let (physics, scene_pages) = window.ends()?;
-        let times_heard = performance.with(|performance_now| performance_now.output_times())?;
+        let (display_window, window_reader) = window.take_ends()?;
+        let output_times = performance.with(|performance_now| performance_now.output_times())?;
         self.with(|open| {
-            let showing = match open.showing.take() {
+            let window_server = match open.window_server.take() {
                 Some(showing) => showing,
                 None => WindowServer::start(open.server.clone()).map_err(plain_error)?,
             };
-            showing.show(scene_pages, times_heard);
-            open.showing = Some(showing);
+            window_server.show(window_reader, output_times);
+            open.window_server = Some(window_server);
             Ok::<_, PyErr>(())
         })??;
         // Opened last, when the server is ready to take pictures from it.
-        let is_asked = performance.with(|performance_now| performance_now.open(physics))?;
-        is_asked
+        let is_accepted = performance.with(|performance_now| performance_now.open(display_window))?;
+        is_accepted
             .then_some(())
             .ok_or_else(|| plain_error("too many requests at once; try again"))
     }
@@ -99,7 +102,7 @@ impl ViewServer {
     fn tally(&self) -> PyResult<BTreeMap<&'static str, u64>> {
         self.with(|open| {
             let server_tally = open.server.counts();
-            let skipped = open.showing.as_ref().map_or(0, WindowServer::skipped);
+            let skipped = open.window_server.as_ref().map_or(0, WindowServer::skipped);
             BTreeMap::from([
                 ("skipped", skipped),
                 ("served", server_tally.served.load(Ordering::Relaxed)),

@@ -25,18 +25,18 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 struct WorkLimit {
     steps_max: Option<u64>,
     /// The steps of computations that have ended, and of Python.
-    spent: AtomicU64,
+    steps_spent: AtomicU64,
     /// Set by [`Work::cancel`].
     is_cancelled: Arc<AtomicBool>,
 }
 
 impl WorkLimit {
     /// Why the work must end, of which a computation has `next_steps` steps; None if it may go on.
-    fn why(&self, next_steps: u64) -> Option<&'static str> {
+    fn stop_reason(&self, next_steps: u64) -> Option<&'static str> {
         if self.is_cancelled.load(Ordering::Relaxed) {
             return Some("cancelled");
         }
-        let steps_spent = self.spent.load(Ordering::Relaxed).saturating_add(next_steps);
+        let steps_spent = self.steps_spent.load(Ordering::Relaxed).saturating_add(next_steps);
         self.steps_max
             .is_some_and(|steps_max| steps_spent > steps_max)
             .then_some("costly")
@@ -50,23 +50,23 @@ thread_local! {
 
 /// Why the work of a thread must end, of which a computation has `next_steps` steps; None if it may go on.
 fn stop_reason(limits: &[Arc<WorkLimit>], next_steps: u64) -> Option<&'static str> {
-    limits.iter().find_map(|limit| limit.why(next_steps))
+    limits.iter().find_map(|limit| limit.stop_reason(next_steps))
 }
 
 /// Count steps of work that is done.
-fn count(limits: &[Arc<WorkLimit>], steps: u64) {
+fn count_steps(limits: &[Arc<WorkLimit>], steps: u64) {
     for limit in limits {
-        limit.spent.fetch_add(steps, Ordering::Relaxed);
+        limit.steps_spent.fetch_add(steps, Ordering::Relaxed);
     }
 }
 
-fn stopped(why: &'static str) -> PyErr {
-    let message = match why {
+fn stopped_error(cause: &'static str) -> PyErr {
+    let message = match cause {
         "costly" => "the computation exceeded its limit of steps",
         _ => "the computation was cancelled",
     };
     let stopped_error = StoppedError::new_err(message);
-    let set_outcome = Python::attach(|py| stopped_error.value(py).setattr("why", why));
+    let set_outcome = Python::attach(|py| stopped_error.value(py).setattr("why", cause));
     set_outcome.err().unwrap_or(stopped_error)
 }
 
@@ -98,7 +98,7 @@ impl Work {
         let entered_work = slf.get();
         let work_limit = Arc::new(WorkLimit {
             steps_max: entered_work.steps_max,
-            spent: AtomicU64::new(0),
+            steps_spent: AtomicU64::new(0),
             is_cancelled: entered_work.is_cancelled.clone(),
         });
         WORK_LIMITS.with_borrow_mut(|limits| limits.push(work_limit));
@@ -122,11 +122,11 @@ impl Work {
 #[pyo3(signature = (steps=0))]
 pub(crate) fn poll(steps: u64) -> PyResult<()> {
     let end_reason = WORK_LIMITS.with_borrow(|limits| {
-        count(limits, steps);
+        count_steps(limits, steps);
         stop_reason(limits, 0)
     });
     match end_reason {
-        Some(end_reason) => Err(stopped(end_reason)),
+        Some(end_reason) => Err(stopped_error(end_reason)),
         None => Ok(()),
     }
 }
@@ -140,21 +140,25 @@ pub(crate) fn computing<T: Send>(py: Python<'_>, compute: impl FnOnce() -> T + S
     poll(0)?; // a computation shorter than CHECK_INTERVAL never checks by itself
     let (raised_error, steps_spent) = (Arc::new(Mutex::new(None)), Arc::<AtomicU64>::default());
     let work_limits = WORK_LIMITS.with_borrow(Clone::clone);
-    let (to_raise, spent_here, asked_limits) = (raised_error.clone(), steps_spent.clone(), work_limits.clone());
+    let (error_slot, step_counter, checked_limits) = (raised_error.clone(), steps_spent.clone(), work_limits.clone());
     let work_outcome = py.detach(move || {
-        let should_stop = stop_check(asked_limits, spent_here.clone(), to_raise);
-        interrupt::until_counted(should_stop, spent_here, compute)
+        let should_stop = stop_check(checked_limits, step_counter.clone(), error_slot);
+        interrupt::until_counted(should_stop, step_counter, compute)
     });
-    count(&work_limits, steps_spent.load(Ordering::Relaxed));
+    count_steps(&work_limits, steps_spent.load(Ordering::Relaxed));
     let work_outcome = work_outcome.map_err(|interrupt::Stopped| {
         let mut raised_error = raised_error.lock().unwrap_or_else(PoisonError::into_inner);
-        raised_error.take().unwrap_or_else(|| stopped("cancelled"))
+        raised_error.take().unwrap_or_else(|| stopped_error("cancelled"))
     })?;
     poll(0)?;
     Ok(work_outcome)
 }
 
-fn stop_check(limits: Vec<Arc<WorkLimit>>, spent: Arc<AtomicU64>, raised: Arc<Mutex<Option<PyErr>>>) -> StopQuery {
+fn stop_check(
+    limits: Vec<Arc<WorkLimit>>,
+    step_counter: Arc<AtomicU64>,
+    error_slot: Arc<Mutex<Option<PyErr>>>,
+) -> StopQuery {
     let mut next_check = Instant::now() + CHECK_INTERVAL;
     Box::new(move || {
         let check_time = Instant::now();
@@ -162,14 +166,14 @@ fn stop_check(limits: Vec<Arc<WorkLimit>>, spent: Arc<AtomicU64>, raised: Arc<Mu
             return false;
         }
         next_check = check_time + CHECK_INTERVAL;
-        let stop_cause = match stop_reason(&limits, spent.load(Ordering::Relaxed)) {
-            Some(stop_cause) => Some(stopped(stop_cause)),
+        let stop_cause = match stop_reason(&limits, step_counter.load(Ordering::Relaxed)) {
+            Some(stop_cause) => Some(stopped_error(stop_cause)),
             // Signal handlers run only in the main thread; in other threads this does nothing.
             None => Python::attach(|py| py.check_signals()).err(),
         };
         let must_stop = stop_cause.is_some();
         if must_stop {
-            *raised.lock().unwrap_or_else(PoisonError::into_inner) = stop_cause;
+            *error_slot.lock().unwrap_or_else(PoisonError::into_inner) = stop_cause;
         }
         must_stop
     })

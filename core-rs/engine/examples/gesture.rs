@@ -41,11 +41,11 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
 
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
     let options = SimulationOptions {
-        ledger: false,
-        record: false,
+        keeps_ledger: false,
+        records_ergons: false,
         on_fault: OnFault::Stop,
         threads: 1,
-        unchecked: false,
+        is_unchecked: false,
     };
     let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
     let mut frames = vec![0.0; 22_050];

@@ -16,9 +16,9 @@ pub(crate) enum Archive<'a> {
     /// Adds up the number of bytes that would be written.
     Count(&'a mut usize),
     /// Writes as long as there is capacity, and fails beyond it: nothing is allocated.
-    Note(&'a mut Vec<u8>),
+    WriteWithin(&'a mut Vec<u8>),
     /// Fails unless the state equals these bytes.
-    Same(&'a [u8]),
+    Compare(&'a [u8]),
 }
 
 /// A value with a state that can be archived.
@@ -46,14 +46,14 @@ impl Archive<'_> {
                 **size += N;
                 Ok(number)
             }
-            Self::Note(to) => {
+            Self::WriteWithin(to) => {
                 if to.capacity() - to.len() < N {
                     return Err(Damaged);
                 }
                 to.extend_from_slice(&number);
                 Ok(number)
             }
-            Self::Same(known) => {
+            Self::Compare(known) => {
                 let (leading_bytes, bytes_left) = known.split_first_chunk().ok_or(Damaged)?;
                 *known = bytes_left;
                 if *leading_bytes == number {
@@ -82,9 +82,9 @@ impl Archive<'_> {
 
     /// An option that comes and goes during a simulation.
     pub(crate) fn optional<T: State + Default>(&mut self, state: &mut Option<T>) -> Result<(), Damaged> {
-        let mut is_there = state.is_some();
-        is_there.archive(self)?;
-        if is_there {
+        let mut is_some = state.is_some();
+        is_some.archive(self)?;
+        if is_some {
             state.get_or_insert_default().archive(self)
         } else {
             *state = None;
@@ -94,18 +94,18 @@ impl Archive<'_> {
 
     /// An option that is either always or never there, as the plan says.
     pub(crate) fn fixed<T: State>(&mut self, state: &mut Option<T>) -> Result<(), Damaged> {
-        let mut is_there = state.is_some();
-        is_there.archive(self)?;
+        let mut is_some = state.is_some();
+        is_some.archive(self)?;
         match state {
-            Some(state) if is_there => state.archive(self),
-            None if !is_there => Ok(()),
+            Some(state) if is_some => state.archive(self),
+            None if !is_some => Ok(()),
             _ => Err(Damaged),
         }
     }
 
     /// Whether the archive was read, or compared, to its end.
     pub(crate) fn is_empty(&self) -> bool {
-        matches!(self, Self::Read([]) | Self::Same([]))
+        matches!(self, Self::Read([]) | Self::Compare([]))
     }
 }
 
@@ -280,7 +280,7 @@ mod tests {
         sample_state.archive(&mut Archive::Count(&mut byte_count)).unwrap();
         assert_eq!(byte_count, state_bytes.len());
         let compares_equal = |sample_state: &mut Sample, state_bytes: &[u8]| {
-            let mut archive = Archive::Same(state_bytes);
+            let mut archive = Archive::Compare(state_bytes);
             sample_state.archive(&mut archive).is_ok() && archive.is_empty()
         };
         assert!(compares_equal(&mut sample_state, &state_bytes));
@@ -299,7 +299,7 @@ mod tests {
         for (room, is_noted) in [(63, false), (64, true), (200, true)] {
             let mut note_buffer = Vec::with_capacity(room);
             let buffer_before = (note_buffer.as_ptr(), note_buffer.capacity());
-            let note_outcome = sample_list.archive(&mut Archive::Note(&mut note_buffer));
+            let note_outcome = sample_list.archive(&mut Archive::WriteWithin(&mut note_buffer));
             assert_eq!(note_outcome.is_ok(), is_noted || buffer_before.1 >= 64);
             assert_eq!((note_buffer.as_ptr(), note_buffer.capacity()), buffer_before);
         }

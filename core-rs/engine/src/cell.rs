@@ -338,7 +338,7 @@ impl Cell {
     }
 
     /// Velocity [m/s] per impulse [N·s], right after it.
-    pub(crate) fn velocity_step(&self) -> f64 {
+    pub(crate) fn velocity_jump(&self) -> f64 {
         1.0 / self.mass
     }
 

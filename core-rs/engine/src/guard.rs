@@ -175,8 +175,8 @@ impl Guard {
         if runs.is_empty() {
             return Ok(None);
         }
-        let enough_lambda = 0.5 * limit.trusted_lambda;
-        let lambda_at_rest = largest_eigenvalue(scheme, network, limit.damping_weight, enough_lambda)?.lambda;
+        let target_lambda = 0.5 * limit.trusted_lambda;
+        let lambda_at_rest = largest_eigenvalue(scheme, network, limit.damping_weight, target_lambda)?.lambda;
         if lambda_at_rest >= limit.accepted_lambda {
             return Ok(None); // unstable at rest: the certificate refuses it
         }
@@ -263,15 +263,15 @@ impl Guard {
     /// Scale `last_step_excess`, when all velocities are scaled by a factor.
     pub(crate) fn scale_velocities(&mut self, factor: f64) {
         if self.frame_steps > 1 {
-            self.last_step_excess.iter_mut().for_each(|lead| *lead *= factor);
+            self.last_step_excess.iter_mut().for_each(|excess| *excess *= factor);
         }
     }
 
-    /// Stop watching links of the MATs for which `is_gone` holds.
-    pub(crate) fn unwatch(&mut self, is_gone: impl Fn(usize) -> bool) {
-        let touches_gone = |first: usize, len| (first..first + len).any(&is_gone);
+    /// Stop watching links of the MATs for which `is_muted` holds.
+    pub(crate) fn unwatch(&mut self, is_muted: impl Fn(usize) -> bool) {
+        let touches_muted = |first: usize, len| (first..first + len).any(&is_muted);
         self.watched_runs
-            .retain(|watch| !touches_gone(watch.a, watch.len) && !touches_gone(watch.b, watch.len));
+            .retain(|watch| !touches_muted(watch.a, watch.len) && !touches_muted(watch.b, watch.len));
         self.reset();
     }
 
@@ -286,11 +286,11 @@ impl Guard {
             return false;
         }
         let (lambda_rise, worst_mat) = self.lambda_rise(x, w);
-        let is_exceeded = self.steps_needed(lambda_rise) > 1;
-        if is_exceeded {
+        let needs_steps = self.steps_needed(lambda_rise) > 1;
+        if needs_steps {
             self.finer_frames.mat = worst_mat;
         }
-        is_exceeded
+        needs_steps
     }
 
     /// A bound on the rise of λ by stiffening at `x`, and the MAT where it is largest; (0, 0) if every elongation is

@@ -39,9 +39,9 @@ trait Stepper {
     /// Advance by one step; impulses (MAT, [N·s]) act at its beginning.
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>);
     /// Partition the mesh for a team of `threads` threads if this saves time.
-    fn partition_for(&mut self, _threads: usize) {}
+    fn partition(&mut self, _threads: usize) {}
     /// Whether a thread team can share the work.
-    fn is_shared(&self) -> bool {
+    fn can_share_work(&self) -> bool {
         false
     }
     /// Set the K and Z of led links to their values at `at`: a frame, and a fraction of a frame.
@@ -225,13 +225,13 @@ impl Integrator {
     }
 
     /// Partition the mesh for a team of `threads` threads if this saves time; results stay the same to the last bit.
-    pub(crate) fn partition_for(&mut self, threads: usize) {
-        self.method_stepper.stepper_mut().partition_for(threads);
+    pub(crate) fn partition(&mut self, threads: usize) {
+        self.method_stepper.stepper_mut().partition(threads);
     }
 
     /// Whether a thread team can share the work.
-    pub(crate) fn is_shared(&self) -> bool {
-        self.method_stepper.stepper().is_shared()
+    pub(crate) fn can_share_work(&self) -> bool {
+        self.method_stepper.stepper().can_share_work()
     }
 
     /// Frames that were computed in finer steps, if any.

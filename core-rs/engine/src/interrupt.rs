@@ -20,7 +20,7 @@ use std::time::Duration;
 const POLL_STEPS: usize = 4096;
 /// Steps of work after which a computation is asked again: some 65 microseconds. Reading a clock takes as long as a
 /// short loop.
-const ASK_STEPS: usize = VISIT_STEPS * POLL_STEPS;
+const QUERY_STEPS: usize = VISIT_STEPS * POLL_STEPS;
 /// Steps that a visit of a module counts.
 const VISIT_STEPS: usize = 16;
 /// Time between two polls of a thread that waits for others.
@@ -36,7 +36,7 @@ pub struct Stopped;
 thread_local! {
     static HAS_STOP_QUERY: Cell<bool> = const { Cell::new(false) };
     /// Steps since the last time it was asked.
-    static UNASKED_STEPS: Cell<usize> = const { Cell::new(0) };
+    static STEPS_SINCE_QUERY: Cell<usize> = const { Cell::new(0) };
     static STOP_QUERY: RefCell<Option<StopQuery>> = const { RefCell::new(None) };
     /// The count of this thread's computation.
     static SPENT_STEPS: RefCell<Arc<AtomicU64>> = RefCell::default();
@@ -56,16 +56,16 @@ struct OuterQuery(Option<StopQuery>);
 
 impl Drop for OuterQuery {
     fn drop(&mut self) {
-        set(self.0.take());
+        replace_query(self.0.take());
     }
 }
 
-fn set(ask: Option<StopQuery>) -> Option<StopQuery> {
-    HAS_STOP_QUERY.set(ask.is_some());
-    STOP_QUERY.replace(ask)
+fn replace_query(stop_query: Option<StopQuery>) -> Option<StopQuery> {
+    HAS_STOP_QUERY.set(stop_query.is_some());
+    STOP_QUERY.replace(stop_query)
 }
 
-/// Run `work` to its end, or until `ask` returns true at one of its polls ([`poll`]).
+/// Run `work` to its end, or until `stop_query` returns true at one of its polls ([`poll`]).
 ///
 /// ```
 /// use ergon_engine::interrupt::{Stopped, poll, until};
@@ -78,20 +78,24 @@ fn set(ask: Option<StopQuery>) -> Option<StopQuery> {
 /// ```
 ///
 /// # Errors
-/// [`Stopped`] if `ask` returns true at a poll of `work`.
-pub fn until<T>(ask: StopQuery, work: impl FnOnce() -> T) -> Result<T, Stopped> {
-    until_counted(ask, Arc::default(), work)
+/// [`Stopped`] if `stop_query` returns true at a poll of `work`.
+pub fn until<T>(stop_query: StopQuery, work: impl FnOnce() -> T) -> Result<T, Stopped> {
+    until_counted(stop_query, Arc::default(), work)
 }
 
 /// [`until`], with the count of steps that `work` spends.
 ///
 /// # Errors
-/// [`Stopped`] if `ask` returns true at a poll of `work`.
-pub fn until_counted<T>(ask: StopQuery, spent: Arc<AtomicU64>, work: impl FnOnce() -> T) -> Result<T, Stopped> {
-    let _count = OuterCount(SPENT_STEPS.replace(spent));
-    let outer_ask = OuterQuery(set(Some(ask)));
+/// [`Stopped`] if `stop_query` returns true at a poll of `work`.
+pub fn until_counted<T>(
+    stop_query: StopQuery,
+    spent_steps: Arc<AtomicU64>,
+    work: impl FnOnce() -> T,
+) -> Result<T, Stopped> {
+    let _count = OuterCount(SPENT_STEPS.replace(spent_steps));
+    let outer_query = OuterQuery(replace_query(Some(stop_query)));
     let work_result = catch_unwind(AssertUnwindSafe(work));
-    drop(outer_ask);
+    drop(outer_query);
     work_result.or_else(|payload| match payload.downcast::<Stopped>() {
         Ok(stopped) => Err(*stopped),
         Err(panic) => resume_unwind(panic),
@@ -103,7 +107,7 @@ pub fn until_counted<T>(ask: StopQuery, spent: Arc<AtomicU64>, work: impl FnOnce
 #[inline]
 pub fn poll() {
     if HAS_STOP_QUERY.get() {
-        ask();
+        query_stop();
     }
 }
 
@@ -112,12 +116,12 @@ pub fn poll() {
 pub fn spend(steps: usize) {
     if HAS_STOP_QUERY.get() {
         count(steps);
-        let unasked_steps = UNASKED_STEPS.get().saturating_add(steps);
-        if unasked_steps < ASK_STEPS {
-            UNASKED_STEPS.set(unasked_steps);
+        let steps_since_query = STEPS_SINCE_QUERY.get().saturating_add(steps);
+        if steps_since_query < QUERY_STEPS {
+            STEPS_SINCE_QUERY.set(steps_since_query);
         } else {
-            UNASKED_STEPS.set(0);
-            ask();
+            STEPS_SINCE_QUERY.set(0);
+            query_stop();
         }
     }
 }
@@ -133,7 +137,7 @@ pub fn poll_for(n: usize) {
     if HAS_STOP_QUERY.get() {
         count(n);
         if n >= POLL_STEPS {
-            ask();
+            query_stop();
         }
     }
 }
@@ -151,10 +155,10 @@ pub fn steps(range: Range<usize>) -> impl Iterator<Item = usize> + Clone {
 
 /// The items of a list, with a [`poll`] at every 4,096th.
 #[inline]
-pub fn each<T>(all: &[T]) -> impl Iterator<Item = &T> + Clone {
-    all.iter().zip(0_usize..).map(|(item, step)| {
+pub fn polled_items<T>(items: &[T]) -> impl Iterator<Item = &T> + Clone {
+    items.iter().zip(0_usize..).map(|(item, step)| {
         if step.is_multiple_of(POLL_STEPS) {
-            spend(VISIT_STEPS * POLL_STEPS.min(all.len() - step));
+            spend(VISIT_STEPS * POLL_STEPS.min(items.len() - step));
         }
         item
     })
@@ -164,7 +168,7 @@ pub fn each<T>(all: &[T]) -> impl Iterator<Item = &T> + Clone {
 /// others end at their next poll as well.
 pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
     let is_over = Arc::new(AtomicBool::new(false));
-    let is_asked = HAS_STOP_QUERY.get();
+    let has_stop_query = HAS_STOP_QUERY.get();
     let spent_steps = SPENT_STEPS.with_borrow(Arc::clone);
     let leader_thread = thread::current();
     thread::scope(|scope| {
@@ -172,7 +176,7 @@ pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
         let helper = || {
             let is_over = is_over.clone();
             let stop_query = Box::new(move || is_over.load(Ordering::Relaxed));
-            if is_asked {
+            if has_stop_query {
                 let _ = until_counted(stop_query, spent_steps.clone(), &work); // stopped only where the leader unwinds
             } else {
                 work();
@@ -181,7 +185,7 @@ pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
         };
         let helpers: Vec<_> = (1..threads).map(|_| scope.spawn(helper)).collect();
         work();
-        while is_asked && !helpers.iter().all(thread::ScopedJoinHandle::is_finished) {
+        while has_stop_query && !helpers.iter().all(thread::ScopedJoinHandle::is_finished) {
             poll();
             thread::park_timeout(POLL_INTERVAL);
         }
@@ -208,11 +212,11 @@ pub fn stop() -> ! {
 }
 
 #[cold]
-fn ask() {
-    // `ask` may itself run a computation inside another [`until`].
-    let Some(mut ask) = set(None) else { return };
+fn query_stop() {
+    // `stop_query` may itself run a computation inside another [`until`].
+    let Some(mut ask) = replace_query(None) else { return };
     let must_stop = ask();
-    set(Some(ask));
+    replace_query(Some(ask));
     if must_stop {
         stop();
     }
@@ -272,7 +276,7 @@ mod tests {
             let seven_list = vec![7; n];
             for work in [
                 (&|| assert_eq!(steps(0..n).count(), n)) as &dyn Fn(),
-                &|| assert_eq!(each(&seven_list).sum::<i32>(), 7 * n as i32),
+                &|| assert_eq!(polled_items(&seven_list).sum::<i32>(), 7 * n as i32),
                 &|| (0..n).for_each(|at| assert_eq!(steps(at..at).count(), 0)),
             ] {
                 let (stop_query, poll_count) = ask_until(usize::MAX);

@@ -71,7 +71,7 @@ pub(crate) struct Script {
     scheme: Scheme,
     pub(crate) gestures: Vec<FramedGesture>,
     pub(crate) voices: Vec<VoiceScript>,
-    pushes: Vec<StrikeForce>,
+    strike_forces: Vec<StrikeForce>,
     /// By rising frame.
     ergons: Vec<(u64, Ergon)>,
     pub(crate) gates: Vec<Gate>,
@@ -126,14 +126,14 @@ struct ExcitationSources {
     voices: Vec<Voice>,
     reports: Vec<GestureReport>,
     /// Indices of the next push and of the next ergon.
-    next_push: usize,
+    next_strike: usize,
     next_ergon: usize,
     /// Sum of the deviations that layers add to each key [m]   (n_keys)
     layer_deviations: Vec<f64>,
     ergon_stream: ErgonStream,
     hand_states: Vec<real_hands::HandState>,
     /// Forces that act on keys after a delay   (n_ports)
-    port_states: Vec<delayed_ports::DelayedForces>,
+    delayed_forces: Vec<delayed_ports::DelayedForces>,
     /// Impulses of live strikes that act in later steps   (n_strike_points)
     pending_strikes: Vec<live_strikes::PendingStrikes>,
     /// What each input received: samples, or a value to which it glides   (n_sound_drives)
@@ -167,10 +167,10 @@ impl Parameters {
 }
 
 /// How far each gate is open at frame `n`   (n_gates)
-fn write_gate_openings(open: &mut [f64], gates: &[Gate], continuations: &[Option<GateContinuation>], n: u64) {
+fn write_gate_openings(openings: &mut [f64], gates: &[Gate], continuations: &[Option<GateContinuation>], n: u64) {
     let gate_pairs = gates.iter().zip(continuations);
-    for (open, (gate, continuation)) in open.iter_mut().zip(gate_pairs) {
-        *open = GateContinuation::opening(continuation.as_ref(), gate, n);
+    for (opening, (gate, continuation)) in openings.iter_mut().zip(gate_pairs) {
+        *opening = GateContinuation::opening(continuation.as_ref(), gate, n);
     }
 }
 
@@ -225,12 +225,12 @@ impl Island {
     pub(crate) fn report_gesture_positions(&self, mut report_position: impl FnMut(usize, f64, bool)) {
         for (voice, voice_script) in self.state.sources.voices.iter().zip(&self.script.voices) {
             // The voice of a key comes before its layers.
-            let asked_displacement = if voice_script.is_layer {
+            let reported_displacement = if voice_script.is_layer {
                 voice.deviation(voice_script)
             } else {
                 voice.requested_position
             };
-            report_position(voice_script.key_index, asked_displacement, voice_script.is_layer);
+            report_position(voice_script.key_index, reported_displacement, voice_script.is_layer);
         }
     }
 

@@ -123,11 +123,11 @@ pub struct Plan {
 impl Plan {
     /// Everything stepped as written, by the CA scheme.
     ///
-    /// `unchecked`: no check for stability is made.
-    pub fn plain(network: Arc<Network>, timeline: &Timeline, unchecked: bool) -> Result<Self, Error> {
+    /// `is_unchecked`: no check for stability is made.
+    pub fn plain(network: Arc<Network>, timeline: &Timeline, is_unchecked: bool) -> Result<Self, Error> {
         let mut plain_plan = Self::empty(network.clone(), timeline);
         let island_plan = plain_plan.stepped_island_plan(timeline, 1);
-        if !unchecked {
+        if !is_unchecked {
             let mut scheme = Scheme::new(&network, timeline.rate)?;
             if timeline.is_unguarded {
                 scheme.drop_softening_laws();
@@ -179,19 +179,19 @@ impl Plan {
     /// Whether a simulation of this plan records every ergon of a timeline: none strikes inside a body or a bank, or
     /// something that the plan leaves out.
     pub fn records_every_ergon(&self, timeline: &Timeline) -> bool {
-        let counted_events =
+        let event_counts =
             |timeline: &Timeline| [timeline.gestures.len(), timeline.strikes.len(), timeline.ergons.len()];
         let mut recorded_counts = [0; 3];
         for unit in &self.units {
             if let ComputationUnit::IslandPlan(island_plan) = unit {
-                let event_counts = counted_events(&island_plan.timeline);
+                let event_counts = event_counts(&island_plan.timeline);
                 recorded_counts
                     .iter_mut()
                     .zip(event_counts)
-                    .for_each(|(all, event_counts)| *all += event_counts);
+                    .for_each(|(recorded_count, event_counts)| *recorded_count += event_counts);
             }
         }
-        recorded_counts == counted_events(timeline)
+        recorded_counts == event_counts(timeline)
     }
 
     /// Plans what is both heard and moved, each island by the cheapest method within the budget, or as decided before
@@ -235,14 +235,14 @@ impl Plan {
 
     fn groups_of_range(&self, units: Range<usize>, n_groups: usize) -> Vec<Range<usize>> {
         let unit_costs: Vec<f64> = self.units[units.clone()].iter().map(ComputationUnit::cost).collect();
-        let fair_cost = unit_costs.iter().sum::<f64>() / n_groups as f64;
+        let mean_cost = unit_costs.iter().sum::<f64>() / n_groups as f64;
         let (mut unit_groups, mut first_unit, mut group_cost) = (Vec::new(), units.start, 0.0);
         for (unit, cost) in units.clone().zip(&unit_costs) {
             group_cost += cost;
-            let group_is_full = self
+            let is_group_full = self
                 .ends_group(unit, &units)
-                .unwrap_or(group_cost >= fair_cost && unit_groups.len() + 1 < n_groups);
-            if group_is_full {
+                .unwrap_or(group_cost >= mean_cost && unit_groups.len() + 1 < n_groups);
+            if is_group_full {
                 unit_groups.push(first_unit..unit + 1);
                 (first_unit, group_cost) = (unit + 1, 0.0);
             }

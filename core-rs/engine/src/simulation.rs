@@ -64,7 +64,7 @@ pub struct Simulation {
 /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
 /// # let network = Arc::new(network);
 /// # use ergon_engine::{OnFault, SimulationOptions};
-/// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked:
+/// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, is_unchecked:
 /// false }; use ergon_engine::Simulation;
 ///
 /// let mut simulation = Simulation::new(network, &timeline, options)?;
@@ -85,7 +85,7 @@ impl Simulation {
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn new(network: Arc<Network>, timeline: &Timeline, options: SimulationOptions) -> Result<Self, Error> {
-        let plain_plan = Plan::plain(network, timeline, options.unchecked)?;
+        let plain_plan = Plan::plain(network, timeline, options.is_unchecked)?;
         Self::from_plan(Arc::new(plain_plan), options)
     }
 
@@ -364,7 +364,7 @@ impl Simulation {
     /// # let network = Arc::new(network);
     /// # use ergon_engine::{OnFault, SimulationOptions};
     /// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1,
-    /// unchecked: false }; use ergon_engine::Simulation;
+    /// is_unchecked: false }; use ergon_engine::Simulation;
     ///
     /// let mut simulation = Simulation::new(network, &timeline, options)?;
     /// simulation.damp(Some(0.05)); // everything fades by 60 dB in 50 ms
@@ -417,7 +417,7 @@ impl Simulation {
     /// # let network = Arc::new(network);
     /// # use ergon_engine::{OnFault, SimulationOptions};
     /// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1,
-    /// unchecked: false }; use ergon_engine::Simulation;
+    /// is_unchecked: false }; use ergon_engine::Simulation;
     ///
     /// let mut one = Simulation::new(network, &timeline, options)?;
     /// let mut other = one.fork();

@@ -83,7 +83,7 @@ pub(crate) fn forces(
             .iter()
             .any(|gate| gate.links().contains(&first) && gate.opening(0) == 0.0)
     };
-    let network_runs = interrupt::each(network.runs());
+    let network_runs = interrupt::polled_items(network.runs());
     for run in network_runs.filter(|run| !is_closed(run.first) && acts(run.first)) {
         let ca_rate = network.parts().get(run.part).and_then(|part| part.ca_rate);
         let ca_step = ca_rate.map_or(1.0, Rate::step);
@@ -157,7 +157,7 @@ pub(crate) fn forces(
         let proxy_force = mat_forces[proxy.mat];
         proxy.for_each_share(|mat| x[mat], |mat, share| mat_forces[mat] += share * proxy_force);
     }
-    let network_runs = interrupt::each(network.runs());
+    let network_runs = interrupt::polled_items(network.runs());
     for run in network_runs.filter(|run| !is_closed(run.first) && acts(run.first)) {
         if let LinkKind::Dry(dry_friction) = &run.kind {
             add_dry_friction(network, (run, dry_friction), x, &mut mat_forces);

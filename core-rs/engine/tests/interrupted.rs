@@ -29,11 +29,11 @@ fn looks<T>(work: impl FnOnce() -> T) -> (T, usize) {
 
 fn options(threads: usize) -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
-        record: false,
+        keeps_ledger: false,
+        records_ergons: false,
         on_fault: OnFault::Stop,
         threads,
-        unchecked: false,
+        is_unchecked: false,
     }
 }
 

@@ -70,23 +70,23 @@ fn look(seeds: Range<u64>) {
         let network = Arc::new(scene.network.clone());
         let plan = Plan::new(network, &scene.timeline, &Budget::default(), None).unwrap();
         let options = SimulationOptions {
-            ledger: false,
+            keeps_ledger: false,
             ..options(OnFault::Stop)
         };
         let mut simulation = Simulation::from_plan(Arc::new(plan), options).unwrap();
         let look = simulation.make_look();
         simulation.start_watching();
-        let mut glance = MotionSnapshot::new(&simulation, &look);
+        let mut snapshot = MotionSnapshot::new(&simulation, &look);
         let mut seen = false;
         let mut out = vec![0.0; scene.n_frames() * simulation.n_out()];
         for block in out.chunks_mut(100 * simulation.n_out()) {
             assert_eq!(allocations(&mut simulation, block), 0, "{seed}");
             reset_violation_count();
-            assert_no_alloc(|| simulation.fill_snapshot(&look, &mut glance));
+            assert_no_alloc(|| simulation.fill_snapshot(&look, &mut snapshot));
             assert_eq!(violation_count(), 0, "{seed}");
-            assert_eq!(glance.frame, simulation.frame());
-            seen |= glance.tracks.iter().any(|x| *x != 0.0);
-            sparks += glance.sparks().len();
+            assert_eq!(snapshot.frame, simulation.frame());
+            seen |= snapshot.tracks.iter().any(|x| *x != 0.0);
+            sparks += snapshot.sparks().len();
         }
         assert!(seen, "{seed}");
     }
@@ -137,7 +137,7 @@ fn slow_key_does_not_allocate() {
             is_exact: true
         }));
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     let mut simulation = Simulation::from_plan(Arc::new(plan), options).unwrap();
@@ -168,7 +168,7 @@ fn take_over(seeds: Range<u64>) {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
         let options = SimulationOptions {
-            ledger: false,
+            keeps_ledger: false,
             ..options(OnFault::Stop)
         };
         let plan = Plan::new(network, &scene.timeline, &Budget::default(), None).unwrap();
@@ -209,7 +209,7 @@ fn rest_and_wake_do_not_allocate() {
     for budget in [Budget::default(), Budget::Method(Method::Ca)] {
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
         let options = SimulationOptions {
-            ledger: false,
+            keeps_ledger: false,
             ..options(OnFault::Stop)
         };
         let mut simulation = Simulation::from_plan(Arc::new(plan), options).unwrap();
@@ -257,7 +257,7 @@ fn finer_frames_do_not_allocate() {
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
         let plan = Arc::new(plan);
         let options = SimulationOptions {
-            ledger: false,
+            keeps_ledger: false,
             ..options(OnFault::Stop)
         };
         let mut old = Simulation::from_plan(plan.clone(), options).unwrap();
@@ -303,7 +303,7 @@ fn take_over_with_another_method_does_not_allocate() {
         Arc::new(network)
     };
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
@@ -389,7 +389,7 @@ fn friction_between_all_pairs_does_not_allocate() {
     network.listen("rub", vec![term]).unwrap();
     let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     let mut simulation = Simulation::new(Arc::new(network), &timeline, options).unwrap();

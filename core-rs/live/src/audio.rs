@@ -41,38 +41,38 @@ pub use tap::{TapHandle, TapStatus};
 #[derive(Debug, thiserror::Error)]
 pub enum AudioError {
     /// The text is not a valid output.
-    #[error("'{text}': {why} (it is {USAGE})")]
+    #[error("'{text}': {reason} (it is {USAGE})")]
     Spec {
         /// The text.
         text: String,
         /// What is wrong with it.
-        why: String,
+        reason: String,
     },
     /// No such server, library or device.
-    #[error("{why}")]
+    #[error("{reason}")]
     Unavailable {
         /// The backend that was asked for.
         backend: &'static str,
         /// A sentence.
-        why: String,
+        reason: String,
     },
     /// The output does not have so many channels.
-    #[error("{channels} channels: {why}")]
+    #[error("{channels} channels: {reason}")]
     Channels {
         /// The number of channels that was asked for.
         channels: usize,
         /// A sentence.
-        why: String,
+        reason: String,
     },
     /// No conversion between the two rates.
-    #[error("no conversion from {from} Hz to {to} Hz: {why}")]
+    #[error("no conversion from {from} Hz to {to} Hz: {reason}")]
     Rate {
         /// The score's [Hz].
         from: u32,
         /// The card's [Hz].
         to: u32,
         /// A sentence.
-        why: String,
+        reason: String,
     },
     /// A file that cannot be written.
     #[error("{}: {error}", path.display())]

@@ -94,10 +94,10 @@ pub fn open_until(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Box<dyn 
         DeviceKind::Frame | DeviceKind::FrameUdp => Box::new(frame::OpenFrameDevice::open(url, canceller)?),
         DeviceKind::Haply => Box::new(haply::HaplyDevice::open(url, canceller)?),
         DeviceKind::Emul => Box::new(EmulatedDevice::open(url)?),
-        DeviceKind::Led => return Err(url.cannot("a key that is played without a device has no motor")),
+        DeviceKind::Pointer => return Err(url.unsupported_error("a key that is played without a device has no motor")),
     };
     if url.axis.is_some_and(|axis| axis >= device.spec().dof) {
-        return Err(url.cannot(NO_SUCH_AXIS));
+        return Err(url.unsupported_error(NO_SUCH_AXIS));
     }
     arm::with_arm(device, url)
 }
@@ -107,7 +107,7 @@ pub fn open_until(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Box<dyn 
 ///
 /// # Errors
 /// [`DeviceError`] if nothing leads it, or nobody plays it now.
-pub fn open_led(url: &DeviceUrl, period: f64, is_retry: bool) -> Result<Box<dyn Device>, DeviceError> {
+pub fn open_pointer(url: &DeviceUrl, period: f64, is_retry: bool) -> Result<Box<dyn Device>, DeviceError> {
     Ok(Box::new(pointer_device::PointerDevice::open(url, period, is_retry)?))
 }
 
@@ -127,7 +127,7 @@ pub(crate) fn open_in_process(
         DeviceKind::Frame => Box::new(frame::OpenFrameDevice::on_port(board_port, &board_url, &canceller)?),
         DeviceKind::FireFader => Box::new(firefader::FireFader::on_port(board_port, &board_url, &canceller)?),
         _ => {
-            return Err(board_url.cannot("this kind of device cannot be emulated inside the process"));
+            return Err(board_url.unsupported_error("this kind of device cannot be emulated inside the process"));
         }
     })
 }

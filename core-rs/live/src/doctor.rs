@@ -22,7 +22,7 @@ pub struct TimingCheck {
     /// Time from each (zero) force sent to its reply.
     pub round_trips: Vec<u32>,
     /// Forces that had no reply within 20 ms.
-    pub unanswered: u64,
+    pub n_unanswered: u64,
     /// Duration of the whole check [s].
     pub seconds: f64,
 }
@@ -33,7 +33,7 @@ impl TimingCheck {
             granted: realtime::request(realtime::PHYSICS_PRIORITY),
             lateness: Vec::with_capacity(ticks),
             round_trips: Vec::with_capacity(ticks),
-            unanswered: 0,
+            n_unanswered: 0,
             seconds: 0.0,
         }
     }
@@ -60,16 +60,16 @@ pub fn check_timing<D: Device>(
     }
     let lockstep = device.as_ref().is_some_and(|device| device.in_lockstep());
     let start_instant = Instant::now();
-    let mut due_instant = start_instant;
+    let mut next_wake = start_instant;
     for _ in 0..ticks {
         if stop.load(Ordering::Relaxed) {
             break;
         }
         if !lockstep {
-            due_instant += tick_period;
+            next_wake += tick_period;
             // A reply that took longer than a tick is not lateness of the clock.
-            due_instant = due_instant.max(Instant::now());
-            timing_check.lateness.push(nanoseconds(sleep_until(due_instant)));
+            next_wake = next_wake.max(Instant::now());
+            timing_check.lateness.push(nanoseconds(sleep_until(next_wake)));
         }
         let Some(device) = &mut device else {
             continue;
@@ -81,7 +81,7 @@ pub fn check_timing<D: Device>(
         if device.receive(&mut sample, send_instant + REPLY_TIMEOUT)? {
             timing_check.round_trips.push(nanoseconds(send_instant.elapsed()));
         } else {
-            timing_check.unanswered += 1;
+            timing_check.n_unanswered += 1;
         }
     }
     timing_check.seconds = start_instant.elapsed().as_secs_f64();

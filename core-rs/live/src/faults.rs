@@ -165,7 +165,7 @@ impl Fault {
         let is_firefader = emulator == Emulator::Board(Protocol::FireFader);
         Ok(match self {
             Self::NotANumber | Self::Infinite => 1e-3,
-            // Five ticks of the slew limit, and the pulses of a question: 24 ticks.
+            // Five ticks of the slew limit, and the pulses of a test: 24 ticks.
             Self::Huge => 32e-3,
             Self::GarbageReplies | Self::GarbageRequests if is_firefader => {
                 return Err("its packets have no checksum");
@@ -183,7 +183,7 @@ impl Fault {
             }
             // 0.2 s for which an answer counts, and 1.25 s without one.
             Self::WrongWay | Self::MotorStuck => 1.45,
-            // A right answer may be 0.2 s old, then two questions of 56 ms after one under way.
+            // A right response may be 0.2 s old, then two tests of 56 ms after one under way.
             Self::Frozen => 0.4,
             // The travel with its margins, at a speed that the hand and the piece may halve.
             Self::SensorDrifts => 0.45,
@@ -201,7 +201,7 @@ impl Fault {
     }
 
     /// Why a fault is not made on a device, if it is excluded.
-    fn excluded(self, emulator: Emulator) -> Option<&'static str> {
+    fn exclusion_reason(self, emulator: Emulator) -> Option<&'static str> {
         use Emulator::{Board, InProcess};
         const NO_WIRE_REASON: &str = "there is no wire";
         match (self, emulator) {
@@ -251,10 +251,10 @@ impl FaultMeasurement {
     pub fn exceeds(&self) -> bool {
         let is_late = match (self.outcome, self.time_limit) {
             (FaultOutcome::Excluded(_), _) | (_, Err(_)) => return false,
-            (FaultOutcome::Zero(after), Ok(bound)) => after > bound + 1e-9,
+            (FaultOutcome::Zero(seconds), Ok(bound)) => seconds > bound + 1e-9,
             (FaultOutcome::Persists, Ok(_)) => true,
         };
-        let is_above = |[measured, allowed]: [f64; 2]| measured > allowed * (1.0 + 1e-12);
+        let is_above = |[measured, limit]: [f64; 2]| measured > limit * (1.0 + 1e-12);
         is_late || is_above(self.peak_force_and_limit) || is_above(self.force_rise_and_limit)
     }
 }

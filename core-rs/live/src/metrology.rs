@@ -103,7 +103,7 @@ pub struct ExcitationRow {
     /// Position in the reply to this force, or the previous position if there was no reply [m].
     pub position: f64,
     /// Whether there was a reply.
-    pub fresh: bool,
+    pub is_fresh: bool,
     /// The device's clock in that reply [µs].
     pub clock: u32,
     /// Whether the brake pushed instead of the written force.
@@ -140,7 +140,7 @@ pub fn excite<D: Device>(
     }
     let mut new_take = ExcitationRun {
         guarded_device: GuardedDevice::new(device, limits, excitation.period)
-            .watched()
+            .with_plausibility()
             .without_probes(),
         excitation,
         sample: DeviceSample::default(),
@@ -288,13 +288,13 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
         if let Some(row) = row.filter(|&row| row >= self.n_written)
             && let Some(row) = self.rows.get_mut(row)
         {
-            (row.position, row.fresh) = (key_position, true);
+            (row.position, row.is_fresh) = (key_position, true);
             row.clock = sample.t_dev_us.unwrap_or(0);
         }
         if self.excitation.reports_touch && sample.is_touched[pushed_axis] {
             return Err(ExcitationEnd::Touched);
         }
-        if self.excitation.is_gated && pushes && sample.requests_behind == 0 && !sample.force_enabled[pushed_axis] {
+        if self.excitation.is_gated && pushes && sample.requests_behind == 0 && !sample.is_force_enabled[pushed_axis] {
             return Err(ExcitationEnd::GateClosed);
         }
         Ok(())
@@ -312,7 +312,7 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
                 std::thread::sleep(CHECK_INTERVAL);
             }
             let next_row = &self.rows[self.n_written];
-            let fresh_flag = if next_row.fresh { recording::flag::FRESH } else { 0 };
+            let fresh_flag = if next_row.is_fresh { recording::flag::FRESH } else { 0 };
             let sample = recording::RecordedSample {
                 position: next_row.position,
                 force: next_row.requested_force,
@@ -320,7 +320,7 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
                 flags: fresh_flag | recording::flag::FORCE_ENABLED,
                 clock: next_row.clock,
             };
-            row_sink.row(self.n_written as u64, &[sample]);
+            row_sink.push_row(self.n_written as u64, &[sample]);
             self.n_written += 1;
         }
     }

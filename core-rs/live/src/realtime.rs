@@ -32,21 +32,21 @@ impl fmt::Display for GrantedScheduling {
 /// Ask for real-time scheduling of this thread and for locked memory; returns what was really granted. The policy is
 /// read back from the kernel, because a successful request does not yet mean that it holds.
 pub fn request(priority: i32) -> GrantedScheduling {
-    let locked = lock_memory();
+    let is_memory_locked = lock_memory();
     prefault();
     GrantedScheduling {
-        fifo_priority: fifo(priority),
-        is_memory_locked: locked,
+        fifo_priority: set_fifo_priority(priority),
+        is_memory_locked,
     }
 }
 
 /// Ask for real-time scheduling of this thread only; returns the priority really granted.
 pub fn set_priority(priority: i32) -> Option<i32> {
-    fifo(priority)
+    set_fifo_priority(priority)
 }
 
 #[cfg(target_os = "linux")]
-fn fifo(priority: i32) -> Option<i32> {
+fn set_fifo_priority(priority: i32) -> Option<i32> {
     // SAFETY: zero is a valid sched_param; both calls write into locals that outlive them.
     unsafe {
         let mut schedule_param: libc::sched_param = std::mem::zeroed();
@@ -61,10 +61,10 @@ fn fifo(priority: i32) -> Option<i32> {
 pub fn priority() -> Option<i32> {
     // SAFETY: zero is a valid sched_param; the call writes into locals that outlive it.
     unsafe {
-        let mut schedule_param: libc::sched_param = std::mem::zeroed();
+        let mut sched_param: libc::sched_param = std::mem::zeroed();
         let mut sched_policy = 0;
-        libc::pthread_getschedparam(libc::pthread_self(), &raw mut sched_policy, &raw mut schedule_param);
-        (sched_policy == libc::SCHED_FIFO).then_some(schedule_param.sched_priority)
+        libc::pthread_getschedparam(libc::pthread_self(), &raw mut sched_policy, &raw mut sched_param);
+        (sched_policy == libc::SCHED_FIFO).then_some(sched_param.sched_priority)
     }
 }
 

@@ -38,7 +38,7 @@ use pipeline::Pipeline;
 use plausibility::{AxisSpec, PlausibilityChecks};
 
 /// A factor from 0 to 1: NaN and negative numbers are 0, greater ones are 1.
-pub(crate) fn unit(factor: f64) -> f64 {
+pub(crate) fn clamp_to_unit(factor: f64) -> f64 {
     if factor > 0.0 { factor.min(1.0) } else { 0.0 }
 }
 
@@ -49,15 +49,15 @@ const ZERO_REPEATS: usize = 3;
 /// a signal.
 pub struct GuardedDevice<D: Device = Box<dyn Device>> {
     // First field: it is disarmed before the device closes its port.
-    _armed: Option<Armed>,
+    _zeroing: Option<Armed>,
     pipeline: Pipeline,
     /// Checks whether force and motion agree, if the device is watched.
     plausibility: Option<PlausibilityChecks>,
     /// Why each axis is tripped, if it is; and which only the player can let push again.
     trips: [Option<TripCause>; MAX_AXES],
     latches: [TripLatch; MAX_AXES],
-    /// Whether [`GuardedDevice::stop`] stopped the forces; and whether the pipeline is stopped, by that call or by the
-    /// stop of the process.
+    /// Whether [`GuardedDevice::set_stopped`] stopped the forces; and whether the pipeline is stopped, by that call or
+    /// by the stop of the process.
     is_stopped: bool,
     is_pipeline_stopped: bool,
     clock: SafetyClock,
@@ -95,7 +95,7 @@ impl<D: Device> GuardedDevice<D> {
         let in_lockstep = device.in_lockstep();
         let device_spec = device.spec();
         Self {
-            _armed: device.zero_force_packet().and_then(last_resort::arm),
+            _zeroing: device.zero_force_packet().and_then(last_resort::arm),
             pipeline: Pipeline::new(device_spec, |axis| device.range(axis), limits, period, in_lockstep),
             plausibility: None,
             trips: [None; MAX_AXES],
@@ -110,7 +110,7 @@ impl<D: Device> GuardedDevice<D> {
     /// The same, with a check that force and motion agree: for a device that is played, not for one that is being
     /// measured.
     #[must_use]
-    pub fn watched(mut self) -> Self {
+    pub fn with_plausibility(mut self) -> Self {
         let device_spec = self.device.spec();
         let axis_specs: Vec<AxisSpec> = (0..device_spec.dof)
             .map(|axis| AxisSpec {
@@ -131,15 +131,15 @@ impl<D: Device> GuardedDevice<D> {
     /// travel.
     #[must_use]
     pub(crate) fn without_probes(mut self) -> Self {
-        if let Some(watched) = &mut self.plausibility {
-            watched.disable_probes();
+        if let Some(checks) = &mut self.plausibility {
+            checks.disable_probes();
         }
         self
     }
 
     /// The same, with ages judged by a clock that is set from outside [ns].
     #[must_use]
-    pub(crate) fn by_clock(mut self, nanoseconds: Arc<AtomicU64>) -> Self {
+    pub(crate) fn with_clock(mut self, nanoseconds: Arc<AtomicU64>) -> Self {
         self.clock = SafetyClock::External(nanoseconds);
         self
     }
@@ -179,7 +179,7 @@ impl<D: Device> GuardedDevice<D> {
         if stop::are_forces_stopped() || self.pipeline.was_stopped(self.clock.now()) {
             safe_force = self.pipeline.withdraw();
         }
-        if self.disobeying_axes() {
+        if self.has_disobeying_motor() {
             safe_force = self.pipeline.withdraw();
             self.device.switch_off()?;
         } else {
@@ -189,19 +189,19 @@ impl<D: Device> GuardedDevice<D> {
             safe_force = self.pipeline.withdraw();
             self.device.zero();
         }
-        if let Some(watched) = &mut self.plausibility {
-            watched.note_sent_forces(safe_force.newtons());
+        if let Some(checks) = &mut self.plausibility {
+            checks.note_sent_forces(safe_force.newtons());
         }
         Ok(safe_force)
     }
 
     fn pass_stages(&mut self, forces: &[f64]) -> SafeForce {
         let time_now = self.clock.now();
-        let safe_force = if let Some(watched) = &mut self.plausibility {
+        let safe_force = if let Some(checks) = &mut self.plausibility {
             if self.pipeline.is_fading() {
-                watched.restart();
+                checks.restart();
             }
-            self.pipeline.limit_forces(&watched.check_forces(forces), time_now)
+            self.pipeline.limit_forces(&checks.check_forces(forces), time_now)
         } else {
             self.pipeline.limit_forces(forces, time_now)
         };
@@ -211,7 +211,7 @@ impl<D: Device> GuardedDevice<D> {
 
     /// Whether a motor may not do what it is commanded: then zero force does not end its force, and all motors of the
     /// device are switched off.
-    fn disobeying_axes(&self) -> bool {
+    fn has_disobeying_motor(&self) -> bool {
         let disobeys = |trip: &Option<TripCause>| trip.is_some_and(TripCause::is_of_motor);
         self.trips.iter().any(disobeys)
     }
@@ -219,8 +219,8 @@ impl<D: Device> GuardedDevice<D> {
     /// Note which axes are tripped, and hold those that tripped too often.
     fn note_trips(&mut self, now: Duration) {
         for (axis, latch) in self.latches.iter_mut().enumerate() {
-            let watched = self.plausibility.as_ref().and_then(|trips| trips.trip(axis));
-            let trip_cause = watched.or_else(|| self.pipeline.tripped(axis));
+            let check_trip = self.plausibility.as_ref().and_then(|trips| trips.trip(axis));
+            let trip_cause = check_trip.or_else(|| self.pipeline.trip_cause(axis));
             if let Some(trip_cause) = trip_cause.filter(|_| self.trips[axis].is_none()) {
                 latch.record_trip(trip_cause, now);
             }
@@ -239,8 +239,8 @@ impl<D: Device> GuardedDevice<D> {
         let is_fresh = self.device.receive(sample, deadline)?;
         if is_fresh {
             self.pipeline.observe(sample, self.clock.now());
-            if let Some(watched) = &mut self.plausibility {
-                watched.observe(&sample.position);
+            if let Some(checks) = &mut self.plausibility {
+                checks.observe(&sample.position);
             }
         }
         Ok(is_fresh)
@@ -252,11 +252,11 @@ impl<D: Device> GuardedDevice<D> {
         self.device.zero();
     }
 
-    /// Stop all forces until `stop(false)`; they then rise as at the start.
-    pub fn stop(&mut self, stopped: bool) {
-        self.is_stopped = stopped;
+    /// Stop all forces until `set_stopped(false)`; they then rise as at the start.
+    pub fn stop(&mut self, is_stopped: bool) {
+        self.is_stopped = is_stopped;
         self.update_stop();
-        if stopped {
+        if is_stopped {
             self.device.zero();
         }
     }
@@ -265,17 +265,17 @@ impl<D: Device> GuardedDevice<D> {
     pub fn release(&mut self) {
         (self.latches, self.trips) = ([TripLatch::default(); MAX_AXES], [None; MAX_AXES]);
         self.pipeline.release();
-        if let Some(watched) = &mut self.plausibility {
-            watched.release();
+        if let Some(checks) = &mut self.plausibility {
+            checks.release();
         }
     }
 
     fn update_stop(&mut self) {
-        let is_held = self.is_stopped || stop::are_forces_stopped();
-        if is_held != self.is_pipeline_stopped {
-            self.is_pipeline_stopped = is_held;
-            self.pipeline.stop(is_held);
-            if !is_held {
+        let is_stopped = self.is_stopped || stop::are_forces_stopped();
+        if is_stopped != self.is_pipeline_stopped {
+            self.is_pipeline_stopped = is_stopped;
+            self.pipeline.set_stopped(is_stopped);
+            if !is_stopped {
                 self.release();
             }
         }

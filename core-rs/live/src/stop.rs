@@ -55,6 +55,6 @@ pub fn are_forces_stopped() -> bool {
 
 /// Whether nothing may sound, because the program ends.
 #[must_use]
-pub fn is_over() -> bool {
+pub fn is_silenced() -> bool {
     STOP_BITS.load(Ordering::SeqCst) & ALL_STOPPED != 0
 }

@@ -28,7 +28,7 @@ pub(crate) struct PacketBuffer<const N: usize> {
 }
 
 impl<const N: usize> PacketBuffer<N> {
-    pub(crate) fn new_bytes() -> Self {
+    pub(crate) fn empty() -> Self {
         Self {
             bytes: [0; N],
             len: 0,
@@ -36,23 +36,23 @@ impl<const N: usize> PacketBuffer<N> {
         }
     }
 
-    /// Take bytes, and pass every whole packet to `visit`; other bytes are skipped.
+    /// Take bytes, and pass every whole packet to `take_packet`; other bytes are skipped.
     pub(crate) fn add_bytes<T>(
         &mut self,
-        mut new: &[u8],
+        mut received_bytes: &[u8],
         parse: impl Fn(&[u8]) -> Parsed<T>,
-        mut visit: impl FnMut(T),
+        mut take_packet: impl FnMut(T),
     ) {
-        while !new.is_empty() {
-            let taken_bytes = new.len().min(N - self.len);
-            self.bytes[self.len..self.len + taken_bytes].copy_from_slice(&new[..taken_bytes]);
-            self.len += taken_bytes;
-            new = &new[taken_bytes..];
+        while !received_bytes.is_empty() {
+            let n_copied = received_bytes.len().min(N - self.len);
+            self.bytes[self.len..self.len + n_copied].copy_from_slice(&received_bytes[..n_copied]);
+            self.len += n_copied;
+            received_bytes = &received_bytes[n_copied..];
             let mut packet_offset = 0;
             while packet_offset < self.len {
                 match parse(&self.bytes[packet_offset..self.len]) {
                     Parsed::Packet(packet, len) => {
-                        visit(packet);
+                        take_packet(packet);
                         packet_offset += len;
                     }
                     Parsed::Garbage(len) => {

@@ -34,7 +34,7 @@ fn exchange_with_each_device_does_not_allocate() {
             ramp_time: 0.0,
             ..SafetyLimits::from_spec(device.spec())
         };
-        let mut device = GuardedDevice::new(device, limits, 1.0 / RATE).watched();
+        let mut device = GuardedDevice::new(device, limits, 1.0 / RATE).with_plausibility();
         let (mut sample, mut fresh) = (DeviceSample::default(), 0);
         reset_violation_count();
         assert_no_alloc(|| {

@@ -204,7 +204,7 @@ fn let_go_is_reported_once() {
     let mut exchange = |device: &mut GuardedDevice| {
         device.send(&[1.0]).unwrap();
         assert!(device.receive(&mut sample, Instant::now() + PATIENCE).unwrap());
-        sample.let_go
+        sample.has_let_go
     };
     device.receive(&mut DeviceSample::default(), Instant::now()).unwrap();
     exchange(&mut device);
@@ -288,7 +288,7 @@ fn service_with_a_silent_host_receives_zero() {
     // 1 N on 100 N/m is 10 mm.
     until(Some(1.0), &|sample| (sample.position[0] - 0.01).abs() < 1e-3);
     // The host falls silent, and its guardian sends zero to the service.
-    until(None, &|sample| sample.let_go);
+    until(None, &|sample| sample.has_let_go);
     until(Some(0.0), &|sample| sample.position[0].abs() < 1e-4);
     drop(device);
     emulator.end();

@@ -37,7 +37,7 @@ fn checkup_clock_is_never_early() {
     let result = result.join().unwrap().unwrap();
     assert_eq!(result.lateness.len(), 300);
     assert!(result.seconds >= 0.299, "{}", result.seconds);
-    assert_eq!((result.round_trips.len(), result.unanswered), (0, 0));
+    assert_eq!((result.round_trips.len(), result.n_unanswered), (0, 0));
 }
 
 #[test]
@@ -45,7 +45,7 @@ fn checkup_counts_answered_and_lost_forces() {
     let emulator = udp(true);
     let mut device = guarded_device(emulator.open("frame+udp", "lockstep&wide"));
     let result = check_timing(Some(&mut device), PERIOD, 500, &GO).unwrap();
-    assert_eq!((result.round_trips.len(), result.unanswered), (500, 0));
+    assert_eq!((result.round_trips.len(), result.n_unanswered), (500, 0));
     assert!(result.lateness.is_empty(), "lockstep has no clock");
     drop(device);
     // The forces, and the zero forces at the end; none of them moved the key.
@@ -53,7 +53,7 @@ fn checkup_counts_answered_and_lost_forces() {
     let emulator = udp(false);
     let mut device = guarded_device(emulator.open("frame+udp", ""));
     let result = check_timing(Some(&mut device), PERIOD, 200, &GO).unwrap();
-    assert_eq!(result.round_trips.len() as u64 + result.unanswered, 200);
+    assert_eq!(result.round_trips.len() as u64 + result.n_unanswered, 200);
     assert_eq!(result.lateness.len(), 200);
     assert!(result.round_trips.iter().all(|&ns| (1_000..25_000_000).contains(&ns)));
     // Whatever its length, only its beginning allocates.
@@ -67,7 +67,7 @@ fn checkup_counts_answered_and_lost_forces() {
     emulator.end();
     // The device is gone: each force waits in vain.
     let result = check_timing(Some(&mut device), PERIOD, 5, &GO).unwrap();
-    assert_eq!((result.round_trips.len(), result.unanswered), (0, 5));
+    assert_eq!((result.round_trips.len(), result.n_unanswered), (0, 5));
     assert!(result.seconds > 0.1, "{}", result.seconds);
 }
 

@@ -98,23 +98,29 @@ fn firmware_sketch_acts_as_a_device() {
         loop {
             let deadline = Instant::now() + Duration::from_secs(60);
             assert!(device.receive(&mut sample, deadline).unwrap());
-            let_go |= sample.let_go;
+            let_go |= sample.has_let_go;
             if sample.requests_behind == 0 {
-                return (sent, DeviceSample { let_go, ..sample });
+                return (
+                    sent,
+                    DeviceSample {
+                        has_let_go: let_go,
+                        ..sample
+                    },
+                );
             }
         }
     };
     let start = exchange(0.0).1.position[0];
     let mut there = (0..TRIES).map(|_| exchange(0.3).1.position[0]);
     assert!(there.any(|x| x > start + 5e-3), "it goes where it is pushed");
-    let mut enabled = (0..TRIES).map(|_| exchange(0.0).1.force_enabled[0]);
+    let mut enabled = (0..TRIES).map(|_| exchange(0.0).1.is_force_enabled[0]);
     assert!(enabled.any(|enabled| enabled));
     // After a push and 50 ms of silence it pushes no more.
     let mut pushed = (0..TRIES).map(|_| exchange(-0.3));
     let (_, there) = pushed.find(|(sent, _)| *sent == -0.3).unwrap();
     board.pass(300);
     let (_, left) = exchange(0.0);
-    assert!(left.let_go);
+    assert!(left.has_let_go);
     board.pass(200);
     let (_, later) = exchange(0.0);
     let [there, left, later] = [there, left, later].map(|sample| sample.position[0]);

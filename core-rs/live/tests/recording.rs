@@ -43,8 +43,8 @@ fn recorder_does_not_allocate_in_real_time() {
     // Also when the ring is full.
     assert_no_alloc(|| {
         for tick in 0..50_000 {
-            sink.row(tick, &row(tick));
-            sink.event(tick, format_args!(r#"{{"gain":{},"why":{:?}}}"#, 0.1, "a"));
+            sink.push_row(tick, &row(tick));
+            sink.push_event(tick, format_args!(r#"{{"gain":{},"why":{:?}}}"#, 0.1, "a"));
         }
     });
     assert_eq!(violation_count(), 0);
@@ -64,7 +64,7 @@ fn records_until_it_is_killed() {
     let (mut sink, _handle) = Recorder::start(Path::new(&path), &header()).unwrap();
     for (first, _) in (0..).step_by(ROWS as usize).zip(stdin().lines()) {
         for tick in first..first + ROWS {
-            assert!(sink.row(tick, &row(tick)));
+            assert!(sink.push_row(tick, &row(tick)));
         }
         eprintln!("{}", first + ROWS);
     }
@@ -101,7 +101,7 @@ fn killed_recording_keeps_its_rows() {
     child.wait().unwrap();
     let after = read(&path, None).unwrap();
     fs::remove_file(&path).unwrap();
-    assert!(!after.finished);
+    assert!(!after.is_finished);
     assert!(after.ticks.starts_with(&before.ticks));
     let wanted = after.ticks.iter().flat_map(|&tick| row(tick));
     assert!(after.samples.iter().copied().eq(wanted));

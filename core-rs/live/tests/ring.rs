@@ -54,11 +54,11 @@ fn closed_feed_plays_to_its_end() {
     ring_writer.close();
     let out = filled(&mut ring_reader, 64);
     assert_eq!(out, [0.25; 64]);
-    assert!(!ring_writer.stream_state().finished());
+    assert!(!ring_writer.stream_state().has_finished());
     let out = filled(&mut ring_reader, 64);
     assert_eq!((&out[..36], &out[36..]), (&[0.25; 36][..], &[0.0; 28][..]));
     let stream_state = ring_writer.stream_state();
-    assert!(stream_state.finished() && ring_reader.has_ended());
+    assert!(stream_state.has_finished() && ring_reader.has_ended());
     assert_eq!((stream_state.underruns(), stream_state.missing_frames()), (0, 0));
 }
 
@@ -121,7 +121,10 @@ fn panic_is_silent_after_five_milliseconds_and_holds() {
     assert_eq!(out[..436], [0.0; 436]);
     assert_eq!((out[436], out[436 + FADE]), (1.0 / FADE as f32, 1.0));
     assert_eq!((stream_state.underruns(), stream_state.missing_frames()), (0, 0));
-    let edge = |frame, silent| SilenceEdge { frame, silent };
+    let edge = |frame, silent| SilenceEdge {
+        frame,
+        is_start: silent,
+    };
     assert_eq!(stream_state.edges(0), [edge(8, true), edge(1508, false)]);
     assert_eq!(stream_state.edges(1), [edge(1508, false)]);
 }
@@ -216,7 +219,7 @@ fn close_after_a_panic_finishes() {
     ring_writer.close();
     filled(&mut ring_reader, HUSH);
     filled(&mut ring_reader, 1);
-    assert!(ring_writer.stream_state().finished());
+    assert!(ring_writer.stream_state().has_finished());
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -312,5 +315,5 @@ fn ring_does_not_allocate() {
     });
     assert_eq!(violation_count(), 0);
     let stream_state = ring_writer.stream_state();
-    assert!(stream_state.finished() && stream_state.underruns() == 1 && stream_state.discarded_frames() > 0);
+    assert!(stream_state.has_finished() && stream_state.underruns() == 1 && stream_state.discarded_frames() > 0);
 }

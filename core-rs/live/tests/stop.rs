@@ -39,7 +39,7 @@ fn still() -> Still {
         loop_delay_s: None,
         inertia: None,
         damping: None,
-        touch_gated: false,
+        is_touch_gated: false,
         can_lockstep: true,
         can_send_wide: true,
     })
@@ -85,7 +85,7 @@ fn stop_holds_all_hands_until_release() {
     stop::stop(StopScope::Forces);
     assert_eq!(ticks(&mut guarded_device, 1), 0.0);
     assert_eq!(ticks(&mut guarded_device, 300), 0.0);
-    assert!(!stop::is_over());
+    assert!(!stop::is_silenced());
     stop::release();
     let first = ticks(&mut guarded_device, 1);
     assert!(0.0 < first && first <= 1.5e-3 / ramp, "{first}");
@@ -119,7 +119,7 @@ fn stop_holds_all_hands_until_release() {
     watch(libc::SIGTERM, StopScope::All);
     raise(libc::SIGTERM);
     stop::release();
-    assert!(stop::is_over());
+    assert!(stop::is_silenced());
     assert_eq!(ticks(&mut guarded_device, 300), 0.0);
     stop::reset();
     assert_eq!(ticks(&mut guarded_device, 300), 1.0);

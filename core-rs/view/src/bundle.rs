@@ -62,19 +62,25 @@ pub struct BundledChunk {
 
 /// Appends `chunks`, complete chunks one after the other: as one bundle at `seconds` where that is shorter and readers
 /// take it. `file_offset`: bytes of the file before `out`.
-pub fn write_bundle(out: &mut Vec<u8>, seconds: f64, chunks: &[u8], file_offset: u64, unpacked: &mut UnpackedTotal) {
-    let packed_groups = group_chunks(chunks);
+pub fn write_bundle(
+    out: &mut Vec<u8>,
+    seconds: f64,
+    chunks: &[u8],
+    file_offset: u64,
+    unpacked_total: &mut UnpackedTotal,
+) {
+    let groups = group_chunks(chunks);
     let mut bundle_payload = ByteWriter::default();
-    if packed_groups.len() <= PAYLOAD_MAX {
-        bundle_payload.u32(packed_groups.len() as u32);
+    if groups.len() <= PAYLOAD_MAX {
+        bundle_payload.u32(groups.len() as u32);
         bundle_payload
             .0
-            .extend(compress_to_vec_zlib(&packed_groups, COMPRESSION_LEVEL));
+            .extend(compress_to_vec_zlib(&groups, COMPRESSION_LEVEL));
     }
     let mut bundle_bytes = Vec::new();
     payload::write_chunk(&mut bundle_bytes, kind::BUNDLE, seconds, &bundle_payload.0);
     let bundle_end = file_offset + (out.len() + bundle_bytes.len()) as u64;
-    if bundle_bytes.len() < chunks.len() && unpacked.admit(packed_groups.len(), bundle_end) {
+    if bundle_bytes.len() < chunks.len() && unpacked_total.admit(groups.len(), bundle_end) {
         out.extend(bundle_bytes);
     } else {
         out.extend(chunks);
@@ -158,19 +164,19 @@ fn join_columns(split_bytes: &[u8], width: usize) -> Vec<u8> {
 ///
 /// # Errors
 /// [`BundleError`] if it holds too much, or is damaged.
-pub fn unpack(payload: &[u8], end: u64, unpacked: &mut UnpackedTotal) -> Result<Vec<BundledChunk>, BundleError> {
+pub fn unpack(payload: &[u8], end: u64, unpacked_total: &mut UnpackedTotal) -> Result<Vec<BundledChunk>, BundleError> {
     let mut byte_reader = ByteReader(payload);
     let length = byte_reader.u32().ok_or(BundleError::Damaged)? as usize;
-    if !unpacked.admit(length, end) {
+    if !unpacked_total.admit(length, end) {
         return Err(BundleError::TooLong(length));
     }
-    inflated(byte_reader.0, length)
+    inflate(byte_reader.0, length)
         .and_then(|group_bytes| ungroup_chunks(&group_bytes))
         .ok_or(BundleError::Damaged)
 }
 
 /// A zlib stream of known length; `None` unless it is whole and nothing follows it.
-fn inflated(stream: &[u8], length: usize) -> Option<Vec<u8>> {
+fn inflate(stream: &[u8], length: usize) -> Option<Vec<u8>> {
     let mut inflated_bytes = vec![0; length];
     let flags = TINFL_FLAG_PARSE_ZLIB_HEADER | TINFL_FLAG_USING_NON_WRAPPING_OUTPUT_BUF;
     let (status, n_read, n_written) = decompress(&mut DecompressorOxide::new(), stream, &mut inflated_bytes, 0, flags);

@@ -73,30 +73,30 @@ impl PartFrames {
 
     /// The frames of a payload; `points_of`: number of points of a part. `None` if the payload is damaged.
     pub fn read(payload: &[u8], points_of: impl Fn(u16) -> Option<usize>) -> Option<Self> {
-        let mut reading = ByteReader(payload);
-        let part = reading.u16()?;
-        let &[coding, _] = reading.take_bytes(2)? else {
+        let mut reader = ByteReader(payload);
+        let part = reader.u16()?;
+        let &[coding, _] = reader.take_bytes(2)? else {
             return None;
         };
-        let (count, hop) = (reading.u32()? as usize, reading.f64()?);
+        let (n_frames, frame_interval) = (reader.u32()? as usize, reader.f64()?);
         let point_count = points_of(part)?;
-        let numbers = count.checked_mul(point_count).filter(|all| *all <= VALUES_MAX)?;
-        if !(hop > 0.0 && hop.is_finite()) || count > VALUES_MAX {
+        let n_values = n_frames.checked_mul(point_count).filter(|all| *all <= VALUES_MAX)?;
+        if !(frame_interval > 0.0 && frame_interval.is_finite()) || n_frames > VALUES_MAX {
             return None;
         }
         let rows = match coding {
-            CODING_PLAIN if reading.0.len() == 4 * numbers => {
-                let number_chunks = reading.0.chunks_exact(4);
+            CODING_PLAIN if reader.0.len() == 4 * n_values => {
+                let number_chunks = reader.0.chunks_exact(4);
                 number_chunks.filter_map(|x| ByteReader(x).f32()).collect()
             }
-            CODING_PACKED => packed::unpack(reading.0, count, point_count)?,
+            CODING_PACKED => packed::unpack(reader.0, n_frames, point_count)?,
             _ => return None,
         };
         Some(Self {
             part,
-            frame_interval: hop,
+            frame_interval,
             rows,
-            n_frames: count,
+            n_frames,
         })
     }
 }

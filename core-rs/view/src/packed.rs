@@ -40,7 +40,7 @@ enum Predictor {
     Rest,
     Hold,
     Line,
-    LikeNeighbour,
+    Neighbour,
     NeighbourLine,
 }
 
@@ -48,7 +48,7 @@ const PREDICTORS: [Predictor; 5] = [
     Predictor::Rest,
     Predictor::Hold,
     Predictor::Line,
-    Predictor::LikeNeighbour,
+    Predictor::Neighbour,
     Predictor::NeighbourLine,
 ];
 /// Bits of the number of a mode.
@@ -66,16 +66,16 @@ fn largest_step_code(bound: f64, unit: f64) -> u64 {
 }
 
 /// What is foreseen of a point in the next frame, from its own frames so far, and those of the two points before it.
-fn predicted_position(mode: Predictor, frames: &[i64], before: [&[i64]; 2]) -> i64 {
+fn predicted_position(predictor: Predictor, frames: &[i64], before: [&[i64]; 2]) -> i64 {
     let frame_index = frames.len();
     let Some(&last_position) = frames.last() else {
         return 0;
     };
     let movement_of = |point: &[i64]| point[frame_index].wrapping_sub(point[frame_index - 1]);
-    let predicted_move = match mode {
+    let predicted_move = match predictor {
         Predictor::Rest | Predictor::Hold => 0,
         Predictor::Line => last_position.wrapping_sub(frames[frame_index.saturating_sub(2)]),
-        Predictor::LikeNeighbour => movement_of(before[0]),
+        Predictor::Neighbour => movement_of(before[0]),
         Predictor::NeighbourLine => (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1])),
     };
     last_position.wrapping_add(predicted_move)
@@ -110,7 +110,7 @@ impl CodingModel {
     }
 
     /// The step of a point, as its difference from that of the point before.
-    fn step(&mut self, coder: &mut impl Coder, code: u64) -> Option<i64> {
+    fn code_step(&mut self, coder: &mut impl Coder, code: u64) -> Option<i64> {
         let zigzag = zigzag(code as i64 - self.step_code as i64);
         let difference = from_zigzag(self.step_numbers.code(coder, 0, zigzag)?);
         self.step_code = (self.step_code).checked_add_signed(difference)?;
@@ -118,12 +118,12 @@ impl CodingModel {
     }
 
     /// The mode of a block; it is likelier for being that of the block before.
-    fn code_predictor(&mut self, coder: &mut impl Coder, mode: Predictor) -> Option<Predictor> {
+    fn code_predictor(&mut self, coder: &mut impl Coder, predictor: Predictor) -> Option<Predictor> {
         let probabilities = &mut self.predictor_probabilities[self.last_predictor];
         let mut tree_node = 1_usize;
         for bit_index in (0..PREDICTOR_BITS).rev() {
-            let mode_bit = mode as usize >> bit_index & 1 == 1;
-            tree_node = tree_node << 1 | usize::from(coder.bit(&mut probabilities[tree_node], mode_bit));
+            let predictor_bit = predictor as usize >> bit_index & 1 == 1;
+            tree_node = tree_node << 1 | usize::from(coder.bit(&mut probabilities[tree_node], predictor_bit));
         }
         self.last_predictor = tree_node - (1 << PREDICTOR_BITS);
         PREDICTORS.get(self.last_predictor).copied()
@@ -167,11 +167,11 @@ const FINE_AMPLITUDE_SHARE: f64 = 3e-4;
 /// Append frames (count, n) that are all known; `amplitudes` (n) [m] are those of the points so far, these frames
 /// included.
 pub(crate) fn pack(out: &mut ByteWriter, rows: &[f64], amplitudes: &[f64]) {
-    let n = amplitudes.len();
+    let n_points = amplitudes.len();
     let coarse_bound = |point: usize| ERROR_BOUNDS.amplitude_share * amplitudes[point];
     if rows.len() <= 8 * FINE_BYTES_MAX {
         let finer_bound = |point: usize| {
-            let point_frames = rows[point..].iter().step_by(n);
+            let point_frames = rows[point..].iter().step_by(n_points);
             coarse_bound(point).min(0.5 * FINE_AMPLITUDE_SHARE * value_range(point_frames))
         };
         let packed_bytes = pack_within(rows, amplitudes, finer_bound);
@@ -186,10 +186,10 @@ pub(crate) fn pack(out: &mut ByteWriter, rows: &[f64], amplitudes: &[f64]) {
 /// Frames whose points are each right within a bound [m].
 fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -> Vec<u8> {
     let (n, mut packed_bytes) = (amplitudes.len(), ByteWriter::default());
-    let largest = |values: &[f64]| values.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
-    let floor_bound = (largest(amplitudes) * INVISIBLE_SHARE)
+    let max_magnitude = |values: &[f64]| values.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let floor_bound = (max_magnitude(amplitudes) * INVISIBLE_SHARE)
         .clamp(INVISIBLE_METRES, ERROR_BOUNDS.metres_min)
-        .max(largest(rows) / STEPS_MAX);
+        .max(max_magnitude(rows) / STEPS_MAX);
     // The smallest step is four units.
     let unit_length = power_of_two(0.5 * floor_bound);
     let fine_code = largest_step_code(ERROR_BOUNDS.resting_metres.max(floor_bound), unit_length);
@@ -201,13 +201,13 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
     for point in 0..n {
         let point_frames: Vec<f64> = rows[point..].iter().step_by(n).copied().collect();
         let coarse_code = largest_step_code(bound(point).max(floor_bound), unit_length);
-        coding_model.step(&mut writer, coarse_code);
+        coding_model.code_step(&mut writer, coarse_code);
         let mut coded_frames: Vec<i64> = Vec::with_capacity(frame_count);
         for block in point_frames.chunks(BLOCK_FRAMES) {
             let is_resting = coarse_code > fine_code && value_range(block.iter()) <= 2.0 * ERROR_BOUNDS.resting_metres;
-            let mode_trials = if is_resting { &PREDICTORS[..1] } else { &PREDICTORS[1..] };
+            let predictors = if is_resting { &PREDICTORS[..1] } else { &PREDICTORS[1..] };
             let step_size = step_length(if is_resting { fine_code } else { coarse_code });
-            let mode_trials = mode_trials.iter().map(|&mode| {
+            let mode_trials = predictors.iter().map(|&mode| {
                 let mut trial_frames = coded_frames.clone();
                 let differences: Vec<i64> = (block.iter())
                     .map(|x| {
@@ -240,35 +240,35 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
 }
 
 /// Read frames (count, n) of displacements [m]; `None` if they are damaged.
-pub(crate) fn unpack(payload: &[u8], count: usize, n: usize) -> Option<Vec<f64>> {
-    let mut head_reading = ByteReader(payload);
-    let (unit_length, fine_code) = (head_reading.f64()?, u64::from(head_reading.u16()?));
+pub(crate) fn unpack(payload: &[u8], n_frames: usize, n_points: usize) -> Option<Vec<f64>> {
+    let mut head_reader = ByteReader(payload);
+    let (unit_length, fine_code) = (head_reader.f64()?, u64::from(head_reader.u16()?));
     if !(unit_length > 0.0 && unit_length.is_finite()) || fine_code > CODE_MAX {
         return None;
     }
-    let (mut reader, mut learnt) = (BitReader::new(head_reading.0), CodingModel::new());
-    let mut all_rows = vec![0.0; count * n];
-    let (mut before, mut before_that) = (vec![0; count], vec![0; count]);
-    for point in 0..n {
-        let step_size = learnt.step(&mut reader, 0)?;
-        let mut decoded_frames: Vec<i64> = Vec::with_capacity(count);
-        while decoded_frames.len() < count {
-            let block_mode = learnt.code_predictor(&mut reader, Predictor::Rest)?;
-            let step_size = if block_mode == Predictor::Rest {
+    let (mut reader, mut coding_model) = (BitReader::new(head_reader.0), CodingModel::new());
+    let mut all_rows = vec![0.0; n_frames * n_points];
+    let (mut before, mut second_before) = (vec![0; n_frames], vec![0; n_frames]);
+    for point in 0..n_points {
+        let step_size = coding_model.code_step(&mut reader, 0)?;
+        let mut decoded_frames: Vec<i64> = Vec::with_capacity(n_frames);
+        while decoded_frames.len() < n_frames {
+            let predictor = coding_model.code_predictor(&mut reader, Predictor::Rest)?;
+            let step_size = if predictor == Predictor::Rest {
                 step_length(fine_code)
             } else {
                 step_size
             };
-            for _ in decoded_frames.len()..count.min(decoded_frames.len() + BLOCK_FRAMES) {
-                let predicted = predicted_position(block_mode, &decoded_frames, [&before, &before_that]);
-                let step_difference = learnt.code_difference(&mut reader, 0, decoded_frames.is_empty())?;
+            for _ in decoded_frames.len()..n_frames.min(decoded_frames.len() + BLOCK_FRAMES) {
+                let predicted = predicted_position(predictor, &decoded_frames, [&before, &second_before]);
+                let step_difference = coding_model.code_difference(&mut reader, 0, decoded_frames.is_empty())?;
                 decoded_frames.push(predicted.wrapping_add(step_difference.wrapping_mul(step_size)));
             }
         }
-        for (row, x) in all_rows.chunks_mut(n).zip(&decoded_frames) {
+        for (row, x) in all_rows.chunks_mut(n_points).zip(&decoded_frames) {
             row[point] = *x as f64 * unit_length;
         }
-        before_that = std::mem::replace(&mut before, decoded_frames);
+        second_before = std::mem::replace(&mut before, decoded_frames);
     }
     reader.is_ended().then_some(all_rows)
 }

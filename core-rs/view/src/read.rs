@@ -97,10 +97,10 @@ impl MotionFile {
             parts: Vec::new(),
             oscillations: Vec::new(),
         };
-        motion_file.manifest().ok_or(ReadError::Table("manifest"))?;
-        motion_file.points().ok_or(ReadError::Table("table of points"))?;
-        motion_file.names().ok_or(ReadError::Table("list of names"))?;
-        motion_file.shapes().ok_or(ReadError::Table("table of shapes"))?;
+        motion_file.read_manifest().ok_or(ReadError::Table("manifest"))?;
+        motion_file.read_points().ok_or(ReadError::Table("table of points"))?;
+        motion_file.read_names().ok_or(ReadError::Table("list of names"))?;
+        motion_file.read_shapes().ok_or(ReadError::Table("table of shapes"))?;
         motion_file.check_payloads()?;
         Ok(motion_file)
     }
@@ -124,22 +124,24 @@ impl MotionFile {
     pub fn duration(&self) -> f64 {
         let chunk_end = |chunk: &ChunkRef| match chunk.kind {
             kind::FRAMES => {
-                let mut head_reading = ByteReader(&self.payload(chunk)[4..]);
-                let frame_count = head_reading.u32().unwrap_or(1).max(1);
-                chunk.seconds + f64::from(frame_count - 1) * head_reading.f64().unwrap_or(0.0)
+                let mut head_reader = ByteReader(&self.payload(chunk)[4..]);
+                let frame_count = head_reader.u32().unwrap_or(1).max(1);
+                chunk.seconds + f64::from(frame_count - 1) * head_reader.f64().unwrap_or(0.0)
             }
             _ => chunk.seconds,
         };
         self.chunks().iter().map(chunk_end).fold(0.0, f64::max)
     }
 
-    fn first(&self, kind: u16) -> Option<&[u8]> {
+    fn first_payload(&self, kind: u16) -> Option<&[u8]> {
         let chunk = self.chunks().iter().find(|chunk| chunk.kind == kind)?;
         Some(self.payload(chunk))
     }
 
-    fn manifest(&mut self) -> Option<()> {
-        let manifest_text = std::str::from_utf8(self.first(kind::MANIFEST)?).ok()?.to_owned();
+    fn read_manifest(&mut self) -> Option<()> {
+        let manifest_text = std::str::from_utf8(self.first_payload(kind::MANIFEST)?)
+            .ok()?
+            .to_owned();
         let manifest: Value = serde_json::from_str(&manifest_text).ok()?;
         let count_named = |value: &Value, name: &str| -> Option<usize> {
             usize::try_from(value.get(name)?.as_u64()?)
@@ -149,28 +151,28 @@ impl MotionFile {
         (self.n_points, self.n_modes) = (count_named(&manifest, "points")?, count_named(&manifest, "modes")?);
         let mut points_end = 0;
         for part in manifest.get("parts")?.as_array()? {
-            let (first, count_here) = (count_named(part, "first")?, count_named(part, "count")?);
+            let (first, n_points) = (count_named(part, "first")?, count_named(part, "count")?);
             if first != points_end {
                 return None;
             }
-            points_end += count_here;
+            points_end += n_points;
             let kind = match part.get("kind")?.as_str()? {
                 "free" => PartMotion::Free,
                 "sampled" => PartMotion::Sampled,
                 "modal" => {
                     let mode_range = part.get("modes")?;
                     let (first, mode_count) = (count_named(mode_range, "first")?, count_named(mode_range, "count")?);
-                    if first + mode_count > self.n_modes || mode_count * count_here > 8 * COUNT_MAX {
+                    if first + mode_count > self.n_modes || mode_count * n_points > 8 * COUNT_MAX {
                         return None;
                     }
-                    PartMotion::Modal(first, mode_count, vec![0.0; mode_count * count_here])
+                    PartMotion::Modal(first, mode_count, vec![0.0; mode_count * n_points])
                 }
                 "none" => PartMotion::NotComputed,
                 _ => return None,
             };
             self.parts.push(MotionPart {
                 first_point: first,
-                n_points: count_here,
+                n_points,
                 kind,
             });
         }
@@ -178,49 +180,46 @@ impl MotionFile {
         (points_end == self.n_points).then_some(())
     }
 
-    fn points(&mut self) -> Option<()> {
+    fn read_points(&mut self) -> Option<()> {
         let point_count = self.n_points;
-        let table_bytes = self.first(kind::POINTS)?;
+        let table_bytes = self.first_payload(kind::POINTS)?;
         if table_bytes.len() != 4 + 32 * point_count {
             return None;
         }
-        let mut reading = ByteReader(table_bytes);
-        if reading.u32()? as usize != point_count {
+        let mut reader = ByteReader(table_bytes);
+        if reader.u32()? as usize != point_count {
             return None;
         }
-        let mut point_places = vec![[0.0; 4]; point_count];
+        let mut positions = vec![[0.0; 4]; point_count];
         for axis in 0..4 {
-            for position in &mut point_places {
-                position[axis] = reading.f32()?;
+            for position in &mut positions {
+                position[axis] = reader.f32()?;
             }
         }
         let no_oscillation = Oscillation { omega: 0.0, sigma: 0.0 };
         let mut oscillations = vec![no_oscillation; point_count + self.n_modes];
         for oscillation in &mut oscillations[..point_count] {
-            oscillation.omega = reading.f64()?;
+            oscillation.omega = reader.f64()?;
         }
         for oscillation in &mut oscillations[..point_count] {
-            oscillation.sigma = reading.f64()?;
+            oscillation.sigma = reader.f64()?;
         }
-        (self.point_positions, self.oscillations) = (point_places, oscillations);
+        (self.point_positions, self.oscillations) = (positions, oscillations);
         Some(())
     }
 
-    fn names(&mut self) -> Option<()> {
-        let names_text = std::str::from_utf8(self.first(kind::NAMES)?).ok()?;
+    fn read_names(&mut self) -> Option<()> {
+        let names_text = std::str::from_utf8(self.first_payload(kind::NAMES)?).ok()?;
         let point_names: Vec<String> = names_text.lines().map(str::to_owned).collect();
         (point_names.len() == self.n_points).then(|| self.point_names = point_names)
     }
 
-    fn shapes(&mut self) -> Option<()> {
+    fn read_shapes(&mut self) -> Option<()> {
         for chunk in self.chunks.refs.iter().filter(|chunk| chunk.kind == kind::SHAPES) {
-            let mut reading = ByteReader(self.chunks.payload(chunk));
-            let (part, _) = (reading.u16()? as usize, reading.u16()?);
-            let (first_mode, mode_count, point_count) = (
-                reading.u32()? as usize,
-                reading.u32()? as usize,
-                reading.u32()? as usize,
-            );
+            let mut reader = ByteReader(self.chunks.payload(chunk));
+            let (part, _) = (reader.u16()? as usize, reader.u16()?);
+            let (first_mode, mode_count, point_count) =
+                (reader.u32()? as usize, reader.u32()? as usize, reader.u32()? as usize);
             let part = self.parts.get_mut(part)?;
             let PartMotion::Modal(part_first_mode, part_modes, mode_shapes) = &mut part.kind else {
                 return None;
@@ -230,19 +229,19 @@ impl MotionFile {
                 .checked_mul(point_count)?
                 .checked_mul(2)?
                 .checked_add(16 * mode_count)?;
-            if point_count != part.n_points || mode_offset + mode_count > *part_modes || reading.0.len() != payload_size
+            if point_count != part.n_points || mode_offset + mode_count > *part_modes || reader.0.len() != payload_size
             {
                 return None;
             }
             for oscillation in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
-                oscillation.omega = reading.f64()?;
+                oscillation.omega = reader.f64()?;
             }
             for oscillation in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
-                oscillation.sigma = reading.f64()?;
+                oscillation.sigma = reader.f64()?;
             }
             for row in mode_shapes.chunks_mut((*part_modes).max(1)) {
-                for share in &mut row[mode_offset..mode_offset + mode_count] {
-                    *share = half_value(reading.u16()?);
+                for weight in &mut row[mode_offset..mode_offset + mode_count] {
+                    *weight = half_value(reader.u16()?);
                 }
             }
         }
@@ -253,35 +252,35 @@ impl MotionFile {
     fn check_payloads(&self) -> Result<(), ReadError> {
         for chunk in self.chunks() {
             let payload = self.payload(chunk);
-            let is_right = match chunk.kind {
-                kind::FLIGHTS | kind::STATE => self.flights(payload).is_some(),
+            let is_valid = match chunk.kind {
+                kind::FLIGHTS | kind::STATE => self.read_flights(payload).is_some(),
                 kind::FRAMES => payload.len() >= 16,
                 kind::BROKEN => payload.len().is_multiple_of(8),
                 kind::ERGONS => payload.len().is_multiple_of(20),
                 kind::CONTACTS | kind::HANDS => payload.len().is_multiple_of(12),
                 _ => true,
             };
-            if !is_right || !chunk.seconds.is_finite() {
+            if !is_valid || !chunk.seconds.is_finite() {
                 return Err(ReadError::Payload(chunk.kind, chunk.offset));
             }
         }
         Ok(())
     }
 
-    fn flights(&self, payload: &[u8]) -> Option<Vec<(usize, f64, f64)>> {
-        let mut reading = ByteReader(payload);
+    fn read_flights(&self, payload: &[u8]) -> Option<Vec<(usize, f64, f64)>> {
+        let mut reader = ByteReader(payload);
         let mut all_flights = Vec::with_capacity(payload.len() / 12);
-        while !reading.0.is_empty() {
-            let track_number = reading.u32()? as usize;
+        while !reader.0.is_empty() {
+            let track_number = reader.u32()? as usize;
             if track_number >= self.oscillations.len() {
                 return None;
             }
-            all_flights.push((track_number, reading.f32()?, reading.f32()?));
+            all_flights.push((track_number, reader.f32()?, reader.f32()?));
         }
         Some(all_flights)
     }
 
-    fn frames(&self, chunk: &ChunkRef) -> Option<PartFrames> {
+    fn read_frames(&self, chunk: &ChunkRef) -> Option<PartFrames> {
         let points_of = |part: u16| self.parts.get(usize::from(part)).map(|part| part.n_points);
         PartFrames::read(self.payload(chunk), points_of)
     }
@@ -292,26 +291,26 @@ impl MotionFile {
     /// [`ReadError`] if frames are damaged.
     pub fn displacements(&self, instants: &[f64]) -> Result<Vec<f64>, ReadError> {
         let point_count = self.n_points;
-        let mut all_rows = vec![f64::NAN; instants.len() * point_count];
-        self.evaluate_flights(instants, &mut all_rows);
-        self.interpolate(instants, &mut all_rows)?;
-        Ok(all_rows)
+        let mut rows = vec![f64::NAN; instants.len() * point_count];
+        self.evaluate_flights(instants, &mut rows);
+        self.interpolate(instants, &mut rows)?;
+        Ok(rows)
     }
 
     /// Points and modes that follow flights.
-    fn evaluate_flights(&self, instants: &[f64], out: &mut [f64]) {
+    fn evaluate_flights(&self, instants: &[f64], rows: &mut [f64]) {
         let point_count = self.n_points;
         let mut flights_now = vec![(0.0, 0.0, 0.0); self.oscillations.len()];
         let flight_chunks = self.chunks().iter();
         let mut flight_chunks = flight_chunks
             .filter(|flight_chunk| matches!(flight_chunk.kind, kind::FLIGHTS | kind::STATE))
             .peekable();
-        for (&instant, row) in instants.iter().zip(out.chunks_mut(point_count.max(1))) {
+        for (&instant, row) in instants.iter().zip(rows.chunks_mut(point_count.max(1))) {
             while let Some(flight_chunk) = flight_chunks.next_if(|flight_chunk| flight_chunk.seconds <= instant) {
                 if flight_chunk.kind == kind::STATE {
                     flights_now.fill((0.0, 0.0, 0.0));
                 }
-                for (number, a, b) in self.flights(self.payload(flight_chunk)).unwrap_or_default() {
+                for (number, a, b) in self.read_flights(self.payload(flight_chunk)).unwrap_or_default() {
                     flights_now[number] = (a, b, flight_chunk.seconds);
                 }
             }
@@ -344,7 +343,7 @@ impl MotionFile {
     }
 
     /// Sampled points, between frames as in [`interpolate_cubic`].
-    fn interpolate(&self, instants: &[f64], out: &mut [f64]) -> Result<(), ReadError> {
+    fn interpolate(&self, instants: &[f64], rows: &mut [f64]) -> Result<(), ReadError> {
         let point_count = self.n_points;
         for (number, part) in self.parts.iter().enumerate() {
             if !matches!(part.kind, PartMotion::Sampled) {
@@ -354,35 +353,35 @@ impl MotionFile {
                 let chunk_part = ByteReader(self.payload(chunk)).u16();
                 chunk.kind == kind::FRAMES && chunk_part == Some(number as u16)
             };
-            let (mut known_frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
+            let (mut frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
             let mut frame_chunks = self.chunks().iter().filter(is_of_part);
-            for (&instant, row) in instants.iter().zip(out.chunks_mut(point_count.max(1))) {
-                while known_frames.iter().nth_back(1).is_none_or(|last| last.0 <= instant) {
+            for (&instant, row) in instants.iter().zip(rows.chunks_mut(point_count.max(1))) {
+                while frames.iter().nth_back(1).is_none_or(|last| last.0 <= instant) {
                     let Some(chunk) = frame_chunks.next() else {
                         break;
                     };
-                    let damaged = ReadError::Payload(chunk.kind, chunk.offset);
-                    let chunk_frames = self.frames(chunk).ok_or(damaged)?;
+                    let error = ReadError::Payload(chunk.kind, chunk.offset);
+                    let chunk_frames = self.read_frames(chunk).ok_or(error)?;
                     // Of the past frames, only the last two are needed.
-                    let past_frames = known_frames.partition_point(|frame| frame.0 <= instant);
-                    known_frames.drain(..past_frames.saturating_sub(2));
+                    let past_frames = frames.partition_point(|frame| frame.0 <= instant);
+                    frames.drain(..past_frames.saturating_sub(2));
                     frame_index = 0;
                     for (i, x) in chunk_frames.rows.chunks(part.n_points.max(1)).enumerate() {
-                        known_frames.push((chunk.seconds + i as f64 * chunk_frames.frame_interval, x.to_vec()));
+                        frames.push((chunk.seconds + i as f64 * chunk_frames.frame_interval, x.to_vec()));
                     }
                 }
-                while frame_index + 1 < known_frames.len() && known_frames[frame_index + 1].0 <= instant {
+                while frame_index + 1 < frames.len() && frames[frame_index + 1].0 <= instant {
                     frame_index += 1;
                 }
                 let part_positions = &mut row[part.first_point..part.first_point + part.n_points];
-                let Some((frame_time, x)) = known_frames.get(frame_index).filter(|frame| frame.0 <= instant) else {
+                let Some((frame_time, x)) = frames.get(frame_index).filter(|frame| frame.0 <= instant) else {
                     continue;
                 };
                 let neighbour = |number: Option<usize>, point: usize| {
-                    let x = known_frames.get(number?)?.1[point];
+                    let x = frames.get(number?)?.1[point];
                     x.is_finite().then_some(x)
                 };
-                let Some((next_time, y)) = known_frames.get(frame_index + 1) else {
+                let Some((next_time, y)) = frames.get(frame_index + 1) else {
                     part_positions.copy_from_slice(x);
                     continue;
                 };

@@ -85,14 +85,14 @@ pub struct Recorder {
     /// simulation.
     record_start: f64,
     last_look: f64,
-    n_reported: usize,
+    n_reported_ergons: usize,
     /// Index in the table of links of each breakable link; `None` unless both its ends are seen.
     link_numbers: Vec<Option<u32>>,
     /// Instant at which each was first seen broken [s].
     break_times: Vec<Option<f64>>,
     /// Live strikes that are not reported yet: instant [s], point of the file, impulse [N·s].
     live_strikes: Vec<(f64, u32, f64)>,
-    level_squares: Vec<f64>,
+    level_square_sums: Vec<f64>,
     n_level_frames: u64,
     segment: Segment,
     segment_offsets: Vec<(f64, u64)>,
@@ -100,7 +100,7 @@ pub struct Recorder {
     /// Number of bytes taken so far.
     bytes_taken: u64,
     /// What the bundles of the file hold so far; `None` live, where there are none.
-    unpacked: Option<UnpackedTotal>,
+    unpacked_total: Option<UnpackedTotal>,
 }
 
 impl Recorder {
@@ -138,10 +138,10 @@ impl Recorder {
         if runs.len() >= usize::from(u16::MAX) || 48 * look.points.len() > PAYLOAD_MAX {
             return Err("a motion file holds a million masses at most".into());
         }
-        let points: HashMap<usize, usize> = (look.points.iter().enumerate())
+        let point_by_mat: HashMap<usize, usize> = (look.points.iter().enumerate())
             .map(|(point_index, point)| (point.mat, point_index))
             .collect();
-        let strike_times = strike_times(&look, network, &points, &setup.ergons, simulation.rate());
+        let strike_times = strike_times(&look, network, &point_by_mat, &setup.ergons, simulation.rate());
         let n_tracks = look.n_tracks();
         let mut recorder = Self {
             tracks: oscillating_tracks(&look, &runs),
@@ -151,22 +151,22 @@ impl Recorder {
             modal_displacements: vec![0.0; look.points.len()],
             output_peaks: vec![0.0; runs.len()],
             extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); look.points.len()],
-            point_by_mat: points,
+            point_by_mat,
             rate: simulation.rate(),
             look_number: 0,
             record_start: simulation.frame() as f64 / simulation.rate(),
             last_look: 0.0,
-            n_reported: 0,
+            n_reported_ergons: 0,
             link_numbers: tables::breakable_numbers(&look, network),
             break_times: vec![None; look.breakable.len()],
             live_strikes: Vec::new(),
-            level_squares: vec![0.0; setup.n_speakers],
+            level_square_sums: vec![0.0; setup.n_speakers],
             n_level_frames: 0,
             segment: Segment::default(),
             segment_offsets: Vec::new(),
             pending_bytes: MAGIC.to_vec(),
             bytes_taken: 0,
-            unpacked,
+            unpacked_total: unpacked,
             runs,
             look,
             setup,
@@ -176,10 +176,10 @@ impl Recorder {
         if table_chunks.len() > PAYLOAD_MAX {
             return Err("the tables of this piece are too long for a motion file".into());
         }
-        if recorder.unpacked.is_some() {
+        if recorder.unpacked_total.is_some() {
             tables::write_maker(&mut recorder.pending_bytes, &recorder.setup.manifest);
         }
-        recorder.put_bundle(0.0, &table_chunks);
+        recorder.write_bundle(0.0, &table_chunks);
         Ok(recorder)
     }
 
@@ -189,41 +189,41 @@ impl Recorder {
     }
 
     /// The frame of the simulation at which the next look is due.
-    pub fn next(&self) -> u64 {
+    pub fn next_frame(&self) -> u64 {
         (self.look_number as f64 * self.rate / self.setup.looks_per_second + 0.5) as u64
     }
 
     /// Look at the simulation as it is now.
     pub fn look(&mut self, simulation: &mut Simulation) {
-        let mut glance = std::mem::take(&mut self.snapshot);
-        simulation.fill_snapshot(&self.look, &mut glance);
-        self.record(&glance);
-        self.snapshot = glance;
+        let mut snapshot = std::mem::take(&mut self.snapshot);
+        simulation.fill_snapshot(&self.look, &mut snapshot);
+        self.record(&snapshot);
+        self.snapshot = snapshot;
     }
 
     /// Record the next glance.
-    pub fn record(&mut self, glance: &MotionSnapshot) {
-        let look_time = self.seconds(glance.frame);
+    pub fn record(&mut self, snapshot: &MotionSnapshot) {
+        let look_time = self.seconds(snapshot.frame);
         let is_first = self.look_number.is_multiple_of(self.looks_per_segment());
         if self.look_number == 0 {
             // If the recording begins later than the simulation, there was a frame before the first look.
             self.last_look = (look_time - 1.0 / self.setup.looks_per_second).max(0.0);
             // The instant of a strike may be up to half a frame before the frame in which it acts.
             let report_start = (self.record_start - 0.5 / self.rate).max(look_time - REPORT_BACK_SECONDS);
-            self.n_reported = (self.setup.ergons).partition_point(|ergon| ergon.time < report_start);
+            self.n_reported_ergons = (self.setup.ergons).partition_point(|ergon| ergon.time < report_start);
         }
-        self.write_flights(&glance.tracks, look_time, is_first);
-        self.write_contacts(&glance.pushes);
-        self.write_sparks(glance.sparks());
+        self.write_flights(&snapshot.tracks, look_time, is_first);
+        self.write_contacts(&snapshot.pushes);
+        self.write_sparks(snapshot.sparks());
         if is_first {
             self.end_segment();
             self.begin_segment(look_time);
         }
-        self.record_sampled(&glance.tracks);
-        self.write_breaks(&glance.is_broken, look_time, is_first);
-        self.write_upcoming(look_time);
+        self.record_sampled(&snapshot.tracks);
+        self.write_breaks(&snapshot.is_broken, look_time, is_first);
+        self.write_upcoming_ergons(look_time);
         self.write_live_strikes(look_time);
-        self.write_hands(glance, look_time);
+        self.write_hands(snapshot, look_time);
         self.write_levels(look_time);
         self.last_look = look_time;
         self.look_number += 1;
@@ -234,16 +234,16 @@ impl Recorder {
     }
 
     /// Take the signals of the loudspeakers since the last look   (n_frames · n_speakers)
-    pub fn add_levels(&mut self, mixed: &[f64]) {
-        self.n_level_frames += add_square_sums(&mut self.level_squares, mixed);
+    pub fn add_levels(&mut self, samples: &[f64]) {
+        self.n_level_frames += add_square_sums(&mut self.level_square_sums, samples);
     }
 
-    /// Take the sums of the squares of `n` frames   (n_speakers)
-    pub fn add_squared_levels(&mut self, squares: &[f64], n: u64) {
-        for (square_sum, square_added) in self.level_squares.iter_mut().zip(squares) {
-            *square_sum += square_added;
+    /// Take the sums of the squares of `n_frames` frames   (n_speakers)
+    pub fn add_squared_levels(&mut self, square_sums: &[f64], n_frames: u64) {
+        for (square_sum, added_sum) in self.level_square_sums.iter_mut().zip(square_sums) {
+            *square_sum += added_sum;
         }
-        self.n_level_frames += n;
+        self.n_level_frames += n_frames;
     }
 
     /// The bytes completed since the last call.
@@ -270,7 +270,7 @@ impl Recorder {
         self.take_bytes()
     }
 
-    fn event(&mut self, seconds: f64, kind: u16) -> &mut ByteWriter {
+    fn event_bytes(&mut self, seconds: f64, kind: u16) -> &mut ByteWriter {
         let segment_events = &mut self.segment.events;
         let has_same_key = |last_event: &(f64, u16, ByteWriter)| (last_event.0, last_event.1) == (seconds, kind);
         if !segment_events.last().is_some_and(has_same_key) {
@@ -285,7 +285,7 @@ impl Recorder {
         let (last_look, frame_rate) = (self.last_look, self.rate);
         let all_pushes = pushes.iter().enumerate();
         for (contact, push) in all_pushes.filter(|(_, push)| push.force != 0.0) {
-            let contact_bytes = self.event(last_look, kind::CONTACTS);
+            let contact_bytes = self.event_bytes(last_look, kind::CONTACTS);
             contact_bytes.f32(push.frame as f64 / frame_rate - last_look);
             contact_bytes.u32(contact as u32);
             contact_bytes.f32(push.force);
@@ -298,7 +298,7 @@ impl Recorder {
         for spark in sparks.iter().filter(|spark| spark.time >= record_start) {
             if let Some(&point_index) = self.point_by_mat.get(&(spark.mat as usize)) {
                 write_ergon(
-                    self.event(last_look, kind::ERGONS),
+                    self.event_bytes(last_look, kind::ERGONS),
                     spark.time - last_look,
                     point_index,
                     spark,
@@ -316,7 +316,7 @@ impl Recorder {
                 continue;
             };
             if is_new_break || is_first {
-                let break_bytes = self.event(now, kind::BROKEN);
+                let break_bytes = self.event_bytes(now, kind::BROKEN);
                 break_bytes.f32(break_time - now);
                 break_bytes.u32(link_index);
             }
@@ -343,16 +343,21 @@ impl Recorder {
     }
 
     /// Ergons that will strike within the next second; at the first look, also those that have struck before it.
-    fn write_upcoming(&mut self, now: f64) {
-        while let Some(ergon) = self.setup.ergons.get(self.n_reported).copied() {
+    fn write_upcoming_ergons(&mut self, now: f64) {
+        while let Some(ergon) = self.setup.ergons.get(self.n_reported_ergons).copied() {
             if ergon.time >= now + REPORT_AHEAD_SECONDS {
                 break;
             }
-            self.n_reported += 1;
+            self.n_reported_ergons += 1;
             let Some(&point_index) = self.point_by_mat.get(&(ergon.mat as usize)) else {
                 continue;
             };
-            write_ergon(self.event(now, kind::ERGONS), ergon.time - now, point_index, &ergon);
+            write_ergon(
+                self.event_bytes(now, kind::ERGONS),
+                ergon.time - now,
+                point_index,
+                &ergon,
+            );
         }
     }
 
@@ -369,7 +374,7 @@ impl Recorder {
             if seconds < now - REPORT_BACK_SECONDS {
                 continue;
             }
-            let ergon_bytes = self.event(now, kind::ERGONS);
+            let ergon_bytes = self.event_bytes(now, kind::ERGONS);
             ergon_bytes.f32(seconds - now);
             ergon_bytes.u32(point);
             ergon_bytes.f32(impulse);
@@ -378,7 +383,7 @@ impl Recorder {
         }
     }
 
-    fn write_hands(&mut self, glance: &MotionSnapshot, now: f64) {
+    fn write_hands(&mut self, snapshot: &MotionSnapshot, now: f64) {
         if self.setup.key_mats.is_empty() {
             return;
         }
@@ -390,20 +395,20 @@ impl Recorder {
                     .map(|&index| (index, &self.look.points[index]));
                 let key_position = match key_point {
                     Some((_, point)) if matches!(point.motion, PointMotion::NotComputed { .. }) => f64::NAN,
-                    Some((point_index, point)) => glance.tracks[point_index] + point.rest,
+                    Some((point_index, point)) => snapshot.tracks[point_index] + point.rest,
                     None => f64::NAN,
                 };
                 (
                     key_position,
-                    glance.gesture_positions.get(key).copied().unwrap_or(f64::NAN),
+                    snapshot.gesture_positions.get(key).copied().unwrap_or(f64::NAN),
                 )
             })
             .collect();
-        let hand_bytes = self.event(now, kind::HANDS);
-        for (key, (key_position, asked_position)) in key_states.into_iter().enumerate() {
+        let hand_bytes = self.event_bytes(now, kind::HANDS);
+        for (key, (key_position, gesture_position)) in key_states.into_iter().enumerate() {
             hand_bytes.u32(key as u32);
             hand_bytes.f32(key_position);
-            hand_bytes.f32(asked_position);
+            hand_bytes.f32(gesture_position);
         }
     }
 
@@ -412,17 +417,17 @@ impl Recorder {
             return;
         }
         let frames_heard = self.n_level_frames as f64;
-        let squares = std::mem::replace(&mut self.level_squares, vec![0.0; self.setup.n_speakers]);
+        let square_sums = std::mem::replace(&mut self.level_square_sums, vec![0.0; self.setup.n_speakers]);
         self.n_level_frames = 0;
-        let level_bytes = self.event(now, kind::LEVELS);
-        squares
+        let level_bytes = self.event_bytes(now, kind::LEVELS);
+        square_sums
             .iter()
-            .for_each(|square| level_bytes.f32((square / frames_heard).sqrt()));
+            .for_each(|square_sum| level_bytes.f32((square_sum / frames_heard).sqrt()));
     }
 
     /// Write complete chunks: in a file as a bundle.
-    fn put_bundle(&mut self, seconds: f64, chunks: &[u8]) {
-        match &mut self.unpacked {
+    fn write_bundle(&mut self, seconds: f64, chunks: &[u8]) {
+        match &mut self.unpacked_total {
             Some(unpacked) => {
                 bundle::write_bundle(&mut self.pending_bytes, seconds, chunks, self.bytes_taken, unpacked)
             }
@@ -449,12 +454,12 @@ impl Recorder {
         for (seconds, kind, payload) in &segment.events {
             write_chunk(&mut bundle_chunks, *kind, *seconds, &payload.0);
         }
-        self.put_bundle(segment.start, &bundle_chunks);
-        self.put_frames(&segment);
+        self.write_bundle(segment.start, &bundle_chunks);
+        self.write_frames(&segment);
     }
 
     /// Write the frames of a segment.
-    fn put_frames(&mut self, segment: &Segment) {
+    fn write_frames(&mut self, segment: &Segment) {
         for (run_index, (run, rows)) in self.runs.iter().zip(&segment.sampled_displacements).enumerate() {
             // Split into chunks of the largest possible number of frames.
             for frame_range in chunks(segment.n_frames, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
@@ -491,11 +496,11 @@ fn write_ergon(out: &mut ByteWriter, time_offset: f64, point: usize, ergon: &Erg
 }
 
 /// Add the squares of the signals to the sums of the loudspeakers; returns the number of frames.
-pub fn add_square_sums(squares: &mut [f64], mixed: &[f64]) -> u64 {
-    let mixed_frames = mixed.chunks_exact(squares.len().max(1));
+pub fn add_square_sums(square_sums: &mut [f64], samples: &[f64]) -> u64 {
+    let mixed_frames = samples.chunks_exact(square_sums.len().max(1));
     let frame_count = mixed_frames.len() as u64;
     for frame in mixed_frames {
-        for (square_sum, channel_sample) in squares.iter_mut().zip(frame) {
+        for (square_sum, channel_sample) in square_sums.iter_mut().zip(frame) {
             *square_sum += channel_sample * channel_sample;
         }
     }

@@ -142,7 +142,7 @@ impl Server {
         let bind_error = |error| ServeError::Bind(options.address, error);
         let listener = TcpListener::bind(options.address).map_err(bind_error)?;
         let address = listener.local_addr().map_err(bind_error)?;
-        let shared = Arc::new(ServerState {
+        let server_state = Arc::new(ServerState {
             options,
             address,
             hub: MessageHub::default(),
@@ -151,13 +151,13 @@ impl Server {
             is_stopping: AtomicBool::new(false),
             start_instant: Instant::now(),
         });
-        let listener_shared = shared.clone();
+        let listener_state = server_state.clone();
         let listener = thread::Builder::new()
             .name("view".into())
-            .spawn(move || listen(&listener, &listener_shared))
+            .spawn(move || listen(&listener, &listener_state))
             .map_err(|error| ServeError::Bind(address, error))?;
         Ok(Self {
-            state: shared,
+            state: server_state,
             listener_thread: Some(listener),
         })
     }
@@ -198,9 +198,9 @@ impl Drop for Server {
         self.state.hub.close();
         // The listener waits in `accept`: a connection from here wakes it.
         let address = self.state.local_address();
-        let is_woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
+        let has_woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
         if let Some(listener) = self.listener_thread.take()
-            && is_woken
+            && has_woken
         {
             let _ = listener.join();
         }
@@ -250,28 +250,28 @@ const STACK_BYTES: usize = 512 << 10;
 
 fn listen(listener: &TcpListener, shared: &Arc<ServerState>) {
     loop {
-        let accepted = listener.accept();
+        let accept_result = listener.accept();
         if shared.is_stopping() {
             return;
         }
-        let Ok((client_stream, peer_address)) = accepted else {
+        let Ok((client_stream, peer_address)) = accept_result else {
             // No file descriptors are left; other connections may free some.
             thread::sleep(Duration::from_millis(10));
             continue;
         };
         let client_stream = Arc::new(client_stream);
-        let stranger_limit = shared.options.limits.pending_connections;
-        let stranger_place = shared
+        let pending_limit = shared.options.limits.pending_connections;
+        let pending_place = shared
             .pending_connections
-            .admit(&client_stream, peer_address.ip(), stranger_limit);
-        let shared = shared.clone();
-        let refusal_shared = shared.clone();
+            .admit(&client_stream, peer_address.ip(), pending_limit);
+        let state = shared.clone();
+        let refusal_state = state.clone();
         let spawn_result = thread::Builder::new()
             .name("view client".into())
             .stack_size(STACK_BYTES)
-            .spawn(move || connection::serve_connection(&client_stream, stranger_place, &shared));
+            .spawn(move || connection::serve_connection(&client_stream, pending_place, &state));
         if spawn_result.is_err() {
-            refusal_shared.counts.refused.fetch_add(1, Ordering::Relaxed);
+            refusal_state.counts.refused.fetch_add(1, Ordering::Relaxed);
         }
     }
 }

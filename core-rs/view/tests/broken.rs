@@ -91,8 +91,8 @@ fn recorded(mut simulation: Simulation, seconds: f64) -> (MotionLook, MotionFile
         looks_per_second: FPS,
     };
     let mut recorder = Recorder::new(&simulation, look.clone(), setup).unwrap();
-    while recorder.next() <= (seconds * RATE) as u64 {
-        simulation.skip(recorder.next() - simulation.frame()).unwrap();
+    while recorder.next_frame() <= (seconds * RATE) as u64 {
+        simulation.skip(recorder.next_frame() - simulation.frame()).unwrap();
         recorder.look(&mut simulation);
     }
     (look, MotionFile::new(recorder.finish()).unwrap())
@@ -147,11 +147,11 @@ fn broken_links_arrive_at_once_and_in_states() {
     let network = Arc::new(network);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let options = SimulationOptions {
-        ledger: false,
-        record: false,
+        keeps_ledger: false,
+        records_ergons: false,
         on_fault: OnFault::Stop,
         threads: 1,
-        unchecked: false,
+        is_unchecked: false,
     };
     let complete = Simulation::new(network.clone(), &timeline, options).unwrap();
     check(complete, &network, &when);

@@ -35,11 +35,11 @@ impl MeshLinks {
 }
 
 /// The arrangement of the members of a bank by its word; `hole` and `angles` are used for a galaxy.
-fn placed(place: &str, hole: f64, angles: &str) -> PyResult<MemberPlace> {
+fn member_place(place: &str, hole: f64, angles: &str) -> PyResult<MemberPlace> {
     let angles: Angles = word("angles", angles, words::BANK_ANGLES)?;
     Ok(match word("place", place, words::BANK_PLACES)? {
         MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole, angles },
-        other => other,
+        place_kind => place_kind,
     })
 }
 
@@ -125,7 +125,7 @@ impl Network {
         seed: i128,
     ) -> PyResult<usize> {
         let spread = word("spread", spread, words::BANK_SPREADS)?;
-        let place = placed(place, hole, angles)?;
+        let place = member_place(place, hole, angles)?;
         computing(py, || {
             self.0.bank(
                 name,
@@ -156,7 +156,7 @@ impl Network {
         angles: &str,
         seed: i128,
     ) -> PyResult<usize> {
-        let place = placed(place, hole, angles)?;
+        let place = member_place(place, hole, angles)?;
         let cell_masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
         let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
         let cells = generator::cells_at(&tunings, place, self.0.member_turns(name, seed))
@@ -212,7 +212,7 @@ impl Network {
     ) -> PyResult<usize> {
         let topology = topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || match links {
-            MeshLinks::Direct(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
+            MeshLinks::Direct(k_and_z) => self.0.linked_mesh(name, &topology, mass, *k_and_z, laws),
             MeshLinks::Tuned(f, decays) => {
                 let tuned_decay = match decays {
                     None => Decay::Lowest(None),

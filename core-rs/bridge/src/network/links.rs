@@ -9,7 +9,7 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
 use super::Network;
-use super::masses::{FollowingValue, following};
+use super::masses::{FollowingValue, to_following};
 use crate::error::{from_engine, word};
 use crate::law::{Law, entry, named_row};
 use crate::named::LawUse;
@@ -133,7 +133,7 @@ impl Network {
             ..LawText::default()
         };
         let follows = follows.into_iter();
-        let following_values: Vec<_> = follows.map(|(name, value)| (name, following(value))).collect();
+        let following_values: Vec<_> = follows.map(|(name, value)| (name, to_following(value))).collect();
         self.0
             .following_lnl(name, (a, b), &law_text, rest, &following_values)
             .map_err(from_engine)

@@ -9,7 +9,7 @@ use crate::error::{from_engine, module_error};
 /// How a value follows a MAT: the MAT, an offset and a span [m], and the values at both ends of the span.
 pub(super) type FollowingValue = (usize, f64, f64, f64, f64);
 
-pub(super) fn following((mat, offset, span, from, to): FollowingValue) -> Following {
+pub(super) fn to_following((mat, offset, span, from, to): FollowingValue) -> Following {
     Following {
         mat,
         offset,
@@ -96,7 +96,7 @@ impl Network {
 
     /// Let the mass of a MAS follow another MAT.
     fn follow_mass(&mut self, name: &str, index: usize, by: FollowingValue) -> PyResult<()> {
-        self.0.follow_mass(name, index, following(by)).map_err(from_engine)
+        self.0.follow_mass(name, index, to_following(by)).map_err(from_engine)
     }
 
     /// A massless point between masses, each (index, share): its position is their sum by shares.
@@ -119,7 +119,7 @@ impl Network {
         columns: usize,
         along: [(Option<usize>, f64, f64); 2],
     ) -> PyResult<usize> {
-        let along = along.map(|(mat, position, span)| match mat {
+        let sides = along.map(|(mat, position, span)| match mat {
             None => SidePosition::Fixed(position),
             Some(mat) => SidePosition::Following {
                 mat,
@@ -130,7 +130,7 @@ impl Network {
         let moving_shares = Shares::Moving {
             mats: mats.into(),
             columns,
-            sides: along,
+            sides,
         };
         self.0.proxy(name, moving_shares).map_err(from_engine)
     }

@@ -40,6 +40,8 @@ impl ReachableNetwork {
         ticks: [usize; 2],
     ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
         let response = computing(py, || self.reached.response(self.rate, tick_frames, ticks))?;
-        Ok(response.map_err(from_engine)?.map(|felt| felt.into_pyarray(py)))
+        Ok(response
+            .map_err(from_engine)?
+            .map(|response_values| response_values.into_pyarray(py)))
     }
 }

@@ -10,7 +10,7 @@ use crate::error::{from_engine, module_error};
 use crate::law::Law;
 
 /// Checks two points in space, each given by the MATs of its axes; returns them and the number of axes.
-fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)> {
+fn space_points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)> {
     let n_axes = ends[0].len();
     if !(2..=3).contains(&n_axes) || ends[1].len() != n_axes {
         let message = "a link in space joins points with two or three coordinates each";
@@ -32,10 +32,10 @@ fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)>
 fn contact([exponent, k]: [f64; 2], is_clamped: bool, cohesion: Option<f64>, reach: f64) -> SpaceLaw {
     match cohesion {
         None => SpaceLaw::Contact { exponent, is_clamped },
-        Some(pull) => SpaceLaw::Cohesive {
+        Some(cohesion_force) => SpaceLaw::Cohesive {
             exponent,
             is_clamped,
-            sink: pull / k,
+            sink: cohesion_force / k,
             reach,
         },
     }
@@ -51,7 +51,7 @@ impl Network {
         for &mat in a.iter().chain(&b) {
             self.check_mat(mat)?;
         }
-        let (end_points, n_axes) = points("distance", [&a, &b])?;
+        let (end_points, n_axes) = space_points("distance", [&a, &b])?;
         Ok(self.0.distance((end_points[0], end_points[1]), n_axes))
     }
 
@@ -120,7 +120,7 @@ impl Network {
 
     /// A link between two points in space with a law of distance − `rest` [m]; the LIA's index.
     fn space_lnl(&mut self, name: &str, a: Vec<usize>, b: Vec<usize>, law: &Law, rest: f64) -> PyResult<usize> {
-        let (end_points, n_axes) = points(name, [&a, &b])?;
+        let (end_points, n_axes) = space_points(name, [&a, &b])?;
         let law = Arc::new(law.0.clone());
         self.0
             .space_lnl(name, (end_points[0], end_points[1]), n_axes, law, rest)
@@ -170,7 +170,7 @@ impl Network {
             (None, None) => Measure::Distance,
         };
         let pair_law = PairLaw { measure, law, friction };
-        let (end_points, n_axes) = points(name, [&a.0, &b.0])?;
+        let (end_points, n_axes) = space_points(name, [&a.0, &b.0])?;
         let point_groups = [(end_points[0], a.1), (end_points[1], b.1)].map(|(first, n)| PointGroup { first, n });
         self.0
             .pairwise(name, point_groups, n_axes, pair_law, [K, Z, gap])
@@ -185,11 +185,11 @@ impl Network {
         ends: [&[usize]; 2],
         count: usize,
         law: SpaceLaw,
-        numbers: [f64; 3],
+        k_z_rest: [f64; 3],
     ) -> PyResult<usize> {
-        let (ends, n_axes) = points(name, ends)?;
+        let (ends, n_axes) = space_points(name, ends)?;
         self.0
-            .space_links(name, (ends[0], ends[1]), count, n_axes, law, numbers)
+            .space_links(name, (ends[0], ends[1]), count, n_axes, law, k_z_rest)
             .map_err(from_engine)
     }
 }

@@ -32,7 +32,7 @@ pub(crate) struct Assembled {
     pub(crate) can_solve_laws_between_steps: bool,
     pub(crate) cut_shape: CutShape,
     /// Contacts and laws are computed once a step, although they might be computed finer.
-    pub(crate) is_once_a_step: bool,
+    pub(crate) is_single_step: bool,
     /// Cost of a step of the whole island without bodies [ns]; 0 where slow parts make it less.
     pub(crate) stepped_ns: f64,
 }
@@ -44,16 +44,16 @@ pub(crate) struct AssemblyOptions<'a> {
     pub(crate) oversampling: u32,
     pub(crate) body_methods: MethodChoice<'a>,
     /// Contacts and laws are computed once a step.
-    pub(crate) is_plain: bool,
+    pub(crate) is_single_step: bool,
 }
 
 impl<'a> AssemblyOptions<'a> {
     /// With contacts and laws as finely as the budget asks.
-    pub(crate) fn between_steps(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
+    pub(crate) fn between_steps(oversampling: u32, body_methods: MethodChoice<'a>) -> Self {
         Self {
             oversampling,
-            body_methods: bodies,
-            is_plain: false,
+            body_methods,
+            is_single_step: false,
         }
     }
 }
@@ -77,7 +77,7 @@ pub(crate) struct Stepping {
     contact_order: ContactOrder,
     counted_cost: Option<u32>,
     cut_shape: CutShape,
-    is_once_a_step: bool,
+    is_single_step: bool,
     mesh_methods: Vec<Option<(MeshMethod, u32)>>,
 }
 
@@ -87,7 +87,7 @@ impl Stepping {
         AssemblyOptions {
             oversampling: self.oversampling,
             body_methods: self.cut_shape.with_methods(&self.mesh_methods),
-            is_plain: self.is_once_a_step,
+            is_single_step: self.is_single_step,
         }
     }
 }
@@ -101,7 +101,7 @@ impl CutShape {
         match (self, methods.iter().flatten().next()) {
             (Self::Stepped, _) => MethodChoice::Stepped,
             (Self::Meshes, Some(&method_substeps)) => MethodChoice::Meshes(method_substeps),
-            (Self::Bodies | Self::Meshes, _) => MethodChoice::AsBefore(methods),
+            (Self::Bodies | Self::Meshes, _) => MethodChoice::Repeated(methods),
         }
     }
 
@@ -109,7 +109,7 @@ impl CutShape {
         match choice {
             MethodChoice::Stepped => Self::Stepped,
             MethodChoice::Meshes(_) => Self::Meshes,
-            MethodChoice::ByBudget | MethodChoice::Unconditional | MethodChoice::AsBefore(_) | MethodChoice::All(_) => {
+            MethodChoice::ByBudget | MethodChoice::Unconditional | MethodChoice::Repeated(_) | MethodChoice::All(_) => {
                 Self::Bodies
             }
         }
@@ -123,29 +123,29 @@ impl Assembled {
         island_timeline: &LocalTimeline,
         budget: &Budget,
         options: AssemblyOptions<'_>,
-        pin: Option<&SteppedChoice>,
+        pinned: Option<&SteppedChoice>,
         mode_cache: &ModeCache<'_>,
     ) -> Result<Self, Error> {
         let AssemblyOptions {
             oversampling,
             body_methods: choice,
-            is_plain,
+            is_single_step,
         } = options;
         let timeline = if oversampling == 1 {
             island_timeline.timeline.clone()
         } else {
             oversampled_timeline(&island_timeline.timeline, oversampling, &subset.network)?
         };
-        let faster_subset = with_longer_macrosteps(subset, oversampling);
+        let faster_subset = scale_macrosteps(subset, oversampling);
         let subset = faster_subset.as_ref().unwrap_or(subset);
         let stepped_ns = match subset.network.has_slow_parts() {
             true => 0.0,
             false => cost::stepped_ns(&subset.network, &timeline),
         };
         // What was decided to be computed once a step stays so.
-        let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
-        let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
-        let (cut, mut because) = ported::cut_bodies(subset, &timeline, budget, (pin, steps_max), choice, mode_cache);
+        let has_single_step = is_single_step || pinned.is_some_and(|pin| pin.contact_substeps == 1);
+        let steps_max = if has_single_step { 1 } else { SUBSTEPS_MAX };
+        let (cut, mut refusal) = ported::cut_bodies(subset, &timeline, budget, (pinned, steps_max), choice, mode_cache);
         let mut cut_with_hub = None;
         if let Some(island_cut) = cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
@@ -157,36 +157,36 @@ impl Assembled {
             let steps_limit = island_cut.bodies.iter().any(steps_over).then_some(1);
             let timeline = &island_cut.timeline.timeline;
             let (network, detail) = (&island_cut.hub.network, RefusalDetail::VerdictOnly);
-            let hub_within = |steps_max| certified_hub(network, timeline, budget, steps_max, detail);
+            let certify_within = |steps_max| certified_hub(network, timeline, budget, steps_max, detail);
             match steps_limit
-                .map_or_else(|| hub_within(steps_max), hub_within)
-                .or_else(|_| hub_within(steps_max))
+                .map_or_else(|| certify_within(steps_max), certify_within)
+                .or_else(|_| certify_within(steps_max))
             {
                 Ok(hub_substeps) => cut_with_hub = Some((island_cut, hub_substeps)),
-                Err(_) => because = Some(NoModes::Stiff),
+                Err(_) => refusal = Some(NoModes::Stiff),
             }
         }
         let (island_cut, (contact_substeps, may_collocate, certificate)) = match cut_with_hub {
             Some(cut_with_hub) => cut_with_hub,
             None => {
-                let hub_substeps =
-                    certified_hub(&subset.network, &timeline, budget, steps_max, refusal_at(oversampling))?;
+                let detail = refusal_detail(oversampling);
+                let hub_substeps = certified_hub(&subset.network, &timeline, budget, steps_max, detail)?;
                 (ported::uncut_island(subset, island_timeline, timeline), hub_substeps)
             }
         };
         let (hub, hub_timeline, bodies) = (island_cut.hub, island_cut.timeline, island_cut.bodies);
         let island_plan = IslandPlan {
             network_indices: NetworkIndices {
-                mats: Some(composed_map(&subset.mats, &hub.mats)),
+                mats: Some(compose_maps(&subset.mats, &hub.mats)),
                 outputs: Some(subset.outputs.clone()),
-                keys: Some(composed_map(&island_timeline.keys, &hub_timeline.keys)),
-                gestures: Some(composed_map(&island_timeline.gestures, &hub_timeline.gestures)),
+                keys: Some(compose_maps(&island_timeline.keys, &hub_timeline.keys)),
+                gestures: Some(compose_maps(&island_timeline.gestures, &hub_timeline.gestures)),
             },
             network: Arc::new(hub.network),
             timeline: hub_timeline.timeline,
             bodies: bodies.iter().map(|ported_body| ported_body.plan.clone()).collect(),
             contact_substeps,
-            contact_order: pin.map_or_else(ContactOrder::default, |pin| pin.contact_order),
+            contact_order: pinned.map_or_else(ContactOrder::default, |pin| pin.contact_order),
             counted_cost: None,
             oversampling,
             frame_interval: 1,
@@ -196,10 +196,10 @@ impl Assembled {
             island_plan,
             bodies,
             certificate,
-            modes_refusal: because,
+            modes_refusal: refusal,
             can_solve_laws_between_steps: may_collocate,
             cut_shape: CutShape::from_choice(choice),
-            is_once_a_step: is_plain,
+            is_single_step,
             stepped_ns,
         })
     }
@@ -226,7 +226,7 @@ impl Assembled {
         AssemblyOptions {
             oversampling,
             body_methods: self.cut_shape.with_methods(methods),
-            is_plain: self.is_once_a_step,
+            is_single_step: self.is_single_step,
         }
     }
 
@@ -238,7 +238,7 @@ impl Assembled {
             contact_order: self.island_plan.contact_order,
             counted_cost: self.island_plan.counted_cost,
             cut_shape: self.cut_shape,
-            is_once_a_step: self.is_once_a_step,
+            is_single_step: self.is_single_step,
             mesh_methods: self.mesh_methods(),
         }
     }
@@ -267,7 +267,7 @@ impl Assembled {
     pub(crate) fn has_lossless_steps(&self) -> bool {
         let mut link_runs = self.island_plan.network.runs().iter();
         let has_lossless_contact = link_runs.any(|run| matches!(run.kind, LinkKind::But(_)) && run.z == 0.0);
-        has_lossless_contact && (self.is_once_a_step || self.island_plan.contact_substeps == 1)
+        has_lossless_contact && (self.is_single_step || self.island_plan.contact_substeps == 1)
     }
 
     /// The methods of its bodies that are meshes, in order.
@@ -295,7 +295,7 @@ impl Assembled {
 }
 
 /// An island whose slow parts keep the duration of their macrosteps at a higher rate; `None` without such parts.
-fn with_longer_macrosteps(subset: &Subset, oversampling: u32) -> Option<Subset> {
+fn scale_macrosteps(subset: &Subset, oversampling: u32) -> Option<Subset> {
     (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
         network: subset
             .network
@@ -305,7 +305,7 @@ fn with_longer_macrosteps(subset: &Subset, oversampling: u32) -> Option<Subset> 
 }
 
 /// Only at the score's own rate does the composer get an explanation.
-fn refusal_at(oversampling: u32) -> RefusalDetail {
+fn refusal_detail(oversampling: u32) -> RefusalDetail {
     match oversampling {
         1 => RefusalDetail::Full,
         _ => RefusalDetail::VerdictOnly,
@@ -337,18 +337,18 @@ pub(crate) fn certified_hub(
     let network = &with_greatest_factors(network, &timeline.leads)?;
     let mut hub_scheme = Scheme::new(network, timeline.rate)?;
     let mat_parts = network.mats().part.iter().map(|&part| part as usize);
-    let mut reference_rates = mat_parts.map(|part| network.parts()[part].ca_rate);
+    let mut ca_rates = mat_parts.map(|part| network.parts()[part].ca_rate);
     // If the discrete network is the reference, so are its contacts.
-    let is_discrete = reference_rates.any(|reference_rate| reference_rate.is_some());
-    let led_links = timeline.determined_mats();
-    let (has_contacts, has_laws) = hub_scheme.has_substepped(&led_links);
+    let is_discrete = ca_rates.any(|reference_rate| reference_rate.is_some());
+    let determined_mats = timeline.determined_mats();
+    let (has_contacts, has_laws) = hub_scheme.has_substepped(&determined_mats);
     let mut contact_substeps = if has_contacts && !is_discrete {
         budget.contact_substeps().min(steps_max)
     } else {
         1
     };
     if contact_substeps > 1 {
-        hub_scheme.take_substepped(&led_links);
+        hub_scheme.take_substepped(&determined_mats);
     }
     let may_collocate = has_laws && !is_discrete && steps_max > 1;
     let laws_may_need_substeps = may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
@@ -359,7 +359,7 @@ pub(crate) fn certified_hub(
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
         Err(Error::Unstable { .. }) if laws_may_need_substeps && hub_scheme.is_stable_undamped(network) => {
             contact_substeps = FINE_SUBSTEPS_MIN.min(steps_max);
-            hub_scheme.take_substepped(&led_links);
+            hub_scheme.take_substepped(&determined_mats);
             hub_scheme.certify_with_detail(network, refusal)?
         }
         certificate => certificate?,
@@ -368,6 +368,6 @@ pub(crate) fn certified_hub(
 }
 
 /// Composes two maps.
-fn composed_map(first: &[u32], second: &[u32]) -> Vec<u32> {
+fn compose_maps(first: &[u32], second: &[u32]) -> Vec<u32> {
     second.iter().map(|&inner_index| first[inner_index as usize]).collect()
 }

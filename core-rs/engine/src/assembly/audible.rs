@@ -63,46 +63,43 @@ pub(crate) fn audible_modes(
     budget: &Budget,
     rate: Rate,
 ) -> KeptModes {
-    let mut loudest = body.loudest_modes(left_out_db_max);
-    let Some(loudness_max) = left_out_db_max else {
-        return loudest;
+    let mut selected_modes = body.loudest_modes(left_out_db_max);
+    let Some(level_max) = left_out_db_max else {
+        return selected_modes;
     };
-    let blow_frames = strikes
+    let strike_frames = strikes
         .values()
-        .flat_map(|point_blows| &point_blows.frame_impulses)
+        .flat_map(|impulses| &impulses.frame_impulses)
         .map(|part| part.0);
-    let first_blow = blow_frames.min().filter(|_| !body.is_moving());
+    let first_strike_frame = strike_frames.min().filter(|_| !body.is_moving());
     let outputs: Vec<u32> = (0..network.outputs().len() as u32).collect();
     let loudness = |mode_indices: &[usize]| {
         let mode_bank = body.bank(mode_indices, &outputs);
-        Loudness::new(mode_bank, network, rate, first_blow.unwrap_or(0))
+        Loudness::new(mode_bank, network, rate, first_strike_frame.unwrap_or(0))
     };
     let mut total_loudness = None;
     loop {
-        let is_kept_mode = |mode: &usize| loudest.modes.binary_search(mode).is_ok();
+        let is_kept_mode = |mode: &usize| selected_modes.modes.binary_search(mode).is_ok();
         let is_audible = |mode: &usize| body.frequency_hz(*mode) <= budget.highest_audible_hz();
         let dropped_modes: Vec<usize> = (0..body.n_modes())
             .filter(|mode| !is_kept_mode(mode) && is_audible(mode))
             .collect();
         if dropped_modes.is_empty() {
-            loudest.left_out_db = None;
-            return loudest;
+            selected_modes.left_out_db = None;
+            return selected_modes;
         }
         let total_loudness = total_loudness.get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
-        let dropped_loudness = loudness(&dropped_modes).relative_db(total_loudness);
-        loudest.left_out_db = Some(dropped_loudness);
-        if dropped_loudness <= loudness_max {
-            return loudest;
+        let dropped_level = loudness(&dropped_modes).relative_db(total_loudness);
+        selected_modes.left_out_db = Some(dropped_level);
+        if dropped_level <= level_max {
+            return selected_modes;
         }
-        left_out_db_max = left_out_db_max.map(|db| db - (dropped_loudness - loudness_max).max(QUIETER_STEP_DB));
-        loudest = body.loudest_modes(left_out_db_max);
+        left_out_db_max = left_out_db_max.map(|db| db - (dropped_level - level_max).max(QUIETER_STEP_DB));
+        selected_modes = body.loudest_modes(left_out_db_max);
     }
 }
 
 /// Impulses at each struck point [N·s].
 pub(crate) fn impulses_by_point(strikes: &ImpulsesByMat) -> Vec<Vec<f64>> {
-    strikes
-        .values()
-        .map(|point_blows| point_blows.impulses.clone())
-        .collect()
+    strikes.values().map(|impulses| impulses.impulses.clone()).collect()
 }

@@ -55,16 +55,16 @@ fn normal_modes_bank(
 ) -> Result<BankBody, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
     let PositionSums {
-        position_rows: mut rows,
-        constant_sums: constant_parts,
+        mut position_rows,
+        constant_sums,
     } = position_sums_only(network)?;
-    let n_outputs = rows.len();
-    rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
-    let mut body_modes = mode_cache.normal_modes(network, &rows, rate)?;
+    let n_outputs = position_rows.len();
+    position_rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
+    let mut body_modes = mode_cache.normal_modes(network, &position_rows, rate)?;
     // What a session will strike is not known: any mode may move.
     let rotation_mats = (!timeline.is_open).then(|| strikes.keys().map(|&mat| mat as usize).collect());
     if rotation_mats.is_some() {
-        body_modes.rotate(&(n_outputs..rows.len()).collect::<Vec<_>>(), rate);
+        body_modes.rotate(&(n_outputs..position_rows.len()).collect::<Vec<_>>(), rate);
     }
     if let Some(unfit_reason) = body_modes.unfit_reason(rate) {
         return Err(unfit_reason);
@@ -90,14 +90,14 @@ fn normal_modes_bank(
             audible::audible_modes(&normal_modes, strikes, network, left_out_level_max, budget, rate)
         }
     };
-    let rest = (0..n_outputs)
+    let rest_outputs = (0..n_outputs)
         .map(|output| {
-            let modal_rest: f64 = output_shapes[output]
+            let moving_part: f64 = output_shapes[output]
                 .iter()
                 .zip(&body_modes.rest)
                 .map(|(a, b)| a * b)
                 .sum();
-            modal_rest + constant_parts[output]
+            moving_part + constant_sums[output]
         })
         .collect();
     Ok(BankBody {
@@ -105,7 +105,7 @@ fn normal_modes_bank(
             rotation_mats,
             ..normal_modes.bank(&chosen_modes.modes, &subset.outputs)
         },
-        rest_outputs: rest,
+        rest_outputs,
         n_modes: body_modes.len(),
         computed_modes: chosen_modes,
         kind: ModeKind::Normal,
@@ -217,24 +217,24 @@ pub(crate) fn impulses_by_mat(
     is_body_mat: impl Fn(u32) -> bool,
     is_discrete: bool,
 ) -> ImpulsesByMat {
-    let instants = if is_discrete {
+    let strike_timing = if is_discrete {
         StrikeTiming::Nearest
     } else {
         StrikeTiming::Exact
     };
-    let mut blows_by_mat = ImpulsesByMat::new();
+    let mut impulses_by_mat = ImpulsesByMat::new();
     for strike in timeline.strikes.iter().filter(|strike| is_body_mat(strike.mat)) {
-        let mat_blows = blows_by_mat.entry(strike.mat).or_default();
+        let mat_blows = impulses_by_mat.entry(strike.mat).or_default();
         mat_blows.impulses.push(strike.impulse);
-        let strike_parts = timeline.strike_parts(strike, instants);
+        let strike_parts = timeline.strike_parts(strike, strike_timing);
         mat_blows
             .frame_impulses
             .extend(strike_parts.map(|part| (part.frame, part.frame_fraction, part.impulse)));
     }
-    for mat_blows in blows_by_mat.values_mut() {
+    for mat_blows in impulses_by_mat.values_mut() {
         mat_blows.frame_impulses.sort_by_key(|part| part.0);
     }
-    blows_by_mat
+    impulses_by_mat
 }
 
 /// What outputs sum.
@@ -248,8 +248,8 @@ pub(crate) struct PositionSums {
 /// What each output of a body sums; refused if one hears a force.
 pub(crate) fn position_sums_only(network: &Network) -> Result<PositionSums, NoModes> {
     let mut output_terms = network.outputs().iter().flat_map(|output| &output.terms);
-    let hears_force = output_terms.any(|term| !matches!(term, Term::Position { .. }));
-    if hears_force {
+    let has_force = output_terms.any(|term| !matches!(term, Term::Position { .. }));
+    if has_force {
         return Err(NoModes::ForceHeard);
     }
     position_and_spring_sums(network)
@@ -258,7 +258,7 @@ pub(crate) fn position_sums_only(network: &Network) -> Result<PositionSums, NoMo
 /// The same, with forces of undamped springs as sums of positions; refused if an output hears another force.
 pub(crate) fn position_and_spring_sums(network: &Network) -> Result<PositionSums, NoModes> {
     let mats = network.mats();
-    let (mut rows, mut constant_parts) = (Vec::new(), Vec::new());
+    let (mut position_rows, mut constant_sums) = (Vec::new(), Vec::new());
     for output in network.outputs() {
         let (mut output_row, mut static_sum) = (Row::new(), 0.0);
         let mut add_mat = |mat: usize, weight: f64| {
@@ -286,11 +286,11 @@ pub(crate) fn position_and_spring_sums(network: &Network) -> Result<PositionSums
                 Term::Ground { .. } | Term::Length { .. } => return Err(NoModes::ForceHeard),
             }
         }
-        rows.push(output_row);
-        constant_parts.push(static_sum + rest_forces);
+        position_rows.push(output_row);
+        constant_sums.push(static_sum + rest_forces);
     }
     Ok(PositionSums {
-        position_rows: rows,
-        constant_sums: constant_parts,
+        position_rows,
+        constant_sums,
     })
 }

@@ -176,17 +176,17 @@ fn with_kind(kind: u32, modes: &[u32]) -> Vec<u32> {
 pub(crate) struct PinnedChoices(Option<VecDeque<Choice>>);
 
 impl PinnedChoices {
-    pub(crate) fn new(pins: Option<Vec<Choice>>) -> Self {
-        Self(pins.map(VecDeque::from))
+    pub(crate) fn new(choices: Option<Vec<Choice>>) -> Self {
+        Self(choices.map(VecDeque::from))
     }
 
     /// What was decided for the next island.
-    pub(crate) fn next_for_island(&mut self, modules: usize) -> Result<Option<Choice>, Error> {
+    pub(crate) fn next_for_island(&mut self, n_modules: usize) -> Result<Option<Choice>, Error> {
         let Some(pin_queue) = &mut self.0 else {
             return Ok(None);
         };
         match pin_queue.pop_front() {
-            Some(choice) if choice.n_modules == modules => Ok(Some(choice)),
+            Some(choice) if choice.n_modules == n_modules => Ok(Some(choice)),
             _ => Err(wrong_plan_error()),
         }
     }

@@ -32,7 +32,7 @@ pub(crate) fn bank(
     let (sum_rows, static_sums) = motion_sums(network);
     let struck_mats: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
     let body_modes = mode_cache.complex_modes(network, &sum_rows, &struck_mats, rate)?;
-    let complex = ComplexModeBody {
+    let mode_body = ComplexModeBody {
         modes: &body_modes,
         strikes,
         budget,
@@ -41,14 +41,14 @@ pub(crate) fn bank(
     let chosen_modes = match pinned {
         Some(chosen_modes) => KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?,
         None => {
-            let allowed = budget.left_out_db_max();
-            let chosen_modes = audible::audible_modes(&complex, strikes, network, allowed, budget, rate);
-            complex.or_all_if_cheap(chosen_modes)
+            let left_out_level_max = budget.left_out_db_max();
+            let chosen_modes = audible::audible_modes(&mode_body, strikes, network, left_out_level_max, budget, rate);
+            mode_body.all_if_cheap(chosen_modes)
         }
     };
-    let mut bank = complex.bank(&chosen_modes.modes, &subset.outputs);
-    let places = sequence_places(&audible_sequences(&body_modes, &chosen_modes.modes, rate));
-    bank.complex = Some((Arc::new(network.clone()), places));
+    let mut bank = mode_body.bank(&chosen_modes.modes, &subset.outputs);
+    let complex_parts = complex_parts(&audible_sequences(&body_modes, &chosen_modes.modes, rate));
+    bank.complex = Some((Arc::new(network.clone()), complex_parts));
     Ok(BankBody {
         bank,
         rest_outputs: body_modes.rest.iter().zip(static_sums).map(|(a, b)| a + b).collect(),
@@ -129,7 +129,7 @@ pub(crate) struct ModeSequence {
 fn sequences_of_mode(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<ModeSequence> {
     let [x, y] = modes.start[mode];
     let time_step = rate.step();
-    let new_part = |recurrence, [now, before]: [f64; 2], part, sign| ModeSequence {
+    let new_sequence = |recurrence, [now, before]: [f64; 2], part, sign| ModeSequence {
         mode,
         component: part,
         sign,
@@ -143,41 +143,41 @@ fn sequences_of_mode(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<ModeS
         Pole::Pair { decay, omega } => {
             let (a, b) = recurrence(decay, omega, rate);
             vec![
-                new_part((a, b), [x, previous_x], 0, 1.0),
-                new_part((a, b), [y, previous_y], 1, -1.0),
+                new_sequence((a, b), [x, previous_x], 0, 1.0),
+                new_sequence((a, b), [y, previous_y], 1, -1.0),
             ]
         }
-        Pole::Real { decay } => vec![new_part((exp(-(decay * time_step)), 0.0), [x, previous_x], 0, 1.0)],
+        Pole::Real { decay } => vec![new_sequence((exp(-(decay * time_step)), 0.0), [x, previous_x], 0, 1.0)],
         Pole::Free => vec![
-            new_part((2.0, 1.0), [x, previous_x], 0, 1.0),
-            new_part((1.0, 0.0), [y, previous_y], 1, 1.0),
+            new_sequence((2.0, 1.0), [x, previous_x], 0, 1.0),
+            new_sequence((1.0, 0.0), [y, previous_y], 1, 1.0),
         ],
     }
 }
 
 /// The parts of some modes that outputs see.
 pub(crate) fn audible_sequences(modes: &ComplexModes, mode_indices: &[usize], rate: Rate) -> Vec<ModeSequence> {
-    let all_parts = mode_indices
+    let sequences = mode_indices
         .iter()
         .flat_map(|&mode| sequences_of_mode(modes, mode, rate));
-    let is_part_seen = |part: &ModeSequence| {
+    let is_audible = |sequence: &ModeSequence| {
         modes
             .output_shapes
             .iter()
-            .any(|row| row[part.mode][part.component] != 0.0)
+            .any(|row| row[sequence.mode][sequence.component] != 0.0)
     };
-    all_parts.filter(is_part_seen).collect()
+    sequences.filter(is_audible).collect()
 }
 
 /// The response of a part to an impulse at a point.
-pub(crate) fn impulse_response(modes: &ComplexModes, part: &ModeSequence, point: usize, rate: Rate) -> Response {
-    let mode_gain = modes.struck_shapes[point][part.mode];
-    match modes.poles[part.mode].resolvable_at(rate) {
+pub(crate) fn impulse_response(modes: &ComplexModes, sequence: &ModeSequence, point: usize, rate: Rate) -> Response {
+    let mode_gain = modes.struck_shapes[point][sequence.mode];
+    match modes.poles[sequence.mode].resolvable_at(rate) {
         // Im z = Re(−i·z).
         Pole::Pair { decay, omega } => Response::Pair {
             decay,
             omega,
-            gain: if part.component == 0 {
+            gain: if sequence.component == 0 {
                 mode_gain
             } else {
                 [mode_gain[1], -mode_gain[0]]
@@ -187,7 +187,7 @@ pub(crate) fn impulse_response(modes: &ComplexModes, part: &ModeSequence, point:
             decay,
             gain: mode_gain[0],
         },
-        Pole::Free if part.component == 0 => Response::Free { gain: mode_gain[1] },
+        Pole::Free if sequence.component == 0 => Response::Free { gain: mode_gain[1] },
         Pole::Free => Response::Real {
             decay: 0.0,
             gain: mode_gain[1],
@@ -196,18 +196,18 @@ pub(crate) fn impulse_response(modes: &ComplexModes, part: &ModeSequence, point:
 }
 
 /// Which parts of which modes the oscillators are.
-pub(crate) fn sequence_places(all_parts: &[ModeSequence]) -> Vec<ComplexPart> {
-    let place_of_part = |part: &ModeSequence| ComplexPart {
+pub(crate) fn complex_parts(sequences: &[ModeSequence]) -> Vec<ComplexPart> {
+    let to_part = |part: &ModeSequence| ComplexPart {
         mode: part.mode,
-        part: part.component,
+        sequence: part.component,
         sign: part.sign,
     };
-    all_parts.iter().map(place_of_part).collect()
+    sequences.iter().map(to_part).collect()
 }
 
 impl ComplexModeBody<'_> {
     /// All modes, unless those that were kept are cheaper by enough.
-    fn or_all_if_cheap(&self, modes_kept: KeptModes) -> KeptModes {
+    fn all_if_cheap(&self, modes_kept: KeptModes) -> KeptModes {
         let all_modes: Vec<usize> = (0..self.modes.len()).collect();
         let bank_cost = |mode_indices: &[usize]| audible_sequences(self.modes, mode_indices, self.rate).len() as f64;
         // A group of lanes costs the same whether it is full or not.
@@ -236,7 +236,7 @@ impl ModalBody for ComplexModeBody<'_> {
         self.modes.start.iter().flatten().any(|x| *x != 0.0)
     }
 
-    fn loudest_modes(&self, allowed: Option<f64>) -> KeptModes {
+    fn loudest_modes(&self, left_out_level_max: Option<f64>) -> KeptModes {
         let body_modes = self.modes;
         let point_impulses = impulses_by_point(self.strikes);
         let squared_norm = |[re, im]: [f64; 2]| re * re + im * im;
@@ -263,20 +263,21 @@ impl ModalBody for ComplexModeBody<'_> {
         let output_rows: Vec<Vec<f64>> = body_modes.output_shapes.iter().map(row_norms).collect();
         let output_rows: Vec<&[f64]> = output_rows.iter().map(Vec::as_slice).collect();
         let frequency = |mode: usize| body_modes.frequency_and_decay(mode).0;
-        let mut loudest = truncate::loudest_by_energy(&[energies], &output_rows, allowed, self.budget, frequency);
+        let mut selected_modes =
+            truncate::loudest_by_energy(&[energies], &output_rows, left_out_level_max, self.budget, frequency);
         // Rigid motion stays, however quiet it is.
         let is_free_mode = |mode: &usize| body_modes.poles[*mode] == Pole::Free;
-        loudest.modes.extend((0..body_modes.len()).filter(is_free_mode));
-        loudest.modes.sort_unstable();
-        loudest.modes.dedup();
-        loudest
+        selected_modes.modes.extend((0..body_modes.len()).filter(is_free_mode));
+        selected_modes.modes.sort_unstable();
+        selected_modes.modes.dedup();
+        selected_modes
     }
 
     fn bank(&self, mode_indices: &[usize], outputs: &[u32]) -> BankPlan {
         let body_modes = self.modes;
         let mut bank_plan = BankPlan::default();
-        let all_parts = audible_sequences(body_modes, mode_indices, self.rate);
-        for part in &all_parts {
+        let sequences = audible_sequences(body_modes, mode_indices, self.rate);
+        for part in &sequences {
             let mut weights = Vec::new();
             for (row, &output) in body_modes.output_shapes.iter().zip(outputs) {
                 add_weight(&mut weights, output, part.sign * row[part.mode][part.component]);
@@ -293,12 +294,12 @@ impl ModalBody for ComplexModeBody<'_> {
         }
         for (point, blows) in self.strikes.values().enumerate() {
             bank_plan.strikes.push(Strikes {
-                among: 0..all_parts.len(),
-                responses: all_parts
+                among: 0..sequences.len(),
+                responses: sequences
                     .iter()
                     .map(|part| impulse_response(body_modes, part, point, self.rate))
                     .collect(),
-                share: vec![1.0; all_parts.len()],
+                share: vec![1.0; sequences.len()],
                 w: self.rate.step() * self.rate.step(),
                 blows: blows.frame_impulses.clone(),
             });

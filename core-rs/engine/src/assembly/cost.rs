@@ -2,7 +2,7 @@
 
 use crate::assembly::constants::{LAW_INSTANTS, LAW_PARTS_SHARE, LAW_ROUNDS};
 use crate::assembly::cost_table::Costs;
-use crate::assembly::mesh::LADDER;
+use crate::assembly::mesh::MESH_METHODS;
 use crate::assembly::unit::{BankPlan, ComputationUnit, IslandPlan};
 use crate::integrate::MeshMethod;
 use crate::island::bodies::BodyPlan;
@@ -22,11 +22,11 @@ impl IslandPlan {
 
     /// Cost of all but its bodies [ns a step].
     pub(crate) fn hub_step_ns(&self) -> f64 {
-        let by_motion = match self.counted_cost {
+        let motion_ns = match self.counted_cost {
             Some(ns) => f64::from(ns) / f64::from(self.oversampling),
             None => fine_laws_ns(self),
         };
-        stepped_ns(&self.network, &self.timeline) + by_motion
+        stepped_ns(&self.network, &self.timeline) + motion_ns
     }
 }
 
@@ -163,13 +163,13 @@ pub(crate) fn fine_laws_ns(island_plan: &IslandPlan) -> f64 {
     let laws_total = fine_laws.iter().map(law_cost).sum::<f64>()
         + mean_parts * LAW_ROUNDS * law_pairs * Costs::nanoseconds("coupling");
     // At each instant of a frame, a port gives its position and takes its force, mode by mode.
-    let carries_law = |port: &&usize| {
+    let has_law = |port: &&usize| {
         let touches_port = |run: &&Run| [run.a, run.b].contains(port);
         fine_laws.iter().any(touches_port)
     };
     let modes_at_ports = |body: &BodyPlan| {
         let body_ports = body.ports();
-        (body_ports.iter().filter(carries_law).count() * body.n_modes()) as f64
+        (body_ports.iter().filter(has_law).count() * body.n_modes()) as f64
     };
     let port_modes: f64 = body_plans.iter().map(modes_at_ports).sum();
     laws_total + 2.0 * LAW_INSTANTS * port_modes * Costs::nanoseconds("port")
@@ -180,7 +180,7 @@ pub(crate) fn fine_laws_ns(island_plan: &IslandPlan) -> f64 {
 pub(crate) fn counted_ns(island: &Island) -> [f64; 2] {
     let (fine_work, exact_work) = (island.fine_work(), island.exact_work());
     let amounts = [
-        ("kick", fine_work.instants),
+        ("kick", fine_work.evaluations),
         ("coupling", fine_work.couplings),
         ("contact", exact_work.n_resolved),
         ("power_law", exact_work.evaluations),
@@ -206,25 +206,25 @@ pub(crate) fn body_ns(body_plan: &BodyPlan) -> f64 {
 
 /// Cost of a mesh as a multiple of a step of CA a frame.
 fn ca_cost_ratio(mesh: &Mesh) -> f64 {
-    let is_on_rung =
+    let matches_method =
         |&&(method, substeps, _): &&(MeshMethod, u32, f64)| (method, substeps) == (mesh.method, mesh.substeps);
-    LADDER
+    MESH_METHODS
         .iter()
-        .find(is_on_rung)
+        .find(matches_method)
         .map_or(1.0, |&(_, _, cost_factor)| cost_factor)
 }
 
 /// Additional cost of a body in a trial, beyond [`body_ns`] [ns a frame]: the rows of a small plate are shorter than
 /// those that the table was measured with. A step of CA goes through the rows once, those of the other methods several
 /// times.
-pub(crate) fn short_rows_ns(inside: &BodyPlan) -> f64 {
-    const ROW: f64 = 2.5;
-    const ROW_OF_STAGES: f64 = 6.0;
-    match inside {
+pub(crate) fn short_rows_ns(body_plan: &BodyPlan) -> f64 {
+    const ROW_NS: f64 = 2.5;
+    const STAGED_ROW_NS: f64 = 6.0;
+    match body_plan {
         BodyPlan::Mesh(mesh) => {
             let row_cost = match mesh.method {
-                MeshMethod::Ca => ROW,
-                _ => ROW_OF_STAGES,
+                MeshMethod::Ca => ROW_NS,
+                _ => STAGED_ROW_NS,
             };
             ca_cost_ratio(mesh) * (row_cost * mesh.network.runs().len() as f64 + lone_laws_ns(&mesh.network))
         }
@@ -235,9 +235,9 @@ pub(crate) fn short_rows_ns(inside: &BodyPlan) -> f64 {
 /// Additional cost of laws on single links in a trial, beyond [`stepped_ns`] [ns a step]: the table was measured with
 /// long runs.
 pub(crate) fn lone_laws_ns(network: &Network) -> f64 {
-    const LAW: f64 = 20.0;
+    const LAW_NS: f64 = 20.0;
     let is_lone_law = |run: &&Run| run.len == 1 && matches!(run.kind, LinkKind::Lnl(_));
-    LAW * network.runs().iter().filter(is_lone_law).count() as f64
+    LAW_NS * network.runs().iter().filter(is_lone_law).count() as f64
 }
 
 /// What a slow body saves compared with stepping it module by module [ns a frame].

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 /// Nanoseconds of one unit of each kind of work.
-const TABLE: &str = include_str!("costs.txt");
+const COST_TABLE: &str = include_str!("costs.txt");
 
 /// The table of costs.
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +19,7 @@ impl Costs {
 
 /// Each kind of work and its cost, read once: trials ask for costs in every block.
 static COSTS: LazyLock<Vec<(&str, f64)>> = LazyLock::new(|| {
-    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
+    let lines = COST_TABLE.lines().filter(|line| !line.starts_with('#'));
     let cost = |line: &'static str| {
         let mut words = line.split_whitespace();
         Some((words.next()?, words.next()?.parse().ok()?))
@@ -33,7 +33,7 @@ mod tests {
 
     #[test]
     fn cost_table_lines_are_positive() {
-        for line in TABLE.lines().filter(|line| !line.starts_with('#')) {
+        for line in COST_TABLE.lines().filter(|line| !line.starts_with('#')) {
             let work_kind = line.split_whitespace().next().unwrap();
             assert!(Costs::nanoseconds(work_kind) > 0.0, "{line}");
         }

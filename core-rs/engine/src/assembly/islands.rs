@@ -19,7 +19,7 @@ pub(crate) struct IslandMembers {
     /// An output listens to it.
     pub(crate) is_heard: bool,
     /// Something can set it in motion.
-    pub(crate) is_moved: bool,
+    pub(crate) can_move: bool,
     /// A hand, a path, a force or a glide acts on it, or something in it follows a MAT: not strikes alone.
     pub(crate) is_driven: bool,
 }
@@ -45,9 +45,9 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
             forest.join(key.struck_mat, mat);
         }
     }
-    let (moved, listened) = (moving_mats(network, timeline), HeardModules::new(network, timeline));
+    let (can_move, audible) = (moving_mats(network, timeline), HeardModules::new(network, timeline));
     let mut island_of_root = vec![None; mat_count];
-    let mut island_of = Vec::with_capacity(mat_count);
+    let mut island_of_mat = Vec::with_capacity(mat_count);
     let mut members: Vec<IslandMembers> = Vec::new();
     for mat in interrupt::steps(0..mat_count) {
         let forest_root = forest.root(mat);
@@ -55,56 +55,56 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
             members.push(IslandMembers::default());
             members.len() - 1
         });
-        island_of.push(island_index);
+        island_of_mat.push(island_index);
         let island = &mut members[island_index];
         island.mats.push(mat as u32);
-        island.is_heard |= listened.hears_mat[mat];
-        island.is_moved |= moved[mat];
+        island.is_heard |= audible.hears_mat[mat];
+        island.can_move |= can_move[mat];
     }
     for (link, mats) in link_mats(network) {
         let [.., last_mat] = mats.as_slice() else { continue };
         let first_free = mats.as_slice().iter().copied().find(|&mat| is_free[mat]);
         let first_free = first_free.unwrap_or(*last_mat);
-        let island = &mut members[island_of[first_free]];
+        let island = &mut members[island_of_mat[first_free]];
         island.links.push(link as u32);
-        island.is_heard |= listened.hears_link[link];
+        island.is_heard |= audible.hears_link[link];
         // A gated force changes even between two points that never move.
-        island.is_moved |= listened.hears_link[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
+        island.can_move |= audible.hears_link[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
         let held_mats = mats.as_slice().iter().filter(|&&mat| !is_free[mat]);
-        for &other in held_mats.filter(|_| is_free[first_free]) {
-            island.foreign_held_mats.push(other as u32);
-            island.is_moved |= moved[other];
-            island.is_driven |= moved[other];
+        for &held_mat in held_mats.filter(|_| is_free[first_free]) {
+            island.foreign_held_mats.push(held_mat as u32);
+            island.can_move |= can_move[held_mat];
+            island.is_driven |= can_move[held_mat];
         }
     }
     // Masses that a proxy follows, and fixed points that guide it.
     for proxy in network.proxies() {
-        let island = &mut members[island_of[proxy.mat]];
+        let island = &mut members[island_of_mat[proxy.mat]];
         let guest_mats = proxy.masses().chain(proxy.guide_mats());
         for other in guest_mats.filter(|&mat| !is_free[mat]) {
             island.foreign_held_mats.push(other as u32);
-            island.is_moved |= moved[other];
-            island.is_driven |= moved[other];
+            island.can_move |= can_move[other];
+            island.is_driven |= can_move[other];
         }
     }
     // MATs that laws and masses follow.
     for (mat, guide) in network.follower_pairs() {
-        let island = &mut members[island_of[mat]];
+        let island = &mut members[island_of_mat[mat]];
         island.is_driven = true;
         if !is_free[guide] {
             island.foreign_held_mats.push(guide as u32);
-            island.is_moved |= moved[guide];
+            island.can_move |= can_move[guide];
         }
     }
     let struck_mats = timeline.keys.iter().map(|key| key.struck_mat);
     let glided_mats = timeline.glides.iter().map(|glide| glide.mat);
     for mat in struck_mats.chain(timeline.driven_mats()).chain(glided_mats) {
-        members[island_of[mat]].is_driven = true;
+        members[island_of_mat[mat]].is_driven = true;
     }
     for (link, a, b) in link_ends(network) {
         if timeline.leads.iter().any(|lead| lead.links().contains(&link)) {
             let first_free = if is_free[a] { a } else { b };
-            members[island_of[first_free]].is_driven = true;
+            members[island_of_mat[first_free]].is_driven = true;
         }
     }
     for island in &mut members {
@@ -134,17 +134,17 @@ struct HeardModules {
 
 impl HeardModules {
     fn new(network: &Network, timeline: &Timeline) -> Self {
-        let mut listened = Self {
+        let mut audible = Self {
             hears_mat: vec![false; network.n_mat()],
             hears_link: vec![false; network.n_lia()],
         };
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                    listened.hears_mat[first..first + len].fill(true);
+                    audible.hears_mat[first..first + len].fill(true);
                 }
                 Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
-                    listened.hears_link[first..first + len].fill(true);
+                    audible.hears_link[first..first + len].fill(true);
                 }
             }
         }
@@ -153,9 +153,9 @@ impl HeardModules {
         let hand_drives = timeline.drives.iter().filter(|drive| drive.hand().is_some());
         hand_drives.for_each(|hand| is_in_hand[hand.mat] = true);
         for (link, a, b) in link_ends(network) {
-            listened.hears_link[link] |= is_in_hand[a] || is_in_hand[b];
+            audible.hears_link[link] |= is_in_hand[a] || is_in_hand[b];
         }
-        listened
+        audible
     }
 }
 

@@ -76,8 +76,8 @@ impl Loudness {
     pub(crate) fn relative_db(&self, all: &Self) -> f64 {
         let output_pairs = self.0.iter().flatten().zip(all.0.iter().flatten());
         let energy_ratios = output_pairs.filter_map(|(partial, all)| {
-            let all = all.energy_about_mean();
-            (all > 0.0).then(|| partial.energy / all)
+            let reference = all.energy_about_mean();
+            (reference > 0.0).then(|| partial.energy / reference)
         });
         10.0 * log10(energy_ratios.fold(1e-40, f64::max))
     }

@@ -17,7 +17,7 @@ use crate::units::Rate;
 
 /// Methods, with their steps a frame and their cost in steps of CA a frame (docs/benchmarks.md), in the order in which
 /// they are tried. IEQ, the last, cannot diverge.
-pub(crate) const LADDER: [(MeshMethod, u32, f64); 10] = [
+pub(crate) const MESH_METHODS: [(MeshMethod, u32, f64); 10] = [
     (MeshMethod::Ca, 1, 1.0),
     (MeshMethod::Ca2p, 1, 1.5),
     (MeshMethod::Ca, 2, 2.0),
@@ -38,7 +38,7 @@ pub(crate) enum MethodChoice<'a> {
     /// By a method that is stable at any step.
     Unconditional,
     /// The methods of the meshes among these bodies, in order: the same island at another rate.
-    AsBefore(&'a [Option<(MeshMethod, u32)>]),
+    Repeated(&'a [Option<(MeshMethod, u32)>]),
     /// One method for all meshes.
     All((MeshMethod, u32)),
     /// No bodies: all of the island module by module.
@@ -81,7 +81,7 @@ pub(crate) fn mesh(
     let (method, substeps) = match pin {
         Some(pin) => (pin.method, pin.substeps),
         None => match choice {
-            MethodChoice::AsBefore(body_methods) => (*body_methods.get(index)?)?,
+            MethodChoice::Repeated(body_methods) => (*body_methods.get(index)?)?,
             MethodChoice::All((method, substeps)) | MethodChoice::Meshes((method, substeps)) => {
                 let method = if has_leads { MeshMethod::Bm4 } else { method };
                 certify(&stiffest_network, rate, method, substeps).ok()?;
@@ -152,18 +152,18 @@ fn method_for_led_mesh(network: &Network, rate: Rate, budget: &Budget) -> Option
         .filter(|&substeps| certify(network, rate, mesh_method, substeps).is_ok());
     let Budget::Cents {
         cents: cents_max,
-        frequency_hz_max: upto,
+        frequency_hz_max: frequency_max,
     } = *budget
     else {
         return stable_substeps.next().map(|substeps| (mesh_method, substeps));
     };
-    let frame_angle = TAU * upto * rate.step();
-    let is_enough = |substeps: &u32| pitch_error_cents(mesh_method, frame_angle / f64::from(*substeps)) <= cents_max;
-    stable_substeps.find(is_enough).map(|substeps| (mesh_method, substeps))
+    let frame_angle = TAU * frequency_max * rate.step();
+    let is_exact = |substeps: &u32| pitch_error_cents(mesh_method, frame_angle / f64::from(*substeps)) <= cents_max;
+    stable_substeps.find(is_exact).map(|substeps| (mesh_method, substeps))
 }
 
-/// The first method of `LADDER` that is stable and exact enough by its formula; `is_safe`: only methods that cannot
-/// diverge.
+/// The first method of `MESH_METHODS` that is stable and exact enough by its formula; `is_safe`: only methods that
+/// cannot diverge.
 fn method_within_budget(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Option<(MeshMethod, u32)> {
     if let Budget::Method(method) = budget {
         let method = method.mesh_method()?;
@@ -172,14 +172,14 @@ fn method_within_budget(network: &Network, rate: Rate, budget: &Budget, is_safe:
     // The highest frequency of the mesh at rest; CA shifts it to 2·asin(√λ/2).
     let lambda_max = certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |certificate| certificate.lambda_max);
     let angle_max = sqrt(lambda_max.max(0.0)).min(PI);
-    for (method, substeps, _) in LADDER {
+    for (method, substeps, _) in MESH_METHODS {
         let step_count = f64::from(substeps);
-        let is_enough = match *budget {
+        let is_exact = match *budget {
             Budget::Cents {
                 cents: cents_max,
-                frequency_hz_max: upto,
+                frequency_hz_max: frequency_max,
             } => {
-                let substep_angle = (TAU * upto * rate.step()).min(angle_max) / step_count;
+                let substep_angle = (TAU * frequency_max * rate.step()).min(angle_max) / step_count;
                 pitch_error_cents(method, substep_angle) <= cents_max
             }
             // The pilot finds better methods if necessary.
@@ -189,7 +189,7 @@ fn method_within_budget(network: &Network, rate: Rate, budget: &Budget, is_safe:
         if is_safe && !cannot_diverge {
             continue;
         }
-        if (is_enough || cannot_diverge) && certify(network, rate, method, substeps).is_ok() {
+        if (is_exact || cannot_diverge) && certify(network, rate, method, substeps).is_ok() {
             return ((method, substeps) != (MeshMethod::Ca, 1)).then_some((method, substeps));
         }
     }

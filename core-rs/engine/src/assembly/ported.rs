@@ -242,14 +242,16 @@ fn normal_mode_plan(
     Ok(Modal {
         mode_numbers: (0..mode_count as u32).collect(),
         alignment_mats: rotation_mats,
-        modes: (0..mode_count).map(|mode| mode_plan(&body_modes, mode, rate)).collect(),
+        modes: (0..mode_count)
+            .map(|mode| normal_mode(&body_modes, mode, rate))
+            .collect(),
         ports: body
             .ports
             .iter()
             .enumerate()
             .map(|(row, &mat)| Port {
                 mat: mat as usize,
-                rest: rest_of_row(row),
+                rest_position: rest_of_row(row),
                 shape: body_modes.shapes[row].clone(),
             })
             .collect(),
@@ -303,37 +305,37 @@ fn complex_mode_plan(
     let strikes = impulses_by_mat(timeline, is_body_mat, false);
     let force_points: Vec<usize> = port_mats.iter().copied().chain(strikes.keys().map(local_mat)).collect();
     let port_rows = port_mats.iter().map(|&mat| vec![(mat, 1.0)]);
-    let seen_sums: Vec<Sum> = port_rows
+    let output_sums: Vec<Sum> = port_rows
         .chain(outputs.position_rows)
         .map(Sum::from_positions)
         .collect();
-    let body_modes = mode_cache.complex_modes(&body_subset.network, &seen_sums, &force_points, rate)?;
+    let body_modes = mode_cache.complex_modes(&body_subset.network, &output_sums, &force_points, rate)?;
     let all_modes: Vec<usize> = (0..body_modes.len()).collect();
-    let (port_count, all_parts) = (
+    let (port_count, sequences) = (
         port_mats.len(),
         complex_body::audible_sequences(&body_modes, &all_modes, rate),
     );
     let shape_of_row = |row: usize| -> Vec<f64> {
-        let parts = all_parts.iter();
+        let parts = sequences.iter();
         parts
             .map(|part| part.sign * body_modes.output_shapes[row][part.mode][part.component])
             .collect()
     };
-    let answers = |point: usize| -> Vec<Response> {
-        let parts = all_parts.iter();
+    let responses_at = |point: usize| -> Vec<Response> {
+        let parts = sequences.iter();
         parts
             .map(|part| complex_body::impulse_response(&body_modes, part, point, rate))
             .collect()
     };
     let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.constant_sums);
     let modal_plan = Modal {
-        mode_numbers: (0..all_parts.len() as u32).collect(),
+        mode_numbers: (0..sequences.len() as u32).collect(),
         alignment_mats: None,
-        modes: all_parts.iter().map(part_plan).collect(),
+        modes: sequences.iter().map(sequence_mode).collect(),
         ports: (0..port_count)
             .map(|row| Port {
                 mat: body.ports[row] as usize,
-                rest: body_modes.rest[row],
+                rest_position: body_modes.rest[row],
                 shape: shape_of_row(row),
             })
             .collect(),
@@ -345,7 +347,7 @@ fn complex_mode_plan(
         struck_points: strikes
             .into_values()
             .map(|blows| StruckPoint {
-                shape: vec![1.0; all_parts.len()],
+                shape: vec![1.0; sequences.len()],
                 strikes: blows.frame_impulses,
             })
             .collect(),
@@ -353,9 +355,9 @@ fn complex_mode_plan(
         network: Arc::new(body_subset.network),
         complex_responses: Some(ComplexResponses {
             n_modes: body_modes.len(),
-            mode_parts: complex_body::sequence_places(&all_parts),
-            port_responses: (0..port_count).map(answers).collect(),
-            struck_responses: (port_count..force_points.len()).map(answers).collect(),
+            mode_parts: complex_body::complex_parts(&sequences),
+            port_responses: (0..port_count).map(responses_at).collect(),
+            struck_responses: (port_count..force_points.len()).map(responses_at).collect(),
         }),
     };
     // The largest cost allowed: the same masses stepped module by module, times `COMPLEX_COST_RATIO_MAX`. A few masses
@@ -367,14 +369,14 @@ fn complex_mode_plan(
 }
 
 /// A part of a complex mode as a mode with a response of its own.
-fn part_plan(part: &ModeSequence) -> Mode {
-    let (a, b) = part.recurrence;
+fn sequence_mode(sequence: &ModeSequence) -> Mode {
+    let (a, b) = sequence.recurrence;
     Mode {
         a,
         b,
         displacement_per_newton: 0.0,
-        start_amplitude: part.now,
-        previous_amplitude: part.before,
+        start_amplitude: sequence.now,
+        previous_amplitude: sequence.before,
         cell: None,
     }
 }
@@ -384,7 +386,7 @@ fn is_discrete(network: &Network, body: &WiredBody) -> bool {
     network.parts()[body_part].ca_rate.is_some()
 }
 
-fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
+fn normal_mode(modes: &Modes, mode: usize, rate: Rate) -> Mode {
     let (mode_ratios, mode_cell) = (modes.ratios(mode, rate), modes.resolvable_cell(mode, rate));
     Mode {
         a: 2.0 - mode_ratios.kappa - mode_ratios.zeta,
@@ -402,16 +404,16 @@ fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
 
 /// The rest of an island after the bodies are cut out: their ports stay, as masses that respond to a force at once as
 /// in the body.
-fn hub_and_bodies(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(WiredBody, BodyPlan)>) -> IslandCut {
+fn hub_and_bodies(island: &Subset, timeline: &Timeline, cut_bodies: Vec<(WiredBody, BodyPlan)>) -> IslandCut {
     let network = &island.network;
     let (mut is_in_body, mut is_cut_link) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut port_mats: Vec<u32> = Vec::new();
     let mut is_struck_in_body = vec![false; network.n_mat()];
-    for (body, inside) in &bodies_inside {
+    for (body, body_plan) in &cut_bodies {
         for &mat in &body.mats {
             is_in_body[mat as usize] = true;
             // A slow body is struck at its ports, in the rest of the island.
-            is_struck_in_body[mat as usize] = !matches!(inside, BodyPlan::Slow(_));
+            is_struck_in_body[mat as usize] = !matches!(body_plan, BodyPlan::Slow(_));
         }
         body.links.iter().for_each(|&link| is_cut_link[link as usize] = true);
         port_mats.extend(&body.ports);
@@ -430,7 +432,7 @@ fn hub_and_bodies(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Wire
         .strikes
         .retain(|strike| !is_struck_in_body[strike.mat as usize]);
     let mut bodies = Vec::new();
-    for (body, mut inside) in bodies_inside {
+    for (body, mut inside) in cut_bodies {
         let local_mat = |mat: usize| hub.mat(mat).unwrap_or(0);
         let mode_count = match &mut inside {
             BodyPlan::Modal(modal) => {
@@ -475,7 +477,7 @@ fn hub_and_bodies(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Wire
 
 /// MATs that stay in the rest: those that move, that are driven or heard, or that a remaining link ends on; not points
 /// that only held bodies.
-fn mats_of_hub(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
+fn mats_of_hub(network: &Network, timeline: &Timeline, is_cut_link: &[bool]) -> Vec<bool> {
     let mat_kinds = network.mats().kind.iter();
     let mut is_used_mat: Vec<bool> = mat_kinds.map(|&kind| !kind.is_held()).collect();
     for proxy in network.proxies() {
@@ -485,7 +487,7 @@ fn mats_of_hub(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<b
     for (_, guide) in network.follower_pairs() {
         is_used_mat[guide] = true;
     }
-    for (_, a, b) in link_ends(network).filter(|&(link, _, _)| !is_cut[link]) {
+    for (_, a, b) in link_ends(network).filter(|&(link, _, _)| !is_cut_link[link]) {
         (is_used_mat[a], is_used_mat[b]) = (true, true);
     }
     timeline.driven_mats().for_each(|mat| is_used_mat[mat] = true);
@@ -498,8 +500,8 @@ fn mats_of_hub(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<b
 }
 
 /// Sets the mass of each port to what responds to a force within a step as the body does.
-pub(crate) fn set_port_masses(hub: &mut Network, inside: &BodyPlan) {
-    match inside {
+pub(crate) fn set_port_masses(hub: &mut Network, body_plan: &BodyPlan) {
+    match body_plan {
         BodyPlan::Modal(modal) => {
             let time_step = modal.rate.step();
             let mass_scale = if modal.is_discrete() {

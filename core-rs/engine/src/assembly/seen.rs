@@ -17,20 +17,23 @@ pub(crate) fn has_displayed_part(parts: &[String], displayed_parts: &[String]) -
 pub(crate) fn subsets(
     network: &Network,
     islands: Vec<IslandMembers>,
-    is_loose: impl Fn(&IslandMembers) -> bool,
+    is_uncoupled: impl Fn(&IslandMembers) -> bool,
 ) -> Result<(Vec<Subset>, usize), Error> {
-    let (mut all_subsets, mut loose_mats) = (Vec::new(), Vec::new());
+    let (mut all_subsets, mut uncoupled_mats) = (Vec::new(), Vec::new());
     for island in islands {
-        if is_loose(&island) {
-            loose_mats.extend(island.mats);
+        if is_uncoupled(&island) {
+            uncoupled_mats.extend(island.mats);
         } else {
             let island_subset = network.subset(&island.mats, &island.foreign_held_mats, &island.links);
             all_subsets.push(with_probe_output(island_subset, &island.mats)?);
         }
     }
     let n_islands = all_subsets.len();
-    if !loose_mats.is_empty() {
-        all_subsets.push(with_probe_output(network.subset(&loose_mats, &[], &[]), &loose_mats)?);
+    if !uncoupled_mats.is_empty() {
+        all_subsets.push(with_probe_output(
+            network.subset(&uncoupled_mats, &[], &[]),
+            &uncoupled_mats,
+        )?);
     }
     Ok((all_subsets, n_islands))
 }

@@ -29,7 +29,7 @@ pub(crate) type RefusedSlowPart = (String, String);
 #[derive(Default)]
 pub(crate) struct SlowBodies {
     pub(crate) bodies: Vec<(WiredBody, Slow)>,
-    pub(crate) refused_slow: Vec<RefusedSlowPart>,
+    pub(crate) refused_parts: Vec<RefusedSlowPart>,
 }
 
 /// The slow bodies of all parts that have a macrostep, and the parts that cannot be slow.
@@ -42,11 +42,11 @@ pub(crate) fn slow_bodies(network: &Network, timeline: &Timeline) -> SlowBodies 
         };
         match needs_every_frame(network, timeline, part) {
             Some(refusal_reason) => slow_bodies
-                .refused_slow
+                .refused_parts
                 .push((slow_part.name.clone(), refusal_reason.to_owned())),
             None => match slow_bodies_of_part(network, timeline, part, macrostep) {
                 Ok(bodies) => slow_bodies.bodies.extend(bodies),
-                Err(refusal_reason) => slow_bodies.refused_slow.push((slow_part.name.clone(), refusal_reason)),
+                Err(refusal_reason) => slow_bodies.refused_parts.push((slow_part.name.clone(), refusal_reason)),
             },
         }
     }
@@ -229,9 +229,9 @@ fn links_in_space(network: &Network) -> impl Iterator<Item = (&Run, usize)> {
     space_runs.flat_map(|run| (0..run.len).map(move |i| (run, i)))
 }
 
-/// Whether kicks resolve a mode that turns by `turn` between two of them [rad]; false for NaN.
-fn resolves_turn(turn: f64) -> bool {
-    turn < KICK_TURN_RADIANS_MAX
+/// Whether kicks resolve a mode that turns by `phase` between two of them [rad]; false for NaN.
+fn resolves_phase(phase: f64) -> bool {
+    phase < KICK_TURN_RADIANS_MAX
 }
 
 /// MATs of a body that move, by their index in the subset.
@@ -243,9 +243,9 @@ fn moving_mats(body: &WiredBody, subset: &Subset) -> Vec<usize> {
 /// What a method of slow bodies has computed.
 struct Solution {
     /// Phase of the fastest mode from kick to kick [rad].
-    turn_radians: f64,
+    kick_phase: f64,
     /// Frames from one kick to the next.
-    kick_every: u32,
+    kick_interval: u32,
     /// Positions at which linear springs balance [m]   (n)
     rest_positions: Vec<f64>,
     /// MATs that move, by their index in the subset, and 1/M of each at the rate of the island.
@@ -287,8 +287,8 @@ impl Solution {
         Ok(Slow {
             part,
             macrostep,
-            kick_interval: self.kick_every,
-            kick_phase: self.turn_radians,
+            kick_interval: self.kick_interval,
+            kick_phase: self.kick_phase,
             rest_positions: self.rest_positions,
             x0: free_mats.iter().map(|&i| mats.x0[i]).collect(),
             v0: free_mats.iter().map(|&i| mats.v0[i] * rate.step()).collect(),

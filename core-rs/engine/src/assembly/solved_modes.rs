@@ -47,7 +47,7 @@ pub(crate) trait ModeStore {
 
 /// Bodies known from an earlier plan, and those that the present plan has solved.
 pub(crate) struct ModeCache<'a> {
-    earlier: Option<&'a SolvedModes>,
+    earlier_modes: Option<&'a SolvedModes>,
     solved: RefCell<SolvedModes>,
     /// Where complex modes are kept from one plan to the next.
     store: Option<&'a dyn ModeStore>,
@@ -55,18 +55,18 @@ pub(crate) struct ModeCache<'a> {
     /// work of an island does not depend on others.
     counted_networks: RefCell<Vec<Network>>,
     /// Work of solutions that has not been taken yet [s].
-    untaken_seconds: Cell<f64>,
+    pending_seconds: Cell<f64>,
 }
 
 impl<'a> ModeCache<'a> {
     /// `earlier`: what an earlier plan has solved.
     pub(crate) fn new(earlier: Option<&'a SolvedModes>) -> Self {
         Self {
-            earlier,
+            earlier_modes: earlier,
             solved: RefCell::default(),
             store: None,
             counted_networks: RefCell::default(),
-            untaken_seconds: Cell::default(),
+            pending_seconds: Cell::default(),
         }
     }
 
@@ -83,7 +83,7 @@ impl<'a> ModeCache<'a> {
     /// Begins another island.
     pub(crate) fn begin_island(&self) {
         self.counted_networks.borrow_mut().clear();
-        self.untaken_seconds.set(0.0);
+        self.pending_seconds.set(0.0);
     }
 
     fn count_solution(&self, network: &Network, n_modes: usize) {
@@ -94,8 +94,8 @@ impl<'a> ModeCache<'a> {
         {
             counted.push(network.clone());
             let mode_count = n_modes as f64;
-            self.untaken_seconds.set(
-                self.untaken_seconds.get()
+            self.pending_seconds.set(
+                self.pending_seconds.get()
                     + 1e-9 * Costs::nanoseconds("mode_solution") * mode_count * mode_count * mode_count,
             );
         }
@@ -103,7 +103,7 @@ impl<'a> ModeCache<'a> {
 
     /// Work of solutions since the last call [s].
     pub(crate) fn take_seconds(&self) -> f64 {
-        self.untaken_seconds.take()
+        self.pending_seconds.take()
     }
 
     /// The same as [`Modes::new`], bit for bit, since each row is transformed by itself.
@@ -114,7 +114,7 @@ impl<'a> ModeCache<'a> {
                 && solved.network.is_same_from_start(network)
         };
         let solved_in_plan = self.solved.borrow().normal.iter().find(is_same_problem).cloned();
-        let solved_before = || self.earlier?.normal.iter().find(is_same_problem).cloned();
+        let solved_before = || self.earlier_modes?.normal.iter().find(is_same_problem).cloned();
         let already_solved = solved_in_plan.or_else(solved_before);
         let row_index = |solved: &SolvedBody, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
         if let Some(solved) = &already_solved {
@@ -149,14 +149,14 @@ impl<'a> ModeCache<'a> {
         &self,
         network: &Network,
         outputs: &[Sum],
-        struck: &[usize],
+        struck_mats: &[usize],
         rate: Rate,
     ) -> Result<Arc<ComplexModes>, NoModes> {
         let solutions = &mut self.solved.borrow_mut().complex;
         let is_same_problem = |solved: &&Arc<SolvedComplex>| {
-            solved.outputs == outputs && solved.struck_mats == struck && solved.network.is_same_from_start(network)
+            solved.outputs == outputs && solved.struck_mats == struck_mats && solved.network.is_same_from_start(network)
         };
-        let solved_before = || self.earlier?.complex.iter().find(is_same_problem);
+        let solved_before = || self.earlier_modes?.complex.iter().find(is_same_problem);
         let solved_now = solutions.iter().find(is_same_problem).cloned();
         let complex_modes = match solved_now.or_else(|| solved_before().cloned()) {
             Some(solved) => {
@@ -167,13 +167,13 @@ impl<'a> ModeCache<'a> {
                 modes?
             }
             None => {
-                let solve = || ComplexModes::new(network, outputs, struck, rate);
-                let stored_modes = self.store.and_then(|store| store.get(network, outputs, struck));
+                let solve = || ComplexModes::new(network, outputs, struck_mats, rate);
+                let stored_modes = self.store.and_then(|store| store.get(network, outputs, struck_mats));
                 let complex_modes = stored_modes.map_or_else(
                     || {
                         let solved_modes = solve()?;
                         if let Some(store) = self.store {
-                            store.put(network, outputs, struck, &solved_modes);
+                            store.put(network, outputs, struck_mats, &solved_modes);
                         }
                         Ok(solved_modes)
                     },
@@ -183,7 +183,7 @@ impl<'a> ModeCache<'a> {
                 solutions.push(Arc::new(SolvedComplex {
                     network: network.clone(),
                     outputs: outputs.to_vec(),
-                    struck_mats: struck.to_vec(),
+                    struck_mats: struck_mats.to_vec(),
                     modes: complex_modes.clone(),
                 }));
                 complex_modes?

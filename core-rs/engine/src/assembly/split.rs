@@ -16,22 +16,22 @@ pub(crate) struct LocalTimeline {
 }
 
 impl LocalTimeline {
-    /// The same with one frame in place of `every`; `None` if the timeline has no such version.
-    pub(crate) fn slower(&self, every: u32) -> Option<Self> {
+    /// The same with one frame in place of `n_frames`; `None` if the timeline has no such version.
+    pub(crate) fn slower(&self, n_frames: u32) -> Option<Self> {
         Some(Self {
-            timeline: self.timeline.with_lower_rate(every)?,
+            timeline: self.timeline.with_lower_rate(n_frames)?,
             ..self.clone()
         })
     }
 }
 
 /// Where a module is: index of the subset, and its index there.
-type Home = (usize, usize);
+type LocalMat = (usize, usize);
 
 /// Gives each subset its share of the timeline. Events on MATs in no subset are dropped.
 pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, LocalTimeline)> {
-    let homes = homes(&subsets, timeline);
-    let homes_of_mat = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
+    let local_mats = find_local_mats(&subsets, timeline);
+    let local_mats_of = |mat: u32| local_mats.get(&mat).map_or(&[][..], Vec::as_slice);
     let mut timelines: Vec<LocalTimeline> = subsets
         .iter()
         .map(|_| LocalTimeline {
@@ -44,26 +44,26 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
             gestures: Vec::new(),
         })
         .collect();
-    share_strikes(&timeline.strikes, &homes_of_mat, &mut timelines, |timeline| {
+    distribute_strikes(&timeline.strikes, &local_mats_of, &mut timelines, |timeline| {
         &mut timeline.strikes
     });
-    share_strikes(&timeline.trial_strikes, &homes_of_mat, &mut timelines, |timeline| {
+    distribute_strikes(&timeline.trial_strikes, &local_mats_of, &mut timelines, |timeline| {
         &mut timeline.trial_strikes
     });
     for ergon in &timeline.ergons {
-        for &(subset_index, mat) in homes_of_mat(ergon.mat) {
+        for &(subset_index, mat) in local_mats_of(ergon.mat) {
             let mat = mat as u32;
             timelines[subset_index].timeline.ergons.push(Ergon { mat, ..*ergon });
         }
     }
     for drive in &timeline.drives {
-        for &(subset_index, mat) in homes_of_mat(drive.mat as u32) {
+        for &(subset_index, mat) in local_mats_of(drive.mat as u32) {
             let drive = drive.clone();
             // The input is not known in advance: nothing is tried, and nothing left out.
             timelines[subset_index].timeline.is_open |= drive.is_sound_in();
             let source = match drive.source {
                 DriveSource::Key(port) => {
-                    let key_homes = homes_of_mat(port.key as u32).iter();
+                    let key_homes = local_mats_of(port.key as u32).iter();
                     let mut local_keys = key_homes.filter(|(subset, _)| *subset == subset_index);
                     let Some(&(_, key)) = local_keys.next() else {
                         continue;
@@ -79,13 +79,13 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
         }
     }
     for glide in &timeline.glides {
-        for &(subset_index, mat) in homes_of_mat(glide.mat as u32) {
+        for &(subset_index, mat) in local_mats_of(glide.mat as u32) {
             let points = glide.points.clone();
             timelines[subset_index].timeline.glides.push(Glide { mat, points });
         }
     }
     for (index, key) in timeline.keys.iter().enumerate() {
-        for &(subset_index, struck) in homes_of_mat(key.struck_mat as u32) {
+        for &(subset_index, struck) in local_mats_of(key.struck_mat as u32) {
             timelines[subset_index].keys.push(index as u32);
             timelines[subset_index].timeline.key(&key.name, struck);
         }
@@ -123,14 +123,14 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
 }
 
 /// Adds strikes to a list of the timeline of each subset that has their MAT.
-fn share_strikes<'a>(
+fn distribute_strikes<'a>(
     strikes: &[Strike],
-    homes_of_mat: &impl Fn(u32) -> &'a [Home],
+    local_mats_of: &impl Fn(u32) -> &'a [LocalMat],
     timelines: &mut [LocalTimeline],
     strike_list: impl Fn(&mut Timeline) -> &mut Vec<Strike>,
 ) {
     for strike in strikes {
-        for &(subset_index, mat) in homes_of_mat(strike.mat) {
+        for &(subset_index, mat) in local_mats_of(strike.mat) {
             let mat = mat as u32;
             strike_list(&mut timelines[subset_index].timeline).push(Strike { mat, ..*strike });
         }
@@ -148,7 +148,7 @@ pub(crate) fn local_links(subset: &Subset, links: Range<usize>) -> Option<(usize
 }
 
 /// The homes of every MAT that an event acts on: one if it moves, any number if it is held.
-fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
+fn find_local_mats(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<LocalMat>> {
     let all_strikes = timeline.strikes.iter().chain(&timeline.trial_strikes);
     let strike_mats = all_strikes.map(|strike| strike.mat);
     let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat);
@@ -160,13 +160,13 @@ fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
         .chain(driven_mats)
         .chain(struck_mats)
         .chain(glided_mats);
-    let mut mat_homes: HashMap<u32, Vec<Home>> = event_mats.map(|mat| (mat, Vec::new())).collect();
+    let mut local_mats: HashMap<u32, Vec<LocalMat>> = event_mats.map(|mat| (mat, Vec::new())).collect();
     for (index, subset) in subsets.iter().enumerate() {
         for (local, mat) in subset.mats.iter().enumerate() {
-            if let Some(mat_homes) = mat_homes.get_mut(mat) {
+            if let Some(mat_homes) = local_mats.get_mut(mat) {
                 mat_homes.push((index, local));
             }
         }
     }
-    mat_homes
+    local_mats
 }

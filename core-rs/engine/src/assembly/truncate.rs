@@ -43,18 +43,18 @@ impl KeptModes {
 }
 
 /// Keeps the loudest modes. Energies are A²/2 over the first `ENERGY_SECONDS` seconds, with A the amplitude that an
-/// output hears, and add up over the impulses `blows` [N·s].
+/// output hears, and add up over the impulses `impulses` [N·s].
 pub(crate) fn loudest_modes(
     modes: &Modes,
     output_shapes: &[Vec<f64>],
     struck_shapes: &[Vec<f64>],
-    blows: &[Vec<f64>],
+    impulses: &[Vec<f64>],
     left_out_db_max: Option<f64>,
     budget: &Budget,
     rate: Rate,
 ) -> KeptModes {
     let energies: Vec<f64> = (0..modes.len())
-        .map(|mode| mode_energy(modes, struck_shapes, blows, mode, rate))
+        .map(|mode| mode_energy(modes, struck_shapes, impulses, mode, rate))
         .collect();
     let output_rows: Vec<&[f64]> = output_shapes.iter().map(Vec::as_slice).collect();
     loudest_by_energy(&[energies], &output_rows, left_out_db_max, budget, |mode| {
@@ -62,23 +62,23 @@ pub(crate) fn loudest_modes(
     })
 }
 
-/// Keeps the loudest modes, so that the others together stay below `allowed` [dB] in every row, for each of several
+/// Keeps the loudest modes, so that the others together stay below `level_max` [dB] in every row, for each of several
 /// `excitations` in which modes may get their energies   (n_excitations, n_modes).
 pub(crate) fn loudest_by_energy(
     excitations: &[Vec<f64>],
     rows: &[&[f64]],
-    allowed: Option<f64>,
+    level_max: Option<f64>,
     budget: &Budget,
     frequency: impl Fn(usize) -> f64,
 ) -> KeptModes {
     let mode_count = excitations.first().map_or(0, Vec::len);
     // The largest relative loudness of each mode over all rows and excitations.
     let mut mode_loudness = vec![0.0_f64; mode_count];
-    for (excitation, row) in excitations
+    for (mode_energies, row) in excitations
         .iter()
         .flat_map(|excitation| rows.iter().map(move |row| (excitation, row)))
     {
-        let energy = |mode: usize| excitation[mode] * row[mode] * row[mode];
+        let energy = |mode: usize| mode_energies[mode] * row[mode] * row[mode];
         let total_energy: f64 = (0..mode_count).map(energy).sum();
         if total_energy > 0.0 {
             let loudness = mode_loudness.iter_mut().enumerate();
@@ -87,11 +87,11 @@ pub(crate) fn loudest_by_energy(
     }
     let mut by_loudness: Vec<(f64, usize)> = mode_loudness.into_iter().zip(0..).collect();
     by_loudness.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let share_allowed = allowed.map(|db| pow(10.0, db / 10.0));
+    let share_max = level_max.map(|db| pow(10.0, db / 10.0));
     let (mut modes_kept, mut dropped_share) = (Vec::new(), 0.0);
     for (loudness, mode) in by_loudness {
         let is_inaudible = frequency(mode) > budget.highest_audible_hz();
-        let may_be_left_out = share_allowed.is_some_and(|share_allowed| dropped_share + loudness <= share_allowed);
+        let may_be_left_out = share_max.is_some_and(|share_allowed| dropped_share + loudness <= share_allowed);
         if is_inaudible || may_be_left_out {
             // A mode above hearing may be loud: it does not count as an error.
             dropped_share += if is_inaudible { 0.0 } else { loudness };
@@ -107,14 +107,14 @@ pub(crate) fn loudest_by_energy(
 }
 
 /// Energy of a mode's own motion, before an output weights it.
-fn mode_energy(modes: &Modes, struck_shapes: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
+fn mode_energy(modes: &Modes, struck_shapes: &[Vec<f64>], impulses: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
     let (frequency, decay_rate) = modes.frequency_and_decay(mode, rate);
     let omega = (std::f64::consts::TAU * frequency)
         .max(decay_rate)
         .max(f64::MIN_POSITIVE);
     let (x, v) = (modes.x0[mode] - modes.rest[mode], modes.v0[mode]);
     let mut amplitude_square = x * x + v * v / (omega * omega);
-    for (shape, blows) in struck_shapes.iter().zip(blows) {
+    for (shape, blows) in struck_shapes.iter().zip(impulses) {
         // A unit impulse gives a mass of 1 the velocity 1; an algorithmic mass of 1 gets T^-2 times as much.
         let mass_unit = if modes.is_discrete {
             rate.step() * rate.step()

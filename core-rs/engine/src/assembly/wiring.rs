@@ -191,7 +191,7 @@ impl WiredBody {
     /// more than `ties_max`.
     pub(crate) fn without_ties(&self, network: &Network, ties_max: usize) -> Option<Self> {
         let is_single = |link: usize| {
-            let mut runs = interrupt::each(network.runs());
+            let mut runs = interrupt::polled_items(network.runs());
             runs.any(|run| run.first == link && run.len == 1)
         };
         let is_guest = |mat: usize| self.foreign_held_mats.binary_search(&(mat as u32)).is_ok();

@@ -25,7 +25,7 @@ pub(crate) type Complex = [f64; 2];
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ComplexPart {
     pub(crate) mode: usize,
-    pub(crate) part: usize,
+    pub(crate) sequence: usize,
     pub(crate) sign: f64,
 }
 

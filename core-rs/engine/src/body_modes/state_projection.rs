@@ -140,8 +140,8 @@ impl StateProjection {
             let values = now.iter_mut().zip(&mut *before);
             for ((now, before), part) in values.zip(&self.parts) {
                 let number = numbers[part.mode];
-                *now = number[part.part];
-                *before = backward_steps[part.mode].apply(number)[part.part];
+                *now = number[part.sequence];
+                *before = backward_steps[part.mode].apply(number)[part.sequence];
             }
             if round == ROUNDS {
                 return;
@@ -216,7 +216,11 @@ mod tests {
             Pole::Real { .. } => vec![1.0],
             Pole::Free => vec![1.0, 1.0],
         };
-        let new_part = |mode: usize, part: usize, sign: f64| ComplexPart { mode, part, sign };
+        let new_part = |mode: usize, part: usize, sign: f64| ComplexPart {
+            mode,
+            sequence: part,
+            sign,
+        };
         let modes = modes.poles.iter().enumerate();
         modes
             .flat_map(|(mode, pole)| {
@@ -235,13 +239,13 @@ mod tests {
         let parts = parts_of(&modes);
         let mut projection = StateProjection::new(&network, &parts, rate).unwrap();
         let start = &modes.start;
-        let now: Vec<f64> = parts.iter().map(|part| start[part.mode][part.part]).collect();
+        let now: Vec<f64> = parts.iter().map(|part| start[part.mode][part.sequence]).collect();
         let back = |part: &ComplexPart| {
             modes.poles[part.mode]
                 .backward_step(rate.step())
                 .apply(start[part.mode])
         };
-        let before: Vec<f64> = parts.iter().map(|part| back(part)[part.part]).collect();
+        let before: Vec<f64> = parts.iter().map(|part| back(part)[part.sequence]).collect();
         let mut motions = vec![(0.0, 0.0); 4];
         projection.shapes.positions(&now, &before, &mut motions);
         for ((x, _), x0) in motions.iter().zip(&network.mats().x0) {

@@ -88,7 +88,7 @@ impl Response {
     /// Velocity [m/s] per impulse [N·s], right after it.
     pub(crate) fn velocity_step(&self) -> f64 {
         match *self {
-            Self::Cell(cell) => cell.velocity_step(),
+            Self::Cell(cell) => cell.velocity_jump(),
             Self::Pair {
                 decay,
                 omega,

@@ -127,7 +127,7 @@ impl Take {
         let profile = match preparation.smooth {
             None => natural_spline(t, x),
             Some(cutoff) => {
-                let (t, mut x) = resampled_evenly(t, x, natural_spline);
+                let (t, mut x) = resample_evenly(t, x, natural_spline);
                 low_pass(&mut x, cutoff, mean_rate(&t))?;
                 natural_spline(&t, &x)
             }
@@ -227,7 +227,7 @@ fn mean_rate(t: &[f64]) -> f64 {
 
 /// The samples at even steps, as a digital filter needs them. If instants jitter (0.0333, 0.0667, 0.1), the spline is
 /// sampled instead.
-fn resampled_evenly(t: &[f64], x: &[f64], natural: impl Fn(&[f64], &[f64]) -> Profile) -> (Vec<f64>, Vec<f64>) {
+fn resample_evenly(t: &[f64], x: &[f64], natural: impl Fn(&[f64], &[f64]) -> Profile) -> (Vec<f64>, Vec<f64>) {
     let last_index = t.len() - 1;
     let (first_instant, last_instant) = (t[0], t[last_index]);
     let even_instants: Vec<f64> = (0..=last_index)

@@ -96,9 +96,9 @@ impl Gesture {
         let take_start = path.start();
         let stop = cut_instant.map_or(path.stop(), |instant| instant.min(path.stop()));
         let end_positions = [path.evaluate(take_start).0, path.evaluate(stop).0];
-        let stretches = vec![GestureSegment::Path { path, stop }];
+        let segments = vec![GestureSegment::Path { path, stop }];
         // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.
-        Self::new(key, stretches, take_start, end_positions, vec![(0.0, source)], manner)
+        Self::new(key, segments, take_start, end_positions, vec![(0.0, source)], manner)
     }
 
     fn new(
@@ -135,11 +135,11 @@ impl Gesture {
 
 impl Manner {
     fn check(&self) -> Result<(), GestureError> {
-        let check_bound = |what, value: f64, value_min: f64| {
+        let check_bound = |name, value: f64, value_min: f64| {
             if value.is_finite() && value >= value_min {
                 Ok(())
             } else {
-                Err(GestureError::NotPositive { what, value })
+                Err(GestureError::NotPositive { what: name, value })
             }
         };
         if (self.touch, self.ergon_kind) == (Touch::Tracked, ErgonKind::Particle) {

@@ -19,7 +19,7 @@ impl TieFactors {
         if !has_poles || !has_ties {
             return Ok(None);
         }
-        let multiples = |step_count: u32| -> Result<[Vec<f64>; 2], Error> {
+        let factors_at = |step_count: u32| -> Result<[Vec<f64>; 2], Error> {
             let step_count = f64::from(step_count);
             let Ok(finer_rate) = Rate::new(scheme.rate * step_count) else {
                 return Ok([&scheme.kappa, &scheme.zeta].map(|coefficients| vec![1.0; coefficients.len()]));
@@ -42,7 +42,7 @@ impl TieFactors {
                 factors(&finer_scheme.zeta, &scheme.zeta, step_count),
             ])
         };
-        Ok(Some(Self([multiples(2)?, multiples(4)?, multiples(STEPS_MAX)?])))
+        Ok(Some(Self([factors_at(2)?, factors_at(4)?, factors_at(STEPS_MAX)?])))
     }
 
     /// Write κ and ζ for `steps` steps a frame into `out`, from those of the frame.

@@ -41,31 +41,31 @@ impl Guard {
         }));
     }
 
-    /// Compute a frame in smaller steps; `stage` holds the state at its beginning and the sum of all forces that act in
-    /// it. Returns false if a position is no longer finite or plausible.
-    pub(crate) fn compute_finer(&mut self, stage: &mut impl SubsteppedSystem) -> bool {
-        self.begin_frame(stage);
+    /// Compute a frame in smaller steps; `system` holds the state at its beginning and the sum of all forces that act
+    /// in it. Returns false if a position is no longer finite or plausible.
+    pub(crate) fn compute_finer(&mut self, system: &mut impl SubsteppedSystem) -> bool {
+        self.begin_frame(system);
         let mut step_count = if self.frame_steps > 1 { self.frame_steps } else { 2 };
-        while !self.try_steps(stage, step_count) && step_count < STEPS_MAX {
+        while !self.try_steps(system, step_count) && step_count < STEPS_MAX {
             step_count *= 2;
-            let MatMotion { x, d, .. } = stage.mat_motion();
+            let MatMotion { x, d, .. } = system.mat_motion();
             x.copy_from_slice(&self.start_positions);
             d.copy_from_slice(&self.start_steps);
         }
-        self.end_frame(stage, step_count)
+        self.end_frame(system, step_count)
     }
 
     /// Store the beginning of the frame, and separate outside forces from those of links.
-    fn begin_frame(&mut self, stage: &mut impl SubsteppedSystem) {
-        let MatMotion { force, x, d, .. } = stage.mat_motion();
+    fn begin_frame(&mut self, system: &mut impl SubsteppedSystem) {
+        let MatMotion { force, x, d, .. } = system.mat_motion();
         self.start_positions.copy_from_slice(x);
         self.start_steps.copy_from_slice(d);
         self.outside_forces.copy_from_slice(force);
-        stage.compute_link_forces();
-        let MatMotion { ties, force, x, d } = stage.mat_motion();
+        system.compute_link_forces();
+        let MatMotion { ties, force, x, d } = system.mat_motion();
         let [w, kappa, zeta, rest] = ties;
-        for (outside, force) in self.outside_forces.iter_mut().zip(&*force) {
-            *outside -= force;
+        for (outside_force, force) in self.outside_forces.iter_mut().zip(&*force) {
+            *outside_force -= force;
         }
         for (i, step) in self.link_steps.iter_mut().enumerate() {
             *step = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
@@ -73,28 +73,28 @@ impl Guard {
     }
 
     /// Compute the frame in `steps` steps; false if they are too few and more are possible.
-    fn try_steps(&mut self, stage: &mut impl SubsteppedSystem, steps: u32) -> bool {
+    fn try_steps(&mut self, system: &mut impl SubsteppedSystem, steps: u32) -> bool {
         let step_fraction = 1.0 / f64::from(steps);
         let time_shift = 0.5 / f64::from(self.previous_frame_steps) - 0.5 * step_fraction;
-        let MatMotion { d, ties, .. } = stage.mat_motion();
+        let MatMotion { d, ties, .. } = system.mat_motion();
         let [kappa, zeta] = &mut self.substep_ties;
-        if let Some(finer_cells) = &self.tie_factors {
-            finer_cells.write_ties(steps, [ties[1], ties[2]], [kappa, zeta]);
+        if let Some(tie_factors) = &self.tie_factors {
+            tie_factors.write_ties(steps, [ties[1], ties[2]], [kappa, zeta]);
         }
         for (i, d) in d.iter_mut().enumerate() {
-            let frame_lead = if self.previous_frame_steps > 1 {
+            let step_excess = if self.previous_frame_steps > 1 {
                 self.last_step_excess[i]
             } else {
                 0.0
             };
-            *d += frame_lead + time_shift * self.link_steps[i];
+            *d += step_excess + time_shift * self.link_steps[i];
         }
         for &(mat, path_start, path_end) in &self.imposed_paths {
             d[mat] = path_end - path_start;
         }
         for step in 1..=steps {
-            stage.compute_link_forces();
-            let MatMotion { ties, force, x, d } = stage.mat_motion();
+            system.compute_link_forces();
+            let MatMotion { ties, force, x, d } = system.mat_motion();
             if step == 1 {
                 for (i, force) in force.iter_mut().enumerate() {
                     *force += f64::from(steps) * self.outside_forces[i];
@@ -126,8 +126,8 @@ impl Guard {
     }
 
     /// End the frame: `d` becomes the mean of its steps, and `last_step_excess` the last step minus that mean.
-    fn end_frame(&mut self, stage: &mut impl SubsteppedSystem, steps: u32) -> bool {
-        let MatMotion { ties, x, d, .. } = stage.mat_motion();
+    fn end_frame(&mut self, system: &mut impl SubsteppedSystem, steps: u32) -> bool {
+        let MatMotion { ties, x, d, .. } = system.mat_motion();
         for i in 0..x.len() {
             let mean_step = x[i] - self.start_positions[i];
             self.last_step_excess[i] = d[i] - mean_step;

@@ -95,11 +95,11 @@ pub(super) fn watched_runs(runs: &[LinkRun], mat_moves: impl Fn(usize) -> bool) 
 
 /// Set the reach of every run such that λ rises by no more than `stiffness_rise`, and remove runs that never stiffen so
 /// much.
-pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, stiffness_rise: f64, inverse_masses: &[f64]) {
+pub(super) fn set_reaches(watched_runs: &mut Vec<WatchedRun>, stiffness_rise: f64, inverse_masses: &[f64]) {
     let mut link_degree = vec![0.0; inverse_masses.len()];
-    for watch in &*watches {
-        for first_mat in [watch.a, watch.b] {
-            link_degree[first_mat..][..watch.len]
+    for run in &*watched_runs {
+        for first_mat in [run.a, run.b] {
+            link_degree[first_mat..][..run.len]
                 .iter_mut()
                 .for_each(|degree| *degree += 1.0);
         }
@@ -107,13 +107,13 @@ pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, stiffness_rise: f64, in
     // If the stiffening of each link is at most half of `stiffness_rise`, divided by degree times 1/M at either end, no
     // edge sum exceeds `stiffness_rise`.
     let edge_weight = |mat: usize| link_degree[mat] * inverse_masses[mat];
-    for watch in &mut *watches {
+    for watch in &mut *watched_runs {
         let end_weights = (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
         watch.reach = watch
             .stiffening
             .reach(0.5 * stiffness_rise / end_weights.fold(0.0, f64::max));
     }
-    watches.retain(|watch| watch.reach < f64::INFINITY);
+    watched_runs.retain(|watch| watch.reach < f64::INFINITY);
 }
 
 wide! {
@@ -127,9 +127,9 @@ wide! {
 
 wide! {
     /// How much more the link that is nearest to its reach may be stretched [m].
-    pub(super) fn least_reach_left(watches: &[WatchedRun], x: &[f64]) -> f64 {
+    pub(super) fn least_reach_left(watched_runs: &[WatchedRun], x: &[f64]) -> f64 {
         let mut nearest = f64::INFINITY;
-        for watch in watches {
+        for watch in watched_runs {
             let WatchedRun {
                 a, b, len, rest_length, ..
             } = *watch;
@@ -156,7 +156,7 @@ wide! {
 /// The bound is the largest edge sum: stiffening over mass, summed at both ends of a link. `mats` are the MATs that
 /// watched links join; `sums` (n_mat) and `rises` (longest run) are buffers.
 pub(super) fn lambda_rise_bound(
-    watches: &[WatchedRun],
+    watched_runs: &[WatchedRun],
     mats: &Range<usize>,
     x: &[f64],
     inverse_masses: &[f64],
@@ -164,7 +164,7 @@ pub(super) fn lambda_rise_bound(
     rises: &mut [f64],
 ) -> (f64, usize) {
     sums[mats.clone()].fill(0.0);
-    for watch in watches {
+    for watch in watched_runs {
         let (end_a, end_b) = (watch.a, watch.b);
         let rises = &mut rises[..watch.len];
         let (positions_a, positions_b) = (&x[end_a..][..watch.len], &x[end_b..][..watch.len]);
@@ -179,7 +179,7 @@ pub(super) fn lambda_rise_bound(
         }
     }
     let (mut greatest_sum, mut worst_mat) = (0.0, mats.start);
-    for watch in watches {
+    for watch in watched_runs {
         for i in 0..watch.len {
             let (end_a, end_b) = (watch.a + i, watch.b + i);
             let edge_sum = sums[end_a] * inverse_masses[end_a] + sums[end_b] * inverse_masses[end_b];

@@ -142,11 +142,11 @@ impl Stepper for Bm4 {
         Arc::make_mut(&mut self.mesh);
     }
 
-    fn partition_for(&mut self, threads: usize) {
-        self.mesh.partition_for(&mut self.scratch, threads);
+    fn partition(&mut self, threads: usize) {
+        self.mesh.partition(&mut self.scratch, threads);
     }
 
-    fn is_shared(&self) -> bool {
+    fn can_share_work(&self) -> bool {
         self.scratch.mesh_partition().is_some()
     }
 

@@ -22,7 +22,7 @@ pub(super) struct Ca {
     scheme: Scheme,
     /// Its forces are those of the links at the current frame.
     modules: ModuleState,
-    laws: KernelScratch,
+    scratch: KernelScratch,
     guard: Option<Guard>,
 }
 
@@ -35,29 +35,30 @@ impl Ca {
         let start_positions = network.mats().x0.clone();
         let start_steps = backward_steps(network, &Timeline::new(rate), &scheme, &start_positions, &[], &|_| true);
         scheme.fuse_springs(|_| false);
-        let (mut body, mut laws) = (
+        let (mut modules, mut scratch) = (
             ModuleState::new(&scheme, start_positions, start_steps),
             KernelScratch::new(&scheme),
         );
-        body.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
-        kernel::compute_link_forces(&scheme, &[], &mut body, &mut laws, &mut ThreadTeam::alone());
+        modules.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        kernel::compute_link_forces(&scheme, &[], &mut modules, &mut scratch, &mut ThreadTeam::alone());
         Ok(Self {
             mesh,
             scheme,
-            modules: body,
-            laws,
+            modules,
+            scratch,
             guard,
         })
     }
 }
 
 impl Stepper for Ca {
-    fn partition_for(&mut self, threads: usize) {
-        self.laws.mesh_partition = MeshPartition::for_threads(&self.scheme.fused_springs, self.scheme.n_mat(), threads);
+    fn partition(&mut self, threads: usize) {
+        self.scratch.mesh_partition =
+            MeshPartition::for_threads(&self.scheme.fused_springs, self.scheme.n_mat(), threads);
     }
 
-    fn is_shared(&self) -> bool {
-        self.laws.mesh_partition.is_some()
+    fn can_share_work(&self) -> bool {
+        self.scratch.mesh_partition.is_some()
     }
 
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
@@ -66,7 +67,7 @@ impl Stepper for Ca {
             self.modules.push(mat, impulse * scheme.rate);
         }
         kernel::solve_exact_contacts(scheme, &[], &[], &mut self.modules);
-        let mesh_partition = self.laws.mesh_partition.as_ref();
+        let mesh_partition = self.scratch.mesh_partition.as_ref();
         kernel::advance_mats(scheme, &mut [], &mut self.modules, mesh_partition, team);
         if let (Some(guard), Some(previous)) = (&mut self.guard, &mut self.modules.previous_state)
             && guard.needs_finer(&self.modules.x, &self.modules.d, &scheme.w)
@@ -76,11 +77,11 @@ impl Stepper for Ca {
                 scheme,
                 gates: &[],
                 modules: &mut self.modules,
-                laws: &mut self.laws,
+                scratch: &mut self.scratch,
                 team,
             });
         }
-        kernel::compute_link_forces(scheme, &[], &mut self.modules, &mut self.laws, team);
+        kernel::compute_link_forces(scheme, &[], &mut self.modules, &mut self.scratch, team);
     }
 
     fn mesh(&self) -> &Mesh {
@@ -105,7 +106,7 @@ impl Stepper for Ca {
 
     fn update_after_motion(&mut self) {
         let lone_team = &mut ThreadTeam::alone();
-        kernel::compute_link_forces(&self.scheme, &[], &mut self.modules, &mut self.laws, lone_team);
+        kernel::compute_link_forces(&self.scheme, &[], &mut self.modules, &mut self.scratch, lone_team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {

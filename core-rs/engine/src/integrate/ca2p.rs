@@ -139,11 +139,11 @@ fn initial_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> V
 }
 
 impl Stepper for Ca2p {
-    fn partition_for(&mut self, threads: usize) {
-        self.mesh.partition_for(&mut self.scratch, threads);
+    fn partition(&mut self, threads: usize) {
+        self.mesh.partition(&mut self.scratch, threads);
     }
 
-    fn is_shared(&self) -> bool {
+    fn can_share_work(&self) -> bool {
         self.scratch.mesh_partition().is_some()
     }
 

@@ -42,8 +42,8 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
     }
     let network_mesh = Mesh::new(network, rate, method)?;
     let mesh_scheme = &network_mesh.scheme;
-    let largest_lambda = |loss_weight: f64, enough_lambda: f64, lambda_limit: f64| {
-        largest_eigenvalue_up_to(mesh_scheme, network, loss_weight, enough_lambda, lambda_limit)
+    let largest_lambda = |loss_weight: f64, proved_lambda: f64, lambda_limit: f64| {
+        largest_eigenvalue_up_to(mesh_scheme, network, loss_weight, proved_lambda, lambda_limit)
     };
     let certificate = |largest: &LargestEigenvalue, guarantee: StabilityGuarantee| Certificate {
         lambda_max: largest.lambda,
@@ -57,9 +57,9 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
     };
     match method {
         MeshMethod::Ca2p => {
-            let (loss_weight, enough_lambda) = ca2p_bound(&network_mesh);
-            let largest_value = largest_lambda(loss_weight, enough_lambda, LAMBDA_MAX_SHARED)?;
-            if largest_value.lambda < enough_lambda {
+            let (loss_weight, proved_lambda) = ca2p_bound(&network_mesh);
+            let largest_value = largest_lambda(loss_weight, proved_lambda, LAMBDA_MAX_SHARED)?;
+            if largest_value.lambda < proved_lambda {
                 Ok(certificate(&largest_value, guarantee))
             } else if largest_value.lambda < LAMBDA_MAX_SHARED {
                 Ok(certificate(&largest_value, StabilityGuarantee::Tried))

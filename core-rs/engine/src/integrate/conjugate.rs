@@ -45,18 +45,18 @@ impl ConjugateGradients {
         x: &mut [f64],
     ) {
         let Self { r, p, y } = self;
-        let enough_square = TOLERANCE * TOLERANCE * squared_norm(inverse_diagonal, right_side);
+        let target_square = TOLERANCE * TOLERANCE * squared_norm(inverse_diagonal, right_side);
         let (mut iterations, mut last_square) = (0, f64::INFINITY);
         while iterations < ITERATIONS_MAX {
             apply(x, y);
             let mut residual_square = residual(inverse_diagonal, right_side, y, r);
             // Written so that a NaN ends the loop too.
-            if !(residual_square > enough_square && residual_square < RESTART_GAIN * last_square) {
+            if !(residual_square > target_square && residual_square < RESTART_GAIN * last_square) {
                 break;
             }
             last_square = residual_square;
             update_direction(inverse_diagonal, r, 0.0, p);
-            while residual_square > enough_square && iterations < ITERATIONS_MAX {
+            while residual_square > target_square && iterations < ITERATIONS_MAX {
                 interrupt::poll_for(p.len());
                 apply(p, y);
                 let curvature = dot(p, y);

@@ -73,25 +73,25 @@ impl Flow {
     }
 
     /// The error of straight motion and a kick after a push of one mass by a metre a frame at the beginning of a frame.
-    /// `moved` holds the exact positions and velocities at its end. Returns what must be added to positions and
+    /// `end_state` holds the exact positions and velocities at its end. Returns what must be added to positions and
     /// velocities after the kick   (2n).
-    pub(crate) fn push_deficit(&self, pushed_mass: usize, moved: &[f64]) -> Vec<f64> {
+    pub(crate) fn push_deficit(&self, pushed_mass: usize, end_state: &[f64]) -> Vec<f64> {
         let n_masses = self.velocity_factor.n;
-        let (x, v) = moved.split_at(n_masses);
+        let (x, v) = end_state.split_at(n_masses);
         let mut unit_push = vec![0.0; n_masses];
         unit_push[pushed_mass] = 1.0;
         let (retained, pulled) = (
             self.velocity_factor.times_vector(&unit_push),
             self.position_pull.times_vector(&unit_push),
         );
-        let mut velocity_lack = self.start_velocities(x, v);
-        for ((velocity_lack, retained), pulled) in velocity_lack.iter_mut().zip(retained).zip(pulled) {
+        let mut velocity_deficit = self.start_velocities(x, v);
+        for ((velocity_lack, retained), pulled) in velocity_deficit.iter_mut().zip(retained).zip(pulled) {
             *velocity_lack += pulled - retained;
         }
-        let mut missing = x.to_vec();
-        missing[pushed_mass] -= 1.0;
-        missing.extend(velocity_lack);
-        missing
+        let mut deficit = x.to_vec();
+        deficit[pushed_mass] -= 1.0;
+        deficit.extend(velocity_deficit);
+        deficit
     }
 }
 

@@ -99,9 +99,9 @@ fn initial_step(mesh: &Mesh, links: &IeqLinks, network: &Network) -> Vec<f64> {
     let mat_diagonal: Vec<f64> = (0..n_mats)
         .map(|i| mesh.scaled_masses[i] * (1.0 + links.beta * mesh_scheme.kappa[i]))
         .collect();
-    let mut inverse = mat_diagonal.clone();
-    let elastic_terms = links.elastic_matrix(mesh, [x, &v], &mut inverse);
-    for (inverse, mat_diagonal) in inverse.iter_mut().zip(&mat_diagonal) {
+    let mut inverse_diagonal = mat_diagonal.clone();
+    let elastic_terms = links.elastic_matrix(mesh, [x, &v], &mut inverse_diagonal);
+    for (inverse, mat_diagonal) in inverse_diagonal.iter_mut().zip(&mat_diagonal) {
         *inverse = if *mat_diagonal > 0.0 { 1.0 / *inverse } else { 0.0 };
     }
     let (mut acceleration, mut scratch) = (vec![0.0; n_mats], vec![0.0; links.longest_run()]);
@@ -110,7 +110,7 @@ fn initial_step(mesh: &Mesh, links: &IeqLinks, network: &Network) -> Vec<f64> {
         passes::apply_stiffnesses(&links.runs, &elastic_terms, p, &mut scratch, y);
         diagonal_minus(&mat_diagonal, p, y);
     };
-    ConjugateGradients::new(n_mats).solve(&mut apply_system, &inverse, &force, &mut acceleration);
+    ConjugateGradients::new(n_mats).solve(&mut apply_system, &inverse_diagonal, &force, &mut acceleration);
     v.iter()
         .zip(&acceleration)
         .map(|(v, acceleration)| v - 0.5 * acceleration)

@@ -18,8 +18,8 @@ impl Mesh {
         for (mat, half_acceleration) in scratch.iter_mut().enumerate() {
             *half_acceleration = 0.5 * self.acceleration(mat, &|i| x[i], &|i| v[i]);
         }
-        for (v, half) in v.iter_mut().zip(scratch) {
-            *v += *half;
+        for (v, half_acceleration) in v.iter_mut().zip(scratch) {
+            *v += *half_acceleration;
         }
     }
 

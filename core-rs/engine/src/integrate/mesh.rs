@@ -34,13 +34,13 @@ pub(super) struct Mesh {
 pub(super) struct Scratch {
     /// Forces of one run   (longest run)
     link_forces: Vec<f64>,
-    laws: KernelScratch,
+    kernel_scratch: KernelScratch,
 }
 
 impl Scratch {
     /// Partition of the mesh for a thread team.
     pub(super) fn mesh_partition(&self) -> Option<&MeshPartition> {
-        self.laws.mesh_partition.as_ref()
+        self.kernel_scratch.mesh_partition.as_ref()
     }
 }
 
@@ -120,7 +120,7 @@ impl Mesh {
         laws.set_springs(&self.springs, self.n_mat());
         Scratch {
             link_forces: vec![0.0; lengths.max().unwrap_or(0)],
-            laws,
+            kernel_scratch: laws,
         }
     }
 
@@ -149,7 +149,7 @@ impl Mesh {
         team: &mut ThreadTeam<'_>,
     ) {
         scratch
-            .laws
+            .kernel_scratch
             .spring_forces(ForcePart::Elastic, &self.springs, [x, x], force, team);
         self.add_other_forces(ForcePart::Elastic, [x, x], scratch, force);
     }
@@ -167,7 +167,7 @@ impl Mesh {
             return;
         }
         scratch
-            .laws
+            .kernel_scratch
             .spring_forces(ForcePart::Viscous, &self.springs, [x, v], force, team);
         self.add_other_forces(ForcePart::Viscous, [x, v], scratch, force);
     }
@@ -186,32 +186,32 @@ impl Mesh {
             ForcePart::Elastic
         };
         scratch
-            .laws
+            .kernel_scratch
             .spring_forces(spring_part, &self.springs, [x, v], force, team);
         self.add_other_forces(ForcePart::Total, [x, v], scratch, force);
     }
 
     /// Runs `work` over all MATs, by a thread team if the mesh is partitioned: each call gets a range of MATs, their
-    /// ties and their slices of `changed`.
+    /// ties and their slices of `arrays`.
     pub(super) fn for_each_range<const N: usize>(
         &self,
         scratch: &Scratch,
         team: &mut ThreadTeam<'_>,
-        changed: [&mut [f64]; N],
+        arrays: [&mut [f64]; N],
         work: impl Fn(Range<usize>, Ties<'_>, [&mut [f64]; N]) + Sync,
     ) {
         let mesh_ties = self.ties();
         match scratch.mesh_partition() {
-            Some(mesh_partition) => mesh_partition.for_each_range(team, changed, |mats, changed| {
+            Some(mesh_partition) => mesh_partition.for_each_range(team, arrays, |mats, changed| {
                 work(mats.clone(), mesh_ties.range(mats), changed);
             }),
-            None => work(0..self.n_mat(), mesh_ties, changed),
+            None => work(0..self.n_mat(), mesh_ties, arrays),
         }
     }
 
     /// Partition the mesh for a number of threads if this saves time.
-    pub(super) fn partition_for(&self, scratch: &mut Scratch, threads: usize) {
-        scratch.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
+    pub(super) fn partition(&self, scratch: &mut Scratch, threads: usize) {
+        scratch.kernel_scratch.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
 
     fn add_other_forces(&self, part: ForcePart, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
@@ -223,7 +223,7 @@ impl Mesh {
                     rate,
                     slot: scratch_index,
                 } => {
-                    let law_buffers = &mut scratch.laws;
+                    let law_buffers = &mut scratch.kernel_scratch;
                     let (e, de) = (
                         &mut law_buffers.elongations[..run.len],
                         &mut law_buffers.elongation_rates[..run.len],
@@ -277,11 +277,11 @@ fn refuse_stateful_links(network: &Network) -> Result<(), Error> {
 /// Refuses what methods other than CA cannot step: they need parameters in continuous time, and forces that are
 /// functions of the positions and velocities.
 fn check_supported(network: &Network) -> Result<(), Error> {
-    let discrete = network
+    let discrete_part = network
         .parts()
         .iter()
         .find(|discrete_part| discrete_part.ca_rate.is_some());
-    if let Some(discrete_part) = discrete {
+    if let Some(discrete_part) = discrete_part {
         return Err(Error::Refused {
             module: discrete_part.name.clone(),
             message: only_ca_message("a part under `units: ca`, whose steps are its definition"),

@@ -35,9 +35,9 @@ impl Island {
     /// Find the next event again: events from here on may differ from those of the writer.
     fn refresh_next_event(&mut self) {
         let next_step = self.state.frame;
-        let next_due = self.next_event_step(next_step);
+        let event_step = self.next_event_step(next_step);
         if let Some(energy_rise) = &mut self.state.monitors.energy_rise {
-            energy_rise.set_next_event(next_step, next_due);
+            energy_rise.set_next_event(next_step, event_step);
         }
     }
 }
@@ -69,11 +69,11 @@ impl Archived for State {
             sources,
             archive,
             voices,
-            next_push,
+            next_strike,
             next_ergon,
             layer_deviations,
             hand_states,
-            port_states,
+            delayed_forces,
             pending_strikes
         )?;
         state_of!(parameters, archive, gate_openings, step_decay)?;

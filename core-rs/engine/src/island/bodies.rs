@@ -40,7 +40,7 @@ impl State for RunningBody {
 }
 
 impl BodyPlan {
-    /// Start the body at frame 0, against forces that act on its ports there (n_mat of the island); in `body`, the
+    /// Start the body at frame 0, against forces that act on its ports there (n_mat of the island); in `modules`, the
     /// ports are plain masses.
     pub(super) fn start(&self, port_forces: &[f64], modules: &ModuleState) -> Result<RunningBody, Error> {
         Ok(match self {
@@ -54,9 +54,9 @@ impl BodyPlan {
 
     /// A copy of the body without strikes and names, with parts renumbered by their rank in `order`.
     pub(crate) fn without_strikes_and_names(&self, order: &PartOrder) -> Self {
-        let mut renamed = self.clone();
+        let mut anonymous_plan = self.clone();
         let network = Arc::new(self.network().anonymous(order));
-        match &mut renamed {
+        match &mut anonymous_plan {
             Self::Modal(modal) => {
                 modal
                     .struck_points
@@ -73,7 +73,7 @@ impl BodyPlan {
                 slow.network = network;
             }
         }
-        renamed
+        anonymous_plan
     }
 
     /// The network of its modules.
@@ -95,7 +95,7 @@ impl BodyPlan {
                     .enumerate()
                     .flat_map(|(point_index, struck)| {
                         let struck_blows = struck.strikes.iter();
-                        struck_blows.map(move |&(frame, part, impulse)| (frame, point_index, [part, impulse]))
+                        struck_blows.map(move |&(frame, fraction, impulse)| (frame, point_index, [fraction, impulse]))
                     }),
             ),
             Self::Mesh(mesh) => {
@@ -204,9 +204,9 @@ impl RunningBody {
     }
 
     /// Take note of a strike on a MAT of the island in this frame [N]; its force is in the sum already.
-    pub(crate) fn note_strike(&mut self, mat: usize, force: f64) {
+    pub(crate) fn record_strike(&mut self, mat: usize, force: f64) {
         if let Self::Slow(slow_body) = self {
-            slow_body.note_strike(mat, force);
+            slow_body.record_strike(mat, force);
         }
     }
 

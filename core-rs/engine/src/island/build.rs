@@ -47,15 +47,15 @@ pub(crate) struct StepNumbers {
 #[derive(Clone, Copy, Debug)]
 pub struct SimulationOptions {
     /// Keep the ledger (it costs work for every link).
-    pub ledger: bool,
+    pub keeps_ledger: bool,
     /// Keep the stream of ergons.
-    pub record: bool,
+    pub records_ergons: bool,
     /// What to do with a part that diverges.
     pub on_fault: OnFault,
     /// Threads that share the work; the result is the same to the last bit for any number.
     pub threads: usize,
     /// Run even a network that the certificate refuses, to see when a scheme really diverges.
-    pub unchecked: bool,
+    pub is_unchecked: bool,
 }
 
 impl Island {
@@ -69,30 +69,30 @@ impl Island {
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
         let (mut scheme, fine_runs) = island_scheme(&network, timeline, steps.contact_substeps)?;
-        let mut motion = start_matter(&network, timeline, bodies, &scheme, fine_runs, steps)?;
+        let mut motion = start_motion(&network, timeline, bodies, &scheme, fine_runs, steps)?;
         let gestures = framed_gestures(timeline);
         let (voice_scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
         let guard = build_guard(&network, timeline, bodies, &scheme, &motion, options)?;
         motion.modules.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         let springs = energy_gain::hardening_springs(&scheme);
-        if !options.ledger {
+        if !options.keeps_ledger {
             fuse_springs(&mut scheme, &network, &voice_scripts, timeline);
         }
         let energy_gains = build_energy_gains(timeline, &scheme, springs, options);
         let energy_rise = build_energy_rise(&network, timeline, &scheme, &motion, options);
         let led_links = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::build_glides(&network, timeline, &scheme)?;
-        motion.scratch = build_laws(&scheme, options);
+        motion.scratch = build_scratch(&scheme, options);
         for running_body in &mut motion.bodies {
             running_body.prepare_team(options.threads);
         }
-        let values_change = !glides.is_empty() || !led_links.is_empty() || network.has_following();
-        let changing_scheme = values_change.then(|| {
+        let has_changing_scheme = !glides.is_empty() || !led_links.is_empty() || network.has_following();
+        let changing_scheme = has_changing_scheme.then(|| {
             let mut changing_scheme = scheme.with_changing_coefficients();
             super::glide::apply_following_masses(&scheme, &mut changing_scheme, &motion.modules.x);
             changing_scheme
         });
-        let ledger = options.ledger.then(|| {
+        let ledger = options.keeps_ledger.then(|| {
             let scheme = changing_scheme.as_deref().unwrap_or(&scheme);
             Ledger::new(scheme, &timeline.gates, &mut motion.modules)
         });
@@ -115,13 +115,13 @@ impl Island {
             sources: ExcitationSources {
                 voices,
                 reports: vec![GestureReport::default(); timeline.gestures.len()],
-                next_push: 0,
+                next_strike: 0,
                 next_ergon: 0,
                 layer_deviations: vec![0.0; timeline.keys.len()],
-                ergon_stream: ErgonStream::new(options.record),
+                ergon_stream: ErgonStream::new(options.records_ergons),
                 hand_states: vec![HandState::default(); hand_bindings.len()],
-                port_states: port_bindings.iter().map(PortBinding::without_forces).collect(),
-                pending_strikes: PendingStrikes::silent(&strike_points),
+                delayed_forces: port_bindings.iter().map(PortBinding::without_forces).collect(),
+                pending_strikes: PendingStrikes::without_impulses(&strike_points),
                 input_signals,
             },
             monitors: Monitors {
@@ -138,7 +138,7 @@ impl Island {
             scheme,
             gestures,
             voices: voice_scripts,
-            pushes,
+            strike_forces: pushes,
             ergons: ergons_by_frame(timeline),
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
@@ -166,7 +166,7 @@ impl Island {
 }
 
 fn refuse_ledger_of_hands(timeline: &Timeline, options: SimulationOptions) -> Result<(), Error> {
-    if !options.ledger || timeline.hands().next().is_none() {
+    if !options.keeps_ledger || timeline.hands().next().is_none() {
         return Ok(());
     }
     Err(Error::Refused {
@@ -194,7 +194,7 @@ fn island_scheme(
 }
 
 /// Where everything is at frame 0, with values that glide or follow as they are there.
-fn start_matter(
+fn start_motion(
     network: &Network,
     timeline: &Timeline,
     plans: &[BodyPlan],
@@ -202,8 +202,8 @@ fn start_matter(
     mut fine_runs: Vec<LinkRun>,
     steps: StepNumbers,
 ) -> Result<MotionState, Error> {
-    let link_acts = |first: usize| interrupt::each(&fine_runs).all(|run| run.first_link != first);
-    let led_start = match &timeline.leads[..] {
+    let is_active = |first: usize| interrupt::polled_items(&fine_runs).all(|run| run.first_link != first);
+    let led_system = match &timeline.leads[..] {
         [] if network.following_masses().is_empty() => None,
         leads => {
             let led_network = with_first_factors(network, leads)?;
@@ -213,23 +213,23 @@ fn start_matter(
             Some((led_network, scheme))
         }
     };
-    let (start_network, start_scheme) = match &led_start {
+    let (start_network, start_scheme) = match &led_system {
         Some((led_network, led_scheme)) => (led_network, led_scheme),
         None => (network, scheme),
     };
-    let mut body = initial_motion(start_network, start_scheme, timeline, &timeline.drives, &link_acts);
-    let mut bodies = start_bodies(plans, start_network, timeline, &mut body, &link_acts)?;
+    let mut modules = initial_motion(start_network, start_scheme, timeline, &timeline.drives, &is_active);
+    let mut bodies = start_bodies(plans, start_network, timeline, &mut modules, &is_active)?;
     for run in &mut fine_runs {
         interrupt::poll();
         if is_led(timeline, run.first_link) {
             run.make_adjustable();
         }
     }
-    kernel::proxies::set_from_masses(scheme, &mut body); // bodies have moved their ports
+    kernel::proxies::set_from_masses(scheme, &mut modules); // bodies have moved their ports
     let fine_links = build_fine_links(fine_runs, scheme, network, &mut bodies, steps, timeline);
     Ok(MotionState {
         scratch: KernelScratch::new(scheme),
-        modules: body,
+        modules,
         bodies,
         fine_links,
         targets: Vec::new(),
@@ -250,19 +250,19 @@ fn build_guard(
     motion: &MotionState,
     options: SimulationOptions,
 ) -> Result<Option<Box<Guard>>, Error> {
-    if options.unchecked || timeline.is_unguarded {
+    if options.is_unchecked || timeline.is_unguarded {
         return Ok(None); // the run has to show when it really diverges
     }
     let body_ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
     let guard = if timeline.leads.is_empty() {
         Guard::new(scheme, network, StabilityLimit::CA, &body_ports)?
     } else {
-        let stiffest = with_greatest_factors(network, &timeline.leads)?;
-        let mut stiffest_scheme = Scheme::new(&stiffest, timeline.rate)?;
+        let stiffest_network = with_greatest_factors(network, &timeline.leads)?;
+        let mut stiffest_scheme = Scheme::new(&stiffest_network, timeline.rate)?;
         if motion.fine_links.is_some() {
             stiffest_scheme.take_substepped(&timeline.determined_mats());
         }
-        Guard::new(&stiffest_scheme, &stiffest, StabilityLimit::CA, &body_ports)?
+        Guard::new(&stiffest_scheme, &stiffest_network, StabilityLimit::CA, &body_ports)?
     };
     Ok(guard.map(Box::new))
 }
@@ -274,7 +274,7 @@ fn build_energy_gains(
     mut springs: Vec<LinkRun>,
     options: SimulationOptions,
 ) -> Option<Box<EnergyGains>> {
-    if options.unchecked {
+    if options.is_unchecked {
         return None; // the run has to show what really happens
     }
     springs.retain(|run| {
@@ -296,18 +296,18 @@ fn build_energy_rise(
 ) -> Option<Box<EnergyRise>> {
     // A force does work all the time, a constant one too, although no event falls on the island then.
     let is_pushed = timeline.drives.iter().any(Drive::is_force);
-    if options.unchecked || is_pushed || !timeline.glides.is_empty() {
+    if options.is_unchecked || is_pushed || !timeline.glides.is_empty() {
         return None;
     }
-    let (bodies, fine_state) = (&motion.bodies, motion.fine_links.as_ref());
-    EnergyRise::new(network, scheme, bodies, fine_state, timeline.rate)
+    let (bodies, fine_links) = (&motion.bodies, motion.fine_links.as_ref());
+    EnergyRise::new(network, scheme, bodies, fine_links, timeline.rate)
 }
 
 /// Scratch memory of laws, and the partition of a mesh for several threads.
-fn build_laws(scheme: &Scheme, options: SimulationOptions) -> KernelScratch {
-    let mut laws = KernelScratch::new(scheme);
-    laws.mesh_partition = MeshPartition::for_threads(&scheme.fused_springs, scheme.n_mat(), options.threads);
-    laws
+fn build_scratch(scheme: &Scheme, options: SimulationOptions) -> KernelScratch {
+    let mut scratch = KernelScratch::new(scheme);
+    scratch.mesh_partition = MeshPartition::for_threads(&scheme.fused_springs, scheme.n_mat(), options.threads);
+    scratch
 }
 
 /// Ergons by rising frame.
@@ -377,13 +377,13 @@ fn start_bodies(
     network: &Network,
     timeline: &Timeline,
     modules: &mut ModuleState,
-    link_acts: &dyn Fn(usize) -> bool,
+    is_active: &dyn Fn(usize) -> bool,
 ) -> Result<Vec<bodies::RunningBody>, Error> {
     if body_plans.is_empty() {
         return Ok(Vec::new());
     }
     modules.free_port_motion = vec![0.0; modules.x.len()];
-    let start_forces = crate::start::forces(network, timeline, &modules.x, &[], link_acts);
+    let start_forces = crate::start::forces(network, timeline, &modules.x, &[], is_active);
     let start_body = |body_plan: &BodyPlan| {
         let running_body = body_plan.start(&start_forces, modules)?;
         running_body.set_ports(modules);

@@ -65,8 +65,8 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
         let mut fine_links = state.motion.fine_links.as_mut();
-        let has_later_force = fine_links.as_ref().is_some_and(|links| links.has_later_force());
-        if has_later_force || !are_contacts_open(scheme, &state.motion.modules) {
+        let has_carried_force = fine_links.as_ref().is_some_and(|links| links.has_carried_force());
+        if has_carried_force || !are_contacts_open(scheme, &state.motion.modules) {
             return Ok(0);
         }
         let gains = state.monitors.energy_gains.as_ref();
@@ -77,12 +77,12 @@ impl Island {
         let modal_bodies = state.motion.bodies.iter().filter_map(bodies::RunningBody::modal);
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::frames_ahead);
         let energy_rise = state.monitors.energy_rise.as_ref();
-        let check_steps = [
+        let steps_to_checks = [
             energy_rise.map(|_| energy_rise::EnergyRise::steps_to_check(first_step)),
             gains.map(|_| first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step),
         ];
-        let check_steps = check_steps.into_iter().flatten().map(|steps| steps as usize);
-        let coast_steps = steps_ahead.chain(check_steps);
+        let steps_to_checks = steps_to_checks.into_iter().flatten().map(|steps| steps as usize);
+        let coast_steps = steps_ahead.chain(steps_to_checks);
         let coast_steps = coast_steps.fold(steps_to_event.min(steps.len()), usize::min);
         if coast_steps < COAST_STEPS_MIN {
             return Ok(0);
@@ -147,13 +147,13 @@ impl Island {
 
 /// Steps from `step_now` before the first in which a gesture, a push or an ergon may act.
 pub(super) fn steps_to_event(script: &Script, sources: &ExcitationSources, step_now: u64) -> usize {
-    let push_frame = script.pushes.get(sources.next_push).map(|push| push.frame);
+    let strike_frame = script.strike_forces.get(sources.next_strike).map(|strike| strike.frame);
     let next_ergon = script.ergons.get(sources.next_ergon);
     let next_ergon = next_ergon.map(|(frame, _)| *frame);
     let voice_frames = sources.voices.iter().zip(&script.voices);
-    let voice_frames =
-        voice_frames.map(|(voice, voice_script)| voice.idle_until(voice_script, &script.gestures).unwrap_or(step_now));
-    let event_frames = push_frame.into_iter().chain(next_ergon).chain(voice_frames);
+    let voice_frames = voice_frames
+        .map(|(voice, voice_script)| voice.idle_end_frame(voice_script, &script.gestures).unwrap_or(step_now));
+    let event_frames = strike_frame.into_iter().chain(next_ergon).chain(voice_frames);
     let event_frames = event_frames.chain(sources.has_pending_strikes().then_some(step_now));
     let event_steps = event_frames.map(|event_frame| event_frame.saturating_sub(step_now) as usize);
     event_steps.fold(usize::MAX, usize::min)
@@ -176,15 +176,15 @@ fn are_contacts_open(scheme: &Scheme, modules: &ModuleState) -> bool {
     })
 }
 
-/// Whether no contact that is computed once a step closes for as long as its points move freely; `swing` bounds the
+/// Whether no contact that is computed once a step closes for as long as its points move freely; `bounds` bounds the
 /// distance of each from its rest position, and its step [m].
-fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
+fn cannot_close(scheme: &Scheme, bounds: impl Fn(usize) -> [f64; 2]) -> bool {
     scheme.runs.iter().all(|run| {
         let contact_side = contact_law(run).map_or(0.0, But::sign);
         (0..run.len).all(|i| {
             let (first_mat, second_mat) = (run.a + i, run.b + i);
             let rest_elongation = scheme.rest[second_mat] - scheme.rest[first_mat] - run.rest;
-            contact_side * rest_elongation + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + MOTION_BOUND_SLACK)
+            contact_side * rest_elongation + (bounds(first_mat)[0] + bounds(second_mat)[0]) * (1.0 + MOTION_BOUND_SLACK)
                 < -OPEN_MARGIN
         })
     })
@@ -196,11 +196,11 @@ fn motion_bounds(scheme: &Scheme, modules: &ModuleState, mat: usize) -> [f64; 2]
     let (kappa, b) = (scheme.kappa[mat], 1.0 - scheme.zeta[mat]);
     let x = modules.x[mat] - scheme.rest[mat];
     let position_before = x - modules.d[mat];
-    let inner_motion = modules.free_port_motion.get(mat).copied().unwrap_or(0.0);
-    if modules.d[mat] == 0.0 && kappa * x == 0.0 && inner_motion == 0.0 {
+    let port_motion = modules.free_port_motion.get(mat).copied().unwrap_or(0.0);
+    if modules.d[mat] == 0.0 && kappa * x == 0.0 && port_motion == 0.0 {
         return [x.abs(), 0.0];
     }
-    if inner_motion != 0.0 || b <= 0.0 || b > 1.0 || kappa < 0.0 {
+    if port_motion != 0.0 || b <= 0.0 || b > 1.0 || kappa < 0.0 {
         return [f64::INFINITY; 2];
     }
     // x[n+1] = 2h·x[n] − b·x[n−1]: poles h ± √(h² − b).
@@ -216,12 +216,15 @@ fn motion_bounds(scheme: &Scheme, modules: &ModuleState, mat: usize) -> [f64; 2]
         return [amplitude, amplitude * kappa.sqrt()];
     }
     let pole_offset = (-imaginary_square).sqrt();
-    let [fast, slow] = [h - pole_offset, h + pole_offset];
-    if fast < 0.0 || slow > 1.0 || pole_offset == 0.0 {
+    let [fast_pole, slow_pole] = [h - pole_offset, h + pole_offset];
+    if fast_pole < 0.0 || slow_pole > 1.0 || pole_offset == 0.0 {
         return [f64::INFINITY; 2];
     }
     // x[n] = u·slowⁿ + v·fastⁿ.
-    let u = slow * (x - position_before * fast) / (2.0 * pole_offset);
+    let u = slow_pole * (x - position_before * fast_pole) / (2.0 * pole_offset);
     let v = x - u;
-    [u.abs() + v.abs(), u.abs() * (1.0 - slow) + v.abs() * (1.0 - fast)]
+    [
+        u.abs() + v.abs(),
+        u.abs() * (1.0 - slow_pole) + v.abs() * (1.0 - fast_pole),
+    ]
 }

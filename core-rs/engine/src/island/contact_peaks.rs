@@ -36,7 +36,7 @@ impl ContactPeaks {
     }
 
     /// Note the forces of a step (n_lia).
-    pub(super) fn note_forces(&mut self, frame: u64, forces: &[f64]) {
+    pub(super) fn record_forces(&mut self, frame: u64, forces: &[f64]) {
         for (&link, peak) in self.links.iter().zip(&mut self.peaks) {
             let force = forces[link as usize];
             if force.abs() > peak.force.abs() {

@@ -32,7 +32,7 @@ use crate::units::Rate;
 pub struct EmulatedKey {
     free_key: FreeKey,
     key_motion: FreeMotion,
-    laws: KernelScratch,
+    scratch: KernelScratch,
     targets: Vec<ImposedTarget>,
     frame: u64,
     /// The last forces of the motor, the newest last, and the share of the oldest in the force that acts.
@@ -50,19 +50,19 @@ pub struct KeyMotor {
 }
 
 impl EmulatedKey {
-    /// The part of a network whose MAT `struck` takes the forces, at its beginning.
+    /// The part of a network whose MAT `struck_mat` takes the forces, at its beginning.
     ///
     /// # Errors
     /// [`Error`] if that MAT is neither a MAS nor a CEL, or the key is unstable at this rate.
-    pub fn new(network: &Network, struck: usize, rate: Rate, motor: KeyMotor) -> Result<Self, Error> {
+    pub fn new(network: &Network, struck_mat: usize, rate: Rate, motor: KeyMotor) -> Result<Self, Error> {
         let struck_key = Key {
-            name: network.mat_name(struck),
-            struck_mat: struck,
+            name: network.mat_name(struck_mat),
+            struck_mat,
         };
         let mut timeline = Timeline::new(rate);
         if motor.constant_force != 0.0 {
             timeline.drives.push(Drive {
-                mat: struck,
+                mat: struck_mat,
                 kind: DriveKind::Force,
                 source: DriveSource::Constant(motor.constant_force),
                 acts_on_free_key: true,
@@ -75,7 +75,7 @@ impl EmulatedKey {
         Ok(Self {
             motor_forces: vec![0.0; full_frames as usize + 2],
             oldest_share: delay_frames - full_frames,
-            laws: KernelScratch::new(&free_key.scheme),
+            scratch: KernelScratch::new(&free_key.scheme),
             targets: Vec::new(),
             frame: 0,
             free_key,
@@ -90,8 +90,8 @@ impl EmulatedKey {
 
     /// Put the key at `x` [m] with no velocity, as an end of its travel stops it.
     pub fn stop_at(&mut self, x: f64) {
-        let (body, struck_mat) = (&mut self.key_motion.modules, self.free_key.struck_mat);
-        (body.x[struck_mat], body.d[struck_mat]) = (x, 0.0);
+        let (modules, struck_mat) = (&mut self.key_motion.modules, self.free_key.struck_mat);
+        (modules.x[struck_mat], modules.d[struck_mat]) = (x, 0.0);
     }
 
     /// Compute one frame under a force of the motor, which acts after its delay, and one of a hand [N].
@@ -107,7 +107,7 @@ impl EmulatedKey {
         };
         let force = delayed_force + hand_force;
         let (free_key, key_motion, frame_number) = (&self.free_key, &mut self.key_motion, self.frame);
-        free_key.sum_forces(key_motion, frame_number, &mut self.laws, &mut self.targets);
+        free_key.sum_forces(key_motion, frame_number, &mut self.scratch, &mut self.targets);
         free_key.strike_and_move(key_motion, frame_number, force, &mut self.targets);
         self.frame += 1;
     }

@@ -45,11 +45,11 @@ crate::archive::state!(EnergyGain {
 });
 
 impl EnergyAccount {
-    /// The account of something that stores `stored` [J] already.
-    pub(crate) fn new(stored: f64) -> Self {
+    /// The account of something that stores `stored_energy` [J] already.
+    pub(crate) fn new(stored_energy: f64) -> Self {
         Self {
-            balance: stored,
-            reference_energy: stored,
+            balance: stored_energy,
+            reference_energy: stored_energy,
         }
     }
 
@@ -66,8 +66,8 @@ impl EnergyAccount {
     }
 
     /// Add the energy that was stored when the account began.
-    pub(super) fn add_start(&mut self, start: f64) {
-        (self.balance, self.reference_energy) = (self.balance + start, self.reference_energy + start);
+    pub(super) fn add_start_energy(&mut self, start_energy: f64) {
+        (self.balance, self.reference_energy) = (self.balance + start_energy, self.reference_energy + start_energy);
     }
 
     /// Whether more energy was given than was ever taken, even if none is stored.
@@ -75,15 +75,15 @@ impl EnergyAccount {
         self.balance < -REPORT_SHARE * self.reference_energy
     }
 
-    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `motion_energy`.
+    /// The energy created so far, if `stored_energy` is stored now and masses nearby have the energy `motion_energy`.
     ///
     /// It is compared with the most energy since the account began, so that losses since then do not turn it into a
     /// fault.
-    pub(crate) fn energy_gain(&mut self, stored: f64, motion_energy: f64, step: u64) -> EnergyGain {
+    pub(crate) fn energy_gain(&mut self, stored_energy: f64, motion_energy: f64, step: u64) -> EnergyGain {
         self.add_work_of_masses(0.0, motion_energy);
-        let created_energy = stored - self.balance;
+        let created_energy = stored_energy - self.balance;
         // A link that pushes away from its rest position stores negative energy.
-        let reference_energy = self.reference_energy.max(-stored);
+        let reference_energy = self.reference_energy.max(-stored_energy);
         EnergyGain {
             created_energy,
             reference_energy,
@@ -103,7 +103,7 @@ impl EnergyGain {
 
     /// The message about it.
     pub(crate) fn sentence(&self, module: &str, seconds: f64) -> String {
-        let [created, reference] = [self.created_energy, self.reference_energy].map(joules);
+        let [created, reference] = [self.created_energy, self.reference_energy].map(energy_text);
         format!(
             "{module} created energy: {created} until {seconds:.3} s, where the system held {reference}; it is too \
              stiff for the time step: reduce K or raise the rate"
@@ -131,7 +131,7 @@ impl EnergyGain {
 }
 
 /// An energy with two digits and its unit.
-fn joules(energy: f64) -> String {
+fn energy_text(energy: f64) -> String {
     const UNITS: [(f64, &str); 6] = [
         (1e6, "MJ"),
         (1e3, "kJ"),

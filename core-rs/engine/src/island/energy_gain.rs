@@ -26,8 +26,8 @@ const DAMPING_TEST_MAX: (f64, f64) = (1e-2, 10.0);
 /// Hardening springs, if they are few; what makes many create energy is how stiff they become, which the guard bounds.
 pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<LinkRun> {
     let springs = scheme.runs.iter().filter(|run| run.is_hardening());
-    let are_few = springs.clone().map(|run| run.len).sum::<usize>() <= ACCOUNTED_LAWS_MAX;
-    springs.filter(|_| are_few).cloned().collect()
+    let has_few_springs = springs.clone().map(|run| run.len).sum::<usize>() <= ACCOUNTED_LAWS_MAX;
+    springs.filter(|_| has_few_springs).cloned().collect()
 }
 
 /// All links that may create energy.
@@ -38,7 +38,7 @@ pub(super) struct EnergyGains {
     pair_gains: Option<PairEnergyGains>,
     imposed_work: ImposedWork,
     /// Whether accounts begin at this step.
-    begins_at_next_step: bool,
+    restarts_at_next_step: bool,
 }
 
 crate::archive::option!(Box<EnergyGains>, fixed);
@@ -48,15 +48,15 @@ crate::archive::state!(EnergyGains {
     checked_links,
     pair_gains,
     imposed_work,
-    begins_at_next_step
+    restarts_at_next_step
 });
 
 impl EnergyGains {
     /// `None` if nothing can create energy. `fused_runs`: hardening springs that are computed in one pass; `is_led`:
     /// whether K and Z of a link change in time.
     pub(super) fn new(scheme: &Scheme, fused_runs: &[LinkRun], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
-        let may_gain = |run: &&LinkRun| {
-            let kind_may_gain = match &run.kind {
+        let may_create_energy = |run: &&LinkRun| {
+            let can_kind_create = match &run.kind {
                 LinkRunKind::Ref | LinkRunKind::Followed { .. } | LinkRunKind::Dry { .. } => false,
                 LinkRunKind::Pairwise { .. } => false, // all contacts of pairs share one account
                 LinkRunKind::Hardening(_) => run.len == 1,
@@ -73,7 +73,7 @@ impl EnergyGains {
             // The energy of other links does not change with K alone, or is not that of one link.
             let is_constant = !is_led(run.first_link);
             let has_energy = matches!(run.kind, LinkRunKind::But(_) | LinkRunKind::Lnl { .. });
-            kind_may_gain && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
+            can_kind_create && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
         };
         let single_links = |run: &LinkRun| {
             let run = run.clone();
@@ -86,15 +86,15 @@ impl EnergyGains {
             })
         };
         let candidate_runs = scheme.link_runs().chain(fused_runs);
-        let candidate_runs = candidate_runs.filter(may_gain).flat_map(single_links);
+        let candidate_runs = candidate_runs.filter(may_create_energy).flat_map(single_links);
         let checked_links: Vec<CheckedLink> = candidate_runs.map(CheckedLink::new).collect();
-        let link_account = checked_links.iter().map(|CheckedLink { run, .. }| {
+        let account_iter = checked_links.iter().map(|CheckedLink { run, .. }| {
             let is_fused = fused_runs
                 .iter()
                 .any(|fused_run| fused_run.links().contains(&run.first_link));
             LinkAccount::new(run, is_fused, run.gate.is_some() || is_led(run.first_link))
         });
-        let link_accounts = link_account.collect();
+        let link_accounts = account_iter.collect();
         let pair_gains = PairEnergyGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
         (!checked_links.is_empty() || pair_gains.is_some()).then(|| {
             Box::new(Self {
@@ -102,7 +102,7 @@ impl EnergyGains {
                 checked_links,
                 pair_gains,
                 imposed_work: ImposedWork::default(),
-                begins_at_next_step: true,
+                restarts_at_next_step: true,
             })
         })
     }
@@ -114,13 +114,13 @@ impl EnergyGains {
 
     /// Restart the accounts at the next step, because what happened in this one is not known.
     pub(super) fn restart(&mut self) {
-        self.begins_at_next_step = true;
+        self.restarts_at_next_step = true;
     }
 
     /// Whether a step in which no link pushes and nothing is imposed changes no account.
     pub(super) fn is_idle(&self) -> bool {
         let link_accounts = self.link_accounts.iter();
-        !self.begins_at_next_step
+        !self.restarts_at_next_step
             && self.pair_gains.is_none()
             && self.imposed_work.is_idle()
             && link_accounts.map(LinkAccount::previous_force).all(|force| force == 0.0)
@@ -128,10 +128,10 @@ impl EnergyGains {
 
     /// Remove links that end on the marked MATs (n_mat).
     pub(super) fn remove_links_of(&mut self, mats: &[bool]) {
-        let link_stays = |a: usize, b: usize| !mats[a] && !mats[b];
+        let is_retained = |a: usize, b: usize| !mats[a] && !mats[b];
         self.link_accounts
-            .retain(|link_account| link_stays(link_account.a, link_account.b));
-        self.checked_links.retain(|link| link_stays(link.run.a, link.run.b));
+            .retain(|link_account| is_retained(link_account.a, link_account.b));
+        self.checked_links.retain(|link| is_retained(link.run.a, link.run.b));
         self.pair_gains.take_if(|pairs| pairs.has_end_among(mats));
         self.restart();
     }
@@ -140,7 +140,7 @@ impl EnergyGains {
     #[inline(never)]
     pub(super) fn step(&mut self, scheme: &Scheme, gates: &[f64], targets: &[ImposedTarget], modules: &ModuleState) {
         self.imposed_work.step(scheme, targets, modules);
-        if self.begins_at_next_step {
+        if self.restarts_at_next_step {
             self.begin(scheme, gates, modules);
             return;
         }
@@ -160,7 +160,7 @@ impl EnergyGains {
         if let Some(pair_gains) = &mut self.pair_gains {
             pair_gains.begin(modules);
         }
-        self.begins_at_next_step = false;
+        self.restarts_at_next_step = false;
     }
 }
 
@@ -227,9 +227,9 @@ impl Island {
     /// it.
     pub(crate) fn has_energy_risen(&self) -> bool {
         let state = &self.state;
-        let fine_state = state.motion.fine_links.as_ref();
+        let fine_links = state.motion.fine_links.as_ref();
         let energy_rise = state.monitors.energy_rise.as_ref();
-        fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst_gain().is_some())
+        fine_links.is_some_and(|fine_links| fine_links.stepped_points().worst_gain().is_some())
             || energy_rise.is_some_and(|energy_rise| energy_rise.worst_gain().is_some())
     }
 
@@ -263,9 +263,9 @@ impl Island {
                 (matches!(link.run.kind, LinkRunKind::But(_)), gain)
             })
         });
-        let reported = self.energy_gains().map(|(_, gain)| (false, gain));
+        let reported_gains = self.energy_gains().map(|(_, gain)| (false, gain));
         let mut worst_shares = [0.0_f64; 2];
-        for (is_contact, gain) in watched_links.chain(reported) {
+        for (is_contact, gain) in watched_links.chain(reported_gains) {
             let gain_share = gain.created_energy / gain.reference_energy;
             let worst_share = &mut worst_shares[usize::from(!is_contact)];
             *worst_share = if gain_share.is_finite() {
@@ -288,8 +288,8 @@ impl Island {
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let (body, bodies) = (&state.motion.modules, &state.motion.bodies);
-        let energy_now = || motion_energy(frame_scheme, bodies, body);
+        let (modules, bodies) = (&state.motion.modules, &state.motion.bodies);
+        let energy_now = || motion_energy(frame_scheme, bodies, modules);
         let hand_bindings = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
         let silenced_part = |a: usize, b: usize| {
@@ -304,8 +304,8 @@ impl Island {
         let mut imposed_work = 0.0;
         if let Some(gains) = &mut state.monitors.energy_gains {
             imposed_work = gains.imposed_work.work_max();
-            for (link_account, gained_link) in gains.link_accounts.iter_mut().zip(&mut gains.checked_links) {
-                let link_gain = gained_link.check(link_account, body, (energy_now, imposed_work), island_step);
+            for (link_account, link) in gains.link_accounts.iter_mut().zip(&mut gains.checked_links) {
+                let link_gain = link.check(link_account, modules, (energy_now, imposed_work), island_step);
                 if let Some(gain) = link_gain.filter(EnergyGain::is_fault) {
                     let part = silenced_part(link_account.a, link_account.b);
                     gain_faults.push((self.network.link_name(link_account.link), part, gain));
@@ -313,21 +313,21 @@ impl Island {
             }
             if let Some(pair_gains) = &mut gains.pair_gains
                 && let Some(gain) = pair_gains
-                    .check(body, (energy_now, imposed_work), island_step)
+                    .check(modules, (energy_now, imposed_work), island_step)
                     .filter(EnergyGain::is_fault)
             {
                 let part = frame_scheme.part[pair_gains.moving_mat(frame_scheme)] as usize;
                 gain_faults.push((self.network.link_name(pair_gains.first_link()), part, gain));
             }
         }
-        if let Some(fine_state) = &mut state.motion.fine_links
-            && let Some((gained_link, moved_mat, gain)) = fine_state
+        if let Some(fine_links) = &mut state.motion.fine_links
+            && let Some((checked_link, moved_mat, gain)) = fine_links
                 .stepped_points_mut()
                 .check_energy((energy_now, imposed_work), island_step)
             && gain.is_fault()
         {
             gain_faults.push((
-                self.network.link_name(gained_link),
+                self.network.link_name(checked_link),
                 frame_scheme.part[moved_mat] as usize,
                 gain,
             ));
@@ -339,11 +339,11 @@ impl Island {
                 gain_faults.push((module_name, part, gain));
             }
         }
-        if let Some((gained_link, moved_mat, gain)) = self.check_energy_rise()
+        if let Some((link, moved_mat, gain)) = self.check_energy_rise()
             && gain.is_fault()
         {
             let part = self.script.scheme.part[moved_mat] as usize;
-            gain_faults.push((self.network.link_name(gained_link), part, gain));
+            gain_faults.push((self.network.link_name(link), part, gain));
         }
         let network_parts = self.network.parts();
         // Under `units: ca` the time step is part of the instrument: the energy that it creates is intended.

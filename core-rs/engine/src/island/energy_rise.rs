@@ -97,7 +97,7 @@ impl EnergyRise {
         let fine_runs = || fine_links.into_iter().flat_map(FineLinks::links);
         let all_runs = || scheme.link_runs().chain(fine_runs());
         let n_springs: usize = all_runs().filter(|run| run.is_hardening()).map(|run| run.len).sum();
-        let is_known = scheme.proxies.is_empty()
+        let has_known_energy = scheme.proxies.is_empty()
             && scheme.following_masses.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0)
             && !mat_parts.clone().any(is_discrete)
@@ -105,7 +105,7 @@ impl EnergyRise {
             && all_runs().all(is_dissipative)
             && all_runs().any(|run| !matches!(run.kind, LinkRunKind::Ref))
             && n_springs <= energy_gain::ACCOUNTED_LAWS_MAX;
-        if !is_known {
+        if !has_known_energy {
             return None;
         }
         let is_port = |mat: usize| bodies.iter().any(|body| body.has_port(mat));
@@ -138,10 +138,10 @@ impl EnergyRise {
         self.next_event_step = 0;
     }
 
-    /// The first event from step `n` on falls at `next_due`, if none fell between the last check and `n`.
-    pub(super) fn set_next_event(&mut self, n: u64, next_due: u64) {
+    /// The first event from step `n` on falls at `event_step`, if none fell between the last check and `n`.
+    pub(super) fn set_next_event(&mut self, n: u64, event_step: u64) {
         if self.next_event_step >= n {
-            self.next_event_step = next_due;
+            self.next_event_step = event_step;
         }
     }
 
@@ -177,11 +177,11 @@ impl EnergyRise {
 
     /// Whether links are to be computed finer because of this gain.
     fn needs_refinement(&mut self, gain: &EnergyGain) -> bool {
-        let has_grown = gain.created_energy > self.refined_rise + REFINE_SHARE * gain.reference_energy;
-        if has_grown {
+        let has_risen = gain.created_energy > self.refined_rise + REFINE_SHARE * gain.reference_energy;
+        if has_risen {
             self.refined_rise = gain.created_energy;
         }
-        has_grown
+        has_risen
     }
 }
 
@@ -230,26 +230,26 @@ impl Island {
         {
             return None;
         }
-        let next_due = self.next_event_step(last_step + 1);
+        let event_step = self.next_event_step(last_step + 1);
         let mut energy_rise = self.state.monitors.energy_rise.take()?;
         let had_no_event = energy_rise.next_event_step > last_step;
-        energy_rise.next_event_step = next_due;
-        let rise_gain = energy_rise.energy_gain(self.total_energy(&energy_rise), had_no_event, last_step);
-        let rise_gain = rise_gain.filter(|rise_gain| rise_gain.created_energy > self.rounding_energy());
-        if let (Some(rise_gain), Some(fine_state)) = (&rise_gain, &mut self.state.motion.fine_links)
-            && energy_rise.needs_refinement(rise_gain)
+        energy_rise.next_event_step = event_step;
+        let gain = energy_rise.energy_gain(self.total_energy(&energy_rise), had_no_event, last_step);
+        let gain = gain.filter(|gain| gain.created_energy > self.rounding_energy());
+        if let (Some(gain), Some(fine_links)) = (&gain, &mut self.state.motion.fine_links)
+            && energy_rise.needs_refinement(gain)
         {
-            fine_state.refine();
+            fine_links.refine();
         }
-        let reported = rise_gain.filter(EnergyGain::is_reportable).and_then(|rise_gain| {
+        let reported_gain = gain.filter(EnergyGain::is_reportable).and_then(|gain| {
             let (pushing_link, moved_mat) = self.strongest_link()?;
-            if energy_rise.worst_gain != Some(rise_gain.worse_of(energy_rise.worst_gain)) {
-                (energy_rise.worst_gain, energy_rise.worst_link) = (Some(rise_gain), pushing_link);
+            if energy_rise.worst_gain != Some(gain.worse_of(energy_rise.worst_gain)) {
+                (energy_rise.worst_gain, energy_rise.worst_link) = (Some(gain), pushing_link);
             }
-            Some((pushing_link, moved_mat, rise_gain))
+            Some((pushing_link, moved_mat, gain))
         });
         self.state.monitors.energy_rise = Some(energy_rise);
-        reported
+        reported_gain
     }
 
     /// The energy of all MATs, bodies and links.
@@ -266,21 +266,21 @@ impl Island {
             let (w, kappa, zeta) = (frame_scheme.w[mat], frame_scheme.kappa[mat], frame_scheme.zeta[mat]);
             let (x, d) = (modules.x[mat] - frame_scheme.rest[mat], modules.d[mat]);
             // What impulses between frames have still to add.
-            let later_step = || {
+            let carried_step = || {
                 w * state
                     .motion
                     .fine_links
                     .as_ref()
-                    .map_or(0.0, |fine_state| fine_state.next_frame_force_at(mat))
+                    .map_or(0.0, |fine_links| fine_links.carried_force_at(mat))
             };
             match motion {
                 MotionKind::Uncounted => {}
                 MotionKind::Free => {
-                    let free_step = d + later_step();
+                    let free_step = d + carried_step();
                     energy_total.add(0.5 * free_step * free_step / w);
                 }
                 MotionKind::Cell(cell) => {
-                    let next_position = x + d - kappa * x - zeta * d + later_step();
+                    let next_position = x + d - kappa * x - zeta * d + carried_step();
                     energy_total.add(cell.energy([x, next_position], energy_rise.rate));
                 }
                 MotionKind::Stepped => {
@@ -292,8 +292,8 @@ impl Island {
             modal.visit_energies(|mode_energy| energy_total.add(mode_energy));
         }
         let gate_opening = |run: &LinkRun| run.gate.map_or(1.0, |gate| state.parameters.gate_openings[gate]);
-        if let Some(fine_state) = &state.motion.fine_links {
-            fine_state.report_energies(modules, gate_opening, |link_energy| energy_total.add(link_energy));
+        if let Some(fine_links) = &state.motion.fine_links {
+            fine_links.report_energies(modules, gate_opening, |link_energy| energy_total.add(link_energy));
         }
         for run in frame_scheme.link_runs() {
             let is_exact = matches!(&run.kind, LinkRunKind::But(but) if but.contact == Contact::Exact);

@@ -101,7 +101,7 @@ impl MutedParts {
         self.mute_frames
             .iter()
             .enumerate()
-            .filter_map(|(part, since)| since.map(|frame| (part, frame)))
+            .filter_map(|(part, mute_frame)| mute_frame.map(|frame| (part, frame)))
     }
 
     /// Fade the outputs of muted parts from their last finite sample; keep the samples of the others. A force may be
@@ -135,10 +135,10 @@ impl Island {
             }
             self.mute(part, fault_step);
         }
-        while let Some(faulty_mat) = self.diverged_mat() {
-            let part = self.script.scheme.part[faulty_mat] as usize;
+        while let Some(diverged_mat) = self.diverged_mat() {
+            let part = self.script.scheme.part[diverged_mat] as usize;
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.fault_in_part(self.network.mat_name(faulty_mat), part, None));
+                return Err(self.fault_in_part(self.network.mat_name(diverged_mat), part, None));
             }
             self.mute(part, fault_step);
         }
@@ -238,23 +238,23 @@ impl Island {
         for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
             state.motion.modules.d[port.port_mat] = 0.0;
         }
-        let mut is_retained = script.port_bindings.iter().map(|port| !ends_on_part(port));
-        state.sources.port_states.retain(|_| is_retained.next().unwrap_or(true));
-        drop(is_retained);
+        let mut flags = script.port_bindings.iter().map(|port| !ends_on_part(port));
+        state.sources.delayed_forces.retain(|_| flags.next().unwrap_or(true));
+        drop(flags);
         script.port_bindings.retain(|port| !ends_on_part(port));
         let ends_on_part = |drive: &Drive| is_muted[drive.mat] || drive.port().is_some_and(|port| is_muted[port.key]);
         script.drives.retain(|drive| !ends_on_part(drive));
-        let mut is_retained = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
+        let mut flags = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
         let input_signals = &mut state.sources.input_signals;
-        input_signals.retain(|_| is_retained.next().unwrap_or(true));
-        drop(is_retained);
+        input_signals.retain(|_| flags.next().unwrap_or(true));
+        drop(flags);
         script.sound_drives.retain(|drive| !is_muted[drive.mat]);
-        let mut is_retained = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
-        state.sources.voices.retain(|_| is_retained.next().unwrap_or(true));
-        drop(is_retained);
+        let mut flags = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
+        state.sources.voices.retain(|_| flags.next().unwrap_or(true));
+        drop(flags);
         script.voices.retain(|voice| !is_muted[voice.struck_mat]);
         for (output, fade_start) in scheme.outputs.iter().zip(&mut state.monitors.muted_parts.fade_starts) {
-            let listens = output.terms.iter().any(|term| match *term {
+            let hears_part = output.terms.iter().any(|term| match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
                     is_muted[first..first + len].contains(&true)
                 }
@@ -262,7 +262,7 @@ impl Island {
                     is_link_cut[first..first + len].contains(&true)
                 }
             });
-            if listens {
+            if hears_part {
                 fade_start.get_or_insert(mute_frame);
             }
         }

@@ -61,9 +61,9 @@ pub(crate) struct FineLinks {
     /// `paths` and `impulse_sums` before a step that may be repeated.
     saved_paths_and_sums: [Vec<f64>; 2],
     /// What the impulses of this frame add to each crowded body.
-    crowded: Vec<CrowdedMotion>,
+    crowded_motions: Vec<CrowdedMotion>,
     /// Force that each stepped joint still feels in the next frame   (n_joints)
-    next_frame_forces: Vec<f64>,
+    carried_forces: Vec<f64>,
     /// Force on each joint that acts over the whole frame [N]   (n_joints)
     steady_forces: Vec<f64>,
     /// Whether each contact may be closed in this frame   (n_links)
@@ -105,7 +105,7 @@ impl State for FineLinks {
             self,
             archive,
             laws,
-            next_frame_forces,
+            carried_forces,
             is_resting,
             has_glided,
             has_closed,
@@ -128,7 +128,7 @@ impl State for FineLinks {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FineWork {
     /// Evaluations of contacts and laws.
-    pub(crate) instants: u64,
+    pub(crate) evaluations: u64,
     /// Products in sums.
     pub(crate) products: u64,
     /// Forces of laws that other laws felt, round by round.
@@ -136,7 +136,7 @@ pub(crate) struct FineWork {
 }
 
 crate::archive::state!(FineWork {
-    instants,
+    evaluations,
     products,
     couplings
 });
@@ -171,7 +171,7 @@ impl FineLinks {
     /// Take over the state of the same contacts and laws in another version.
     pub(super) fn continue_from(&mut self, old: &mut Self) {
         self.set_steps(old.script.steps_min);
-        std::mem::swap(&mut self.next_frame_forces, &mut old.next_frame_forces);
+        std::mem::swap(&mut self.carried_forces, &mut old.carried_forces);
         if self.is_resting.len() == old.is_resting.len() {
             self.is_resting.copy_from_slice(&old.is_resting);
         }
@@ -205,38 +205,38 @@ impl FineLinks {
 
     /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `new_indices`
     /// gives the new index of each body that stays (n_bodies).
-    pub(super) fn remove_parts(&mut self, is_released: &[bool], new_indices: &[Option<usize>]) -> Vec<usize> {
+    pub(super) fn remove_parts(&mut self, is_muted: &[bool], new_indices: &[Option<usize>]) -> Vec<usize> {
         // A part leaves at most once in a run, so a copy of the script is acceptable.
         let script = Arc::make_mut(&mut self.script);
-        for (joint, next_frame_force) in script.joints.iter_mut().zip(&mut self.next_frame_forces) {
-            joint.port = (joint.port).and_then(|(owner, port)| Some((new_indices[owner]?, port)));
-            if is_released[joint.mat] {
+        for (joint, carried_force) in script.joints.iter_mut().zip(&mut self.carried_forces) {
+            joint.port = (joint.port).and_then(|(body_index, port)| Some((new_indices[body_index]?, port)));
+            if is_muted[joint.mat] {
                 joint.cell = None;
-                *next_frame_force = 0.0;
+                *carried_force = 0.0;
             }
         }
-        let link_stays: Vec<bool> = (script.links.iter())
-            .map(|run| !is_released[run.a] && !is_released[run.b])
+        let retained_links: Vec<bool> = (script.links.iter())
+            .map(|run| !is_muted[run.a] && !is_muted[run.b])
             .collect();
-        let removed_links = (script.links.iter().zip(&link_stays))
-            .filter(|(_, link_stays)| !**link_stays)
+        let removed_links = (script.links.iter().zip(&retained_links))
+            .filter(|(_, is_retained)| !**is_retained)
             .map(|(run, _)| run.first_link)
             .collect();
         let law_script = Arc::make_mut(&mut self.law_script);
-        let law_stays: Vec<bool> = law_script.links.iter().map(|&link| link_stays[link]).collect();
-        retain_flagged(&mut self.laws, &law_stays);
-        retain_flagged(&mut script.links, &link_stays);
-        retain_flagged(&mut script.link_joints, &link_stays);
-        retain_flagged(&mut self.may_close, &link_stays);
-        retain_flagged(&mut self.is_pushing, &link_stays);
-        retain_flagged(&mut self.is_resting, &link_stays);
-        retain_flagged(&mut self.is_located, &link_stays);
-        retain_flagged(&mut self.forces, &link_stays);
-        retain_flagged(&mut self.penetrations, &link_stays);
-        retain_flagged(&mut self.link_constants, &link_stays);
+        let retained_laws: Vec<bool> = law_script.links.iter().map(|&link| retained_links[link]).collect();
+        retain_flagged(&mut self.laws, &retained_laws);
+        retain_flagged(&mut script.links, &retained_links);
+        retain_flagged(&mut script.link_joints, &retained_links);
+        retain_flagged(&mut self.may_close, &retained_links);
+        retain_flagged(&mut self.is_pushing, &retained_links);
+        retain_flagged(&mut self.is_resting, &retained_links);
+        retain_flagged(&mut self.is_located, &retained_links);
+        retain_flagged(&mut self.forces, &retained_links);
+        retain_flagged(&mut self.penetrations, &retained_links);
+        retain_flagged(&mut self.link_constants, &retained_links);
         *law_script = LawScript::new(script);
         self.frictions = Frictions::new(script);
-        self.stepped_points.remove_points(is_released);
+        self.stepped_points.remove_points(is_muted);
         removed_links
     }
 
@@ -297,8 +297,8 @@ impl FineLinks {
     }
 
     /// The force that this frame leaves to the next on a MAT [N].
-    pub(super) fn next_frame_force_at(&self, mat: usize) -> f64 {
-        let joint_forces = self.script.joints.iter().zip(&self.next_frame_forces);
+    pub(super) fn carried_force_at(&self, mat: usize) -> f64 {
+        let joint_forces = self.script.joints.iter().zip(&self.carried_forces);
         let mat_forces = joint_forces.filter(|(joint, _)| joint.mat == mat);
         mat_forces.map(|(_, force)| force).sum()
     }
@@ -334,8 +334,8 @@ impl FineLinks {
     }
 
     /// Whether the last frame left a force to this one.
-    pub(super) fn has_later_force(&self) -> bool {
-        self.next_frame_forces.iter().any(|force| *force != 0.0)
+    pub(super) fn has_carried_force(&self) -> bool {
+        self.carried_forces.iter().any(|force| *force != 0.0)
     }
 
     /// Whether every contact stays open in this frame, with a margin of `OPEN_MARGIN`, if its points move freely.
@@ -381,18 +381,17 @@ impl FineLinks {
     /// Record the forces that act over the whole frame: those of links and drives, before strikes are added.
     pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, modules: &ModuleState) {
         self.stepped_points.count_step_work(scheme, modules);
-        for (joint, steady) in self.script.joints.iter().zip(&mut self.steady_forces) {
-            *steady = modules.force[joint.mat];
+        for (joint, steady_force) in self.script.joints.iter().zip(&mut self.steady_forces) {
+            *steady_force = modules.force[joint.mat];
         }
     }
 
     /// Add the forces that impulses of the previous frame carry over into this frame.
     pub(super) fn apply_carried_forces(&mut self, modules: &mut ModuleState) {
-        self.stepped_points
-            .record_carried_forces(&self.next_frame_forces, modules);
-        for (joint, next_frame_force) in self.script.joints.iter().zip(&mut self.next_frame_forces) {
-            if *next_frame_force != 0.0 {
-                modules.push(joint.mat, std::mem::take(next_frame_force));
+        self.stepped_points.record_carried_forces(&self.carried_forces, modules);
+        for (joint, carried_force) in self.script.joints.iter().zip(&mut self.carried_forces) {
+            if *carried_force != 0.0 {
+                modules.push(joint.mat, std::mem::take(carried_force));
             }
         }
     }
@@ -400,8 +399,8 @@ impl FineLinks {
 
 /// Keep the entries of a list that stay.
 fn retain_flagged<T>(list: &mut Vec<T>, stay_flags: &[bool]) {
-    let mut stay_flags = stay_flags.iter();
-    list.retain(|_| *stay_flags.next().unwrap_or(&true));
+    let mut retain_flags = stay_flags.iter();
+    list.retain(|_| *retain_flags.next().unwrap_or(&true));
 }
 
 /// Bound on the penetration of a contact between two elongations [m]: the larger of the two, plus the distance between

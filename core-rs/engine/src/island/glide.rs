@@ -42,7 +42,7 @@ impl GlidingMat {
         }
         let frame_share = (n - start_frame) as f64 / (stop_frame - start_frame) as f64;
         let (start_coefficients, stop_coefficients) = (coefficients_at(next_point - 1), coefficients_at(next_point));
-        let [w, kappa, zeta, ground] = std::array::from_fn(|i| {
+        let [w, kappa, zeta, tie_stiffness] = std::array::from_fn(|i| {
             start_coefficients[i] + (stop_coefficients[i] - start_coefficients[i]) * frame_share
         });
         // A continuous oscillation whose frequency ω changes slowly keeps ω times its squared amplitude; the samples of
@@ -53,7 +53,7 @@ impl GlidingMat {
             w,
             kappa + 0.5 * correction * (zeta - kappa),
             zeta + (1.0 - zeta) * correction,
-            ground,
+            tie_stiffness,
         ]
     }
 
@@ -74,23 +74,25 @@ impl LedLinks {
 pub(super) fn build_glides(network: &Network, timeline: &Timeline, scheme: &Scheme) -> Result<Vec<GlidingMat>, Error> {
     let (mut glides, mut ties): (Vec<GlidingMat>, Vec<Vec<Option<MatParameters>>>) = (Vec::new(), Vec::new());
     for glide in &timeline.glides {
-        let mut known_ties: Vec<Option<MatParameters>> = Vec::new();
+        let mut distinct_ties: Vec<Option<MatParameters>> = Vec::new();
         let mut points = Vec::with_capacity(glide.points.len());
         for &(frame, point_ties) in glide.points.iter() {
-            let known_index = known_ties.iter().position(|other| *other == point_ties);
-            let tie_index = known_index.unwrap_or_else(|| {
-                known_ties.push(point_ties);
-                known_ties.len() - 1
+            let tie_index = distinct_ties
+                .iter()
+                .position(|round_scheme| *round_scheme == point_ties);
+            let tie_index = tie_index.unwrap_or_else(|| {
+                distinct_ties.push(point_ties);
+                distinct_ties.len() - 1
             });
             points.push((frame, tie_index));
         }
         glides.push(GlidingMat {
             mat: glide.mat,
             points,
-            coefficients: Vec::with_capacity(known_ties.len()),
-            amplitude_corrections: Vec::with_capacity(known_ties.len()),
+            coefficients: Vec::with_capacity(distinct_ties.len()),
+            amplitude_corrections: Vec::with_capacity(distinct_ties.len()),
         });
-        ties.push(known_ties);
+        ties.push(distinct_ties);
     }
     let mut errors = Vec::new();
     // One scheme gives each MAT one set of parameters, so every round computes the next set of each glide.
@@ -127,8 +129,8 @@ pub(super) fn build_glides(network: &Network, timeline: &Timeline, scheme: &Sche
                 .push([scheme.w[mat], kappa, zeta, scheme.tie_stiffness[mat]]);
         }
     }
-    if let Some(refused) = Error::combined(errors) {
-        return Err(refused);
+    if let Some(combined_error) = Error::combined(errors) {
+        return Err(combined_error);
     }
     Ok(glides)
 }
@@ -156,8 +158,8 @@ fn round_ties(
 }
 
 /// Write the parameters of frame `n` into `frame_scheme`; muted MATs are left out.
-pub(super) fn apply_glides(glides: &[GlidingMat], base: &Scheme, frame_scheme: &mut Scheme, n: u64) {
-    for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
+pub(super) fn apply_glides(glides: &[GlidingMat], base_scheme: &Scheme, frame_scheme: &mut Scheme, n: u64) {
+    for glide in glides.iter().filter(|glide| base_scheme.w[glide.mat] != 0.0) {
         let mat = glide.mat;
         let coefficients = glide.coefficients_at_frame(n);
         [
@@ -170,17 +172,17 @@ pub(super) fn apply_glides(glides: &[GlidingMat], base: &Scheme, frame_scheme: &
 }
 
 /// Write 1/M of masses that follow MATs into `frame_scheme`, for MATs at `x` [m]; muted masses are left out.
-pub(super) fn apply_following_masses(base: &Scheme, frame_scheme: &mut Scheme, x: &[f64]) {
-    for mass in &base.following_masses {
+pub(super) fn apply_following_masses(base_scheme: &Scheme, frame_scheme: &mut Scheme, x: &[f64]) {
+    for mass in &base_scheme.following_masses {
         if frame_scheme.w[mass.mat] != 0.0 {
-            frame_scheme.w[mass.mat] = base.w[mass.mat] * mass.mass_ratio(|mat| x[mat]);
+            frame_scheme.w[mass.mat] = base_scheme.w[mass.mat] * mass.mass_ratio(|mat| x[mat]);
         }
     }
 }
 
 /// Give the parameters of frames `n` and `n` + 1 to what is computed between them.
-pub(super) fn set_fine_coefficients(glides: &[GlidingMat], base: &Scheme, fine_links: &mut FineLinks, n: u64) {
-    for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
+pub(super) fn set_fine_coefficients(glides: &[GlidingMat], base_scheme: &Scheme, fine_links: &mut FineLinks, n: u64) {
+    for glide in glides.iter().filter(|glide| base_scheme.w[glide.mat] != 0.0) {
         let coefficients = [n, n + 1].map(|n| glide.coefficients_at_frame(n));
         fine_links.set_joint_constants(glide.mat, coefficients.map(|[w, kappa, zeta, _]| [w, kappa, zeta]));
     }
@@ -233,7 +235,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
 /// Write K and Z of frame `n` into `frame_scheme`.
 pub(super) fn apply_leads(
     led_links: &[LedLinks],
-    base: &Scheme,
+    base_scheme: &Scheme,
     frame_scheme: &mut Scheme,
     fine_links: &mut Option<FineLinks>,
     n: u64,
@@ -249,11 +251,14 @@ pub(super) fn apply_leads(
             factors = lead.factors(n, 0.0);
         }
         let (base_run, run_now) = match *location {
-            RunLocation::Run(run_index) => (&base.runs[run_index], &mut frame_scheme.runs[run_index]),
-            RunLocation::Exact(run_index) => (&base.exact_runs[run_index], &mut frame_scheme.exact_runs[run_index]),
+            RunLocation::Run(run_index) => (&base_scheme.runs[run_index], &mut frame_scheme.runs[run_index]),
+            RunLocation::Exact(run_index) => (
+                &base_scheme.exact_runs[run_index],
+                &mut frame_scheme.exact_runs[run_index],
+            ),
             RunLocation::Fine => {
-                if let Some(fine_state) = fine_links {
-                    fine_state.set_link_constants(lead.first_link, [factors, lead.factors(n + 1, 0.0)]);
+                if let Some(fine_links) = fine_links {
+                    fine_links.set_link_constants(lead.first_link, [factors, lead.factors(n + 1, 0.0)]);
                 }
                 continue;
             }

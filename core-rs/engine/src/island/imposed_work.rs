@@ -34,8 +34,8 @@ impl ImposedWork {
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     pub(super) fn step(&mut self, scheme: &Scheme, targets: &[ImposedTarget], modules: &ModuleState) {
-        for (mat, [holding_force, step]) in self.previous_forces_and_steps.drain(..) {
-            self.work += 0.5 * (step + modules.d[mat]) * holding_force;
+        for (mat, [holding_force, last_step]) in self.previous_forces_and_steps.drain(..) {
+            self.work += 0.5 * (last_step + modules.d[mat]) * holding_force;
         }
         self.work_max = self.work_max.max(self.work);
         self.previous_forces_and_steps.extend(targets.iter().map(|target| {

@@ -111,7 +111,7 @@ crate::archive::state!(Ledger {
 });
 
 /// Elongation of the i-th link of a run: now, and one step ago.
-fn elongation(run: &LinkRun, modules: &ModuleState, i: usize) -> (f64, f64) {
+fn elongations(run: &LinkRun, modules: &ModuleState, i: usize) -> (f64, f64) {
     let elongation_now = run.elongation(i, |mat| modules.x[mat]);
     if run.n_axes() > 1 {
         let permanent_stretch = permanent_stretch(run, modules, i);
@@ -138,8 +138,8 @@ fn permanent_stretch(run: &LinkRun, modules: &ModuleState, i: usize) -> f64 {
 /// The stiffness that the links of a run share: now, and one step ago.
 fn shared_stiffnesses(run: &LinkRun, modules: &ModuleState) -> [f64; 2] {
     [
-        run.shared_stiffness(|i| elongation(run, modules, i).0),
-        run.shared_stiffness(|i| elongation(run, modules, i).1),
+        run.shared_stiffness(|i| elongations(run, modules, i).0),
+        run.shared_stiffness(|i| elongations(run, modules, i).1),
     ]
 }
 
@@ -181,7 +181,7 @@ impl Ledger {
                 };
                 followed_law.update_law(law_buffer, |mat| modules.x[mat]);
                 for i in 0..run.len {
-                    let (elongation_now, elongation_before) = elongation(run, modules, i);
+                    let (elongation_now, elongation_before) = elongations(run, modules, i);
                     let frame_energies = FrameEnergies::new(
                         law_buffer,
                         rate,
@@ -201,7 +201,7 @@ impl Ledger {
             }
             let tensions = shared_stiffnesses(run, modules);
             for i in 0..run.len {
-                let (elongation_now, elongation_before) = elongation(run, modules, i);
+                let (elongation_now, elongation_before) = elongations(run, modules, i);
                 ledger.link_energies[run.first_link + i] = 0.5
                     * gate_opening(run)
                     * (link_energy(run, tensions[0], elongation_now)
@@ -272,12 +272,12 @@ impl Ledger {
         let mut neighbour_buffers = self.neighbour_buffers.iter_mut();
         let mut law_buffers = self.law_buffers.iter_mut();
         for run in scheme.link_runs() {
-            let [open_now, open_next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
+            let [opening_now, opening_next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
             let [tension_next, tension_now] = shared_stiffnesses(run, modules);
             if let Some((bristle_law, _)) = run.bristle() {
                 // Work on the bristles that is not stored is lost: their bend between frames is exact.
                 for (i, link) in run.links().enumerate() {
-                    let stored_energy = open_next * bristle_law.energy(modules.link_memories[link]);
+                    let stored_energy = opening_next * bristle_law.energy(modules.link_memories[link]);
                     let energy_rise = stored_energy - self.link_energies[link];
                     self.link_energies[link] = stored_energy;
                     let stretch = s(run.b + i) - s(run.a + i);
@@ -290,10 +290,10 @@ impl Ledger {
                     continue;
                 };
                 let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_buffer, modules);
-                let stored_energy = 0.5 * (open_next * potential_next + open_now * potential_now);
+                let stored_energy = 0.5 * (opening_next * potential_next + opening_now * potential_now);
                 let energy_rise = stored_energy - self.link_energies[run.first_link];
                 self.link_energies[run.first_link] = stored_energy;
-                let k_and_z = [open_now * run.k, open_now * run.z];
+                let k_and_z = [opening_now * run.k, opening_now * run.z];
                 let steps_before = if finer_travel.is_some() { &modules.d } else { &d };
                 let frame_steps: [&[f64]; 2] = [steps_before, &modules.d];
                 let history = &modules.contact_histories[run.slot()];
@@ -312,21 +312,21 @@ impl Ledger {
                 };
                 followed_law.update_law(law_buffer, position_at_force);
                 for (i, link) in run.links().enumerate() {
-                    let (e_next, e) = elongation(run, modules, i);
+                    let (e_next, e) = elongations(run, modules, i);
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
                     let frame_stretch = run.stretch(i, position_at_force, |mat| modules.d[mat]);
-                    let energy = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
-                    let energy_before = std::mem::replace(&mut self.link_energies[link], energy.stored_after);
-                    self.injected.add(energy.stored_before - energy_before); // the law has changed
+                    let frame_energies = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
+                    let energy_before = std::mem::replace(&mut self.link_energies[link], frame_energies.stored_after);
+                    self.injected.add(frame_energies.stored_before - energy_before); // the law has changed
                     if finer_travel.is_some() {
-                        self.lost.add(energy.damping_force * frame_stretch);
+                        self.lost.add(frame_energies.damping_force * frame_stretch);
                         continue;
                     }
                     let stretch = 0.5 * run.stretch(i, position_at_force, s);
-                    let elastic_work = stretch * energy.elastic_force;
+                    let elastic_work = stretch * frame_energies.elastic_force;
                     self.lost.add(stretch * modules.link_forces[link] - elastic_work);
                     self.produced
-                        .add(energy.stored_after - energy.stored_before - elastic_work);
+                        .add(frame_energies.stored_after - frame_energies.stored_before - elastic_work);
                 }
                 continue;
             }
@@ -338,9 +338,9 @@ impl Ledger {
                     }
                     continue;
                 }
-                let (e_next, e) = elongation(run, modules, i);
-                let energy_next = open_next * link_energy(run, tension_next, e_next);
-                let stored_energy = 0.5 * (energy_next + open_now * link_energy(run, tension_now, e));
+                let (e_next, e) = elongations(run, modules, i);
+                let energy_next = opening_next * link_energy(run, tension_next, e_next);
+                let stored_energy = 0.5 * (energy_next + opening_now * link_energy(run, tension_now, e));
                 if permanent_stretch(run, modules, i).is_infinite() {
                     self.lost.add(self.link_energies[link]);
                     self.link_energies[link] = 0.0;
@@ -351,7 +351,7 @@ impl Ledger {
                     let position_before = |mat: usize| modules.x[mat] - modules.d[mat] - d[mat];
                     let e_before = run.elongation(i, position_before) - permanent_stretch(run, modules, i);
                     let [potential_now, potential_before] = [e, e_before].map(|e| run.potential_energy(e));
-                    let energy_left = 0.5 * open_now * (potential_now + potential_before);
+                    let energy_left = 0.5 * opening_now * (potential_now + potential_before);
                     self.lost.add(self.link_energies[link] - energy_left);
                     self.link_energies[link] = energy_left;
                 }
@@ -359,7 +359,7 @@ impl Ledger {
                 self.link_energies[link] = stored_energy;
                 if finer_travel.is_some() {
                     let frame_stretch = run.stretch(i, position_at_force, |mat| modules.d[mat]);
-                    let damping_force = open_now * run.damping_force(e, frame_stretch);
+                    let damping_force = opening_now * run.damping_force(e, frame_stretch);
                     self.lost.add(damping_force * frame_stretch);
                     continue;
                 }
@@ -370,7 +370,7 @@ impl Ledger {
                     let elastic_work = if is_exact(run) {
                         link_work
                     } else {
-                        0.5 * stretch * open_now * (run.elastic_force(e) + tension_now * e)
+                        0.5 * stretch * opening_now * (run.elastic_force(e) + tension_now * e)
                     };
                     self.lost.add(link_work - elastic_work);
                     self.produced.add(energy_rise - elastic_work);
@@ -399,7 +399,7 @@ impl Ledger {
         for run in scheme.link_runs() {
             for i in 0..run.len {
                 energy_sum.add(if is_spring(run) {
-                    let (elongation_now, elongation_before) = elongation(run, modules, i);
+                    let (elongation_now, elongation_before) = elongations(run, modules, i);
                     0.5 * run.k * elongation_now * elongation_before
                         - 0.25 * run.z * (elongation_now - elongation_before) * (elongation_now - elongation_before)
                 } else {

@@ -12,7 +12,7 @@ pub(super) struct StrikePoint {
     /// Number of the point in the scene.
     point: u32,
     /// Share of an impulse in each step from the next one on   (n_steps)
-    shares: Vec<f64>,
+    step_shares: Vec<f64>,
 }
 
 /// The impulses that a point has still to receive.
@@ -32,7 +32,7 @@ pub(super) fn strike_points(timeline: &Timeline) -> Vec<StrikePoint> {
         DriveSource::Strikes { point, n_parts } => Some(StrikePoint {
             mat: drive.mat,
             point,
-            shares: timeline.impulse_share_by_step(n_parts),
+            step_shares: timeline.impulse_share_by_step(n_parts),
         }),
         _ => None,
     };
@@ -41,9 +41,9 @@ pub(super) fn strike_points(timeline: &Timeline) -> Vec<StrikePoint> {
 
 impl PendingStrikes {
     /// For each point.
-    pub(super) fn silent(strike_points: &[StrikePoint]) -> Vec<Self> {
+    pub(super) fn without_impulses(strike_points: &[StrikePoint]) -> Vec<Self> {
         let silent_point = |point: &StrikePoint| Self {
-            impulses: vec![0.0; point.shares.len()],
+            impulses: vec![0.0; point.step_shares.len()],
             steps_left: 0,
         };
         strike_points.iter().map(silent_point).collect()
@@ -56,8 +56,8 @@ impl PendingStrikes {
 
     fn add_strike(&mut self, shares: &[f64], impulse: f64) {
         if impulse != 0.0 {
-            let pending = self.impulses.iter_mut().zip(shares);
-            pending.for_each(|(pending, share)| *pending += share * impulse);
+            let pending_impulses = self.impulses.iter_mut().zip(shares);
+            pending_impulses.for_each(|(pending_impulse, share)| *pending_impulse += share * impulse);
             self.steps_left = shares.len();
         }
     }
@@ -77,13 +77,13 @@ impl PendingStrikes {
 /// Adds the forces of the impulses to this step. A muted MAT takes none.
 pub(super) fn apply_strikes(
     strike_points: &[StrikePoint],
-    pending: &mut [PendingStrikes],
+    strike_pairs: &mut [PendingStrikes],
     scheme: &Scheme,
     modules: &mut ModuleState,
 ) {
-    let pending = strike_points.iter().zip(pending);
-    for (strike_point, pending) in pending.filter(|(_, pending)| pending.has_impulses()) {
-        let impulse = pending.take_next();
+    let pending_strikes = strike_points.iter().zip(strike_pairs);
+    for (strike_point, point_strikes) in pending_strikes.filter(|(_, point_strikes)| point_strikes.has_impulses()) {
+        let impulse = point_strikes.take_next();
         if impulse != 0.0 && scheme.w[strike_point.mat] != 0.0 {
             modules.push(strike_point.mat, impulse * scheme.rate);
         }
@@ -102,9 +102,9 @@ impl super::Island {
     pub(crate) fn strike_point(&mut self, point: u32, impulse: f64) -> bool {
         let mut has_point = false;
         let strike_points = self.script.strike_points.iter();
-        for (strike_point, pending) in strike_points.zip(&mut self.state.sources.pending_strikes) {
+        for (strike_point, point_strikes) in strike_points.zip(&mut self.state.sources.pending_strikes) {
             if strike_point.point == point {
-                pending.add_strike(&strike_point.shares, impulse);
+                point_strikes.add_strike(&strike_point.step_shares, impulse);
                 has_point = true;
             }
         }
@@ -119,10 +119,10 @@ impl super::Island {
         let strikes = old.script.strike_points.iter().zip(&old.state.sources.pending_strikes);
         for (old_point, old_pending) in strikes.filter(|(_, old_pending)| old_pending.has_impulses()) {
             let strike_points = self.script.strike_points.iter();
-            for (new_point, pending) in strike_points.zip(&mut self.state.sources.pending_strikes) {
-                if new_point.point == old_point.point && new_point.shares.len() == old_point.shares.len() {
-                    pending.impulses.copy_from_slice(&old_pending.impulses);
-                    pending.steps_left = old_pending.steps_left;
+            for (new_point, point_strikes) in strike_points.zip(&mut self.state.sources.pending_strikes) {
+                if new_point.point == old_point.point && new_point.step_shares.len() == old_point.step_shares.len() {
+                    point_strikes.impulses.copy_from_slice(&old_pending.impulses);
+                    point_strikes.steps_left = old_pending.steps_left;
                 }
             }
         }

@@ -75,10 +75,10 @@ impl Mesh {
     /// Whether network, method, ports and led links are those of another mesh. Strikes, and how the links are led, may
     /// differ: each step reads both again.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let stepping = |mesh: &Self| (mesh.rate.hertz(), mesh.method, mesh.substeps);
+        let method_key = |mesh: &Self| (mesh.rate.hertz(), mesh.method, mesh.substeps);
         let port_indices = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
         let led_links = |mesh: &Self| mesh.leads.iter().map(Lead::links).collect::<Vec<_>>();
-        stepping(self) == stepping(other)
+        method_key(self) == method_key(other)
             && port_indices(self) == port_indices(other)
             && led_links(self) == led_links(other)
             && self.network.is_same(&other.network)
@@ -183,8 +183,8 @@ impl RunningMesh {
     /// The first frame, `n` or later, in which anything strikes it or leads its links.
     pub(crate) fn next_event_frame(&self, n: u64) -> u64 {
         let next_strike = self.plan.strikes.get(self.next_strike).map(|next_strike| next_strike.0);
-        let lead_dues = self.plan.leads.iter().map(|lead| lead.next_change_frame(n));
-        lead_dues.chain(next_strike).min().unwrap_or(u64::MAX)
+        let lead_frames = self.plan.leads.iter().map(|lead| lead.next_change_frame(n));
+        lead_frames.chain(next_strike).min().unwrap_or(u64::MAX)
     }
 
     /// Begin at frame `n`.
@@ -204,13 +204,13 @@ impl RunningMesh {
     /// Prepare for a team of `threads` threads.
     pub(crate) fn prepare_team(&mut self, threads: usize) {
         if self.plan.leads.is_empty() {
-            self.integrator.partition_for(threads);
+            self.integrator.partition(threads);
         }
     }
 
     /// Whether a team of threads can share its work.
     pub(crate) fn can_share_work(&self) -> bool {
-        self.integrator.is_shared()
+        self.integrator.can_share_work()
     }
 
     /// Reserve room for all impulses of a frame, because a cloned vector has no spare capacity.
@@ -235,8 +235,8 @@ impl RunningMesh {
     /// mesh's own forces made.
     pub(crate) fn set_ports(&self, modules: &mut ModuleState) {
         let positions = self.integrator.positions();
-        let port_memory = self.previous_positions.iter().zip(&self.inertial_steps);
-        for (&(port, mat), (previous, inertial_step)) in self.plan.ports.iter().zip(port_memory) {
+        let port_history = self.previous_positions.iter().zip(&self.inertial_steps);
+        for (&(port, mat), (previous, inertial_step)) in self.plan.ports.iter().zip(port_history) {
             let port_step = positions[port] - previous;
             modules.x[mat] = positions[port];
             modules.d[mat] = port_step;

@@ -33,14 +33,14 @@ const CONTACT_FREE_FRAMES_MIN: u32 = 16;
 pub(crate) struct RunningModal {
     script: Arc<ModalScript>,
     /// The modes at the furthest frame in `row_history`.
-    furthest_motions: Vec<GroupMotion>,
+    window_end_motions: Vec<GroupMotion>,
     /// The modes at the first frame in `row_history`.
     window_start_motions: Vec<GroupMotion>,
     /// Position of each row (port or output) from some frame up to the furthest   (n_rows, WINDOW_FRAMES)
     row_history: Vec<f64>,
     /// Indices in `row_history` of the present frame and of the furthest, which is at least one later.
     present_index: usize,
-    furthest_index: usize,
+    window_end_index: usize,
     /// Positions of the ports one frame ago   (n_ports)
     previous_positions: Vec<f64>,
     sums: Vec<LaneSum>,
@@ -68,11 +68,11 @@ pub(crate) struct RunningModal {
 }
 
 crate::archive::state!(RunningModal {
-    furthest_motions,
+    window_end_motions,
     window_start_motions,
     row_history,
     present_index,
-    furthest_index,
+    window_end_index,
     previous_positions,
     kicks,
     pending_kicks,
@@ -92,7 +92,7 @@ const WINDOW_FRAMES: usize = FRAMES_AHEAD + 1;
 impl RunningModal {
     pub(crate) fn new(plan: &Modal) -> Self {
         let mut script = ModalScript::new(plan);
-        script.responses = pushes::responses(&script);
+        script.window_responses = pushes::window_responses(&script);
         let group_count = script.coefficients.len();
         let furthest_motions: Vec<GroupMotion> = (0..group_count)
             .map(|group| GroupMotion {
@@ -112,7 +112,7 @@ impl RunningModal {
             window_start_motions: furthest_motions.clone(),
             row_history: vec![0.0; n_rows * WINDOW_FRAMES],
             present_index: 0,
-            furthest_index: 0,
+            window_end_index: 0,
             previous_positions: plan
                 .ports
                 .iter()
@@ -133,7 +133,7 @@ impl RunningModal {
             next_strike_index: 0,
             damped_coefficients: script.coefficients.clone(),
             is_damped: false,
-            furthest_motions,
+            window_end_motions: furthest_motions,
             script: Arc::new(script),
         };
         let port_shapes = plan.ports.iter().map(|port| &port.shape);
@@ -178,7 +178,7 @@ impl RunningModal {
             } else {
                 port_row[window_frame - 1]
             };
-            modules.x[port.mat] = position_now + port.rest;
+            modules.x[port.mat] = position_now + port.rest_position;
             modules.d[port.mat] = position_now - previous;
             modules.free_port_motion[port.mat] = (position_next - position_now) - (position_now - previous);
         }
@@ -189,7 +189,7 @@ impl RunningModal {
         if self.has_pending_kicks {
             0
         } else {
-            self.furthest_index - self.present_index - 1
+            self.window_end_index - self.present_index - 1
         }
     }
 
@@ -201,7 +201,7 @@ impl RunningModal {
 
     /// For a body at rest: move the present by `frames`, which may be negative, within the frames ahead.
     pub(crate) fn shift_frames(&mut self, frames: i64) {
-        self.present_index = (self.present_index as i64 + frames).rem_euclid(self.furthest_index as i64) as usize;
+        self.present_index = (self.present_index as i64 + frames).rem_euclid(self.window_end_index as i64) as usize;
     }
 
     /// Advance by `frames` of the frames that are computed ahead.
@@ -238,7 +238,7 @@ impl RunningModal {
         }
         while let Some(&due_step) = self.script.strike_steps.get(self.next_strike_index).filter(is_due) {
             self.next_strike_index += 1;
-            self.script.add_kicks(due_step, &mut self.kicks);
+            self.script.write_kicks(due_step, &mut self.kicks);
             self.apply_kicks();
             // What the second step of a strike adds makes the motion free from its frame on.
             if let (.., false) = due_step {
@@ -253,7 +253,7 @@ impl RunningModal {
 
     /// Add the kicks to the modes one frame ahead.
     fn apply_kicks(&mut self) {
-        let motions = self.furthest_motions.iter_mut().zip(&self.kicks);
+        let motions = self.window_end_motions.iter_mut().zip(&self.kicks);
         for ((motion, kick), rows) in motions.zip(&self.script.row_shapes) {
             ports::add_scaled(&mut motion.positions, kick, 1.0);
             for (row, shape) in rows.iter().enumerate() {
@@ -341,7 +341,7 @@ impl RunningModal {
         }
         self.contact_free_frames = (self.contact_free_frames + 1).min(CONTACT_FREE_FRAMES_MIN);
         self.present_index += 1;
-        if self.present_index == self.furthest_index {
+        if self.present_index == self.window_end_index {
             self.compute_ahead(n + 1);
         }
     }
@@ -366,7 +366,7 @@ impl RunningModal {
         };
         for mode in 0..self.n_modes() {
             let (group_index, lane) = (mode / LANES, mode % LANES);
-            let group_motion = &self.furthest_motions[group_index];
+            let group_motion = &self.window_end_motions[group_index];
             // The motions are those of the next frame, without what impulses between frames have still to add.
             let next_amplitude = group_motion.positions.0[lane] + self.pending_kicks[group_index].0[lane];
             let (a, b) = (
@@ -375,7 +375,7 @@ impl RunningModal {
             );
             amplitudes[mode] = group_motion.previous_positions.0[lane];
             previous_amplitudes[mode] = if b == 0.0 {
-                decay_undone(amplitudes[mode], a)
+                amplitude_before_decay(amplitudes[mode], a)
             } else {
                 (a * amplitudes[mode] - next_amplitude) / b
             };
@@ -422,16 +422,17 @@ impl RunningModal {
                 group_coefficients[group_index].b.0[lane],
             );
             let next_amplitude = a * amplitudes[mode] - b * previous_amplitudes[mode];
-            let (motion, saved) = (
-                &mut self.furthest_motions[group_index],
+            let (end_motion, start_motion) = (
+                &mut self.window_end_motions[group_index],
                 &mut self.window_start_motions[group_index],
             );
-            (motion.positions.0[lane], motion.previous_positions.0[lane]) = (next_amplitude, amplitudes[mode]);
-            (saved.positions.0[lane], saved.previous_positions.0[lane]) = (amplitudes[mode], previous_amplitudes[mode]);
+            (end_motion.positions.0[lane], end_motion.previous_positions.0[lane]) = (next_amplitude, amplitudes[mode]);
+            (start_motion.positions.0[lane], start_motion.previous_positions.0[lane]) =
+                (amplitudes[mode], previous_amplitudes[mode]);
         }
         (
             self.present_index,
-            self.furthest_index,
+            self.window_end_index,
             self.contact_free_frames,
             self.has_pending_kicks,
         ) = (0, 1, 0, false);
@@ -439,15 +440,15 @@ impl RunningModal {
         self.clear_window_forces();
         for (row, window_row) in self.row_history.chunks_mut(WINDOW_FRAMES).enumerate() {
             (window_row[0], window_row[1]) = (0.0, 0.0);
-            for (motion, rows) in self.furthest_motions.iter().zip(&self.script.row_shapes) {
+            for (motion, rows) in self.window_end_motions.iter().zip(&self.script.row_shapes) {
                 window_row[0] += ports::port_displacement(&rows[row], &motion.previous_positions);
                 window_row[1] += ports::port_displacement(&rows[row], &motion.positions);
             }
         }
         for (row, previous) in self.previous_positions.iter_mut().enumerate() {
-            let saved_rows = self.window_start_motions.iter().zip(&self.script.row_shapes);
-            *previous = saved_rows
-                .map(|(saved, rows)| ports::port_displacement(&rows[row], &saved.previous_positions))
+            let start_rows = self.window_start_motions.iter().zip(&self.script.row_shapes);
+            *previous = start_rows
+                .map(|(start_motion, rows)| ports::port_displacement(&rows[row], &start_motion.previous_positions))
                 .sum();
         }
     }
@@ -460,14 +461,14 @@ impl RunningModal {
     /// Take over the state of an equal body; its strikes may differ. How far that body was computed ahead does not
     /// matter.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
-        std::mem::swap(&mut self.furthest_motions, &mut old.furthest_motions);
+        std::mem::swap(&mut self.window_end_motions, &mut old.window_end_motions);
         std::mem::swap(&mut self.window_start_motions, &mut old.window_start_motions);
         std::mem::swap(&mut self.row_history, &mut old.row_history);
         std::mem::swap(&mut self.previous_positions, &mut old.previous_positions);
         std::mem::swap(&mut self.pending_kicks, &mut old.pending_kicks);
         std::mem::swap(&mut self.window_forces, &mut old.window_forces);
         self.has_window_forces = old.has_window_forces;
-        (self.present_index, self.furthest_index) = (old.present_index, old.furthest_index);
+        (self.present_index, self.window_end_index) = (old.present_index, old.window_end_index);
         (self.has_pending_kicks, self.contact_free_frames) = (old.has_pending_kicks, old.contact_free_frames);
     }
 
@@ -484,22 +485,22 @@ impl RunningModal {
 
     /// Bring the motions back to one frame ahead of the present, where a new window begins.
     fn restart_window(&mut self) {
-        let present = self.present_index;
-        if self.furthest_index == present + 1 && !self.has_window_forces {
+        let present_index = self.present_index;
+        if self.window_end_index == present_index + 1 && !self.has_window_forces {
             return;
         }
-        for group in 0..self.furthest_motions.len() {
+        for group in 0..self.window_end_motions.len() {
             let mut group_motion = self.window_start_motions[group].clone();
-            self.replay(group, &mut group_motion, 0, present);
+            self.replay(group, &mut group_motion, 0, present_index);
             self.window_start_motions[group].clone_from(&group_motion);
-            self.replay(group, &mut group_motion, present, present + 1);
-            self.furthest_motions[group] = group_motion;
+            self.replay(group, &mut group_motion, present_index, present_index + 1);
+            self.window_end_motions[group] = group_motion;
         }
         self.clear_window_forces();
         for window_row in self.row_history.chunks_mut(WINDOW_FRAMES) {
-            (window_row[0], window_row[1]) = (window_row[present], window_row[present + 1]);
+            (window_row[0], window_row[1]) = (window_row[present_index], window_row[present_index + 1]);
         }
-        (self.present_index, self.furthest_index) = (0, 1);
+        (self.present_index, self.window_end_index) = (0, 1);
     }
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
@@ -514,13 +515,13 @@ impl RunningModal {
         };
         self.absorb_window_forces();
         for &group in &self.script.groups_with_changing_zeros {
-            self.furthest_motions[group].clear_signs_of_zeros();
+            self.window_end_motions[group].clear_signs_of_zeros();
         }
-        self.window_start_motions.clone_from_slice(&self.furthest_motions);
+        self.window_start_motions.clone_from_slice(&self.window_end_motions);
         // Close together: a row of `FRAMES_AHEAD` sums is a page of memory.
         let n_sums = self.row_positions.len() * frames_ahead;
         self.sums[..n_sums].fill(LaneSum::ZERO);
-        for (group, motion) in self.furthest_motions.iter_mut().enumerate() {
+        for (group, motion) in self.window_end_motions.iter_mut().enumerate() {
             let group_coefficients = if self.is_damped {
                 &self.damped_coefficients
             } else {
@@ -546,16 +547,16 @@ impl RunningModal {
                 *position = lane_total(sum);
             }
         }
-        (self.present_index, self.furthest_index) = (0, frames_ahead);
+        (self.present_index, self.window_end_index) = (0, frames_ahead);
     }
 }
 
 /// What a motion that decays by the factor `decay_factor` a frame was a frame before; itself, if it decays by more than
 /// e.
-fn decay_undone(now: f64, decay_factor: f64) -> f64 {
+fn amplitude_before_decay(amplitude: f64, decay_factor: f64) -> f64 {
     if decay_factor > 1.0 / std::f64::consts::E {
-        now / decay_factor
+        amplitude / decay_factor
     } else {
-        now
+        amplitude
     }
 }

@@ -43,29 +43,29 @@ pub(super) fn work(
     let pair_link = &run.pairs.link;
     let mut pair_work = PairWork::default();
     let position_before = |mat: usize| modules.x[mat] - modules.d[mat];
-    neighbours.for_each_touching(run, position_before, |ends, e, along| {
-        let stretch_before = pair_link.length_step(ends, along, |mat| frame_steps[0][mat]);
-        let stretch = 0.5 * pair_link.length_step(ends, along, |mat| frame_steps[0][mat] + frame_steps[1][mat]);
-        let (f, elastic) = (
+    neighbours.for_each_touching(run, position_before, |ends, e, direction| {
+        let stretch_before = pair_link.length_step(ends, direction, |mat| frame_steps[0][mat]);
+        let stretch = 0.5 * pair_link.length_step(ends, direction, |mat| frame_steps[0][mat] + frame_steps[1][mat]);
+        let (pair_force, elastic_force) = (
             pair_link.law.force(k_and_z, e, stretch_before),
             pair_link.law.elastic(k_and_z[0], e),
         );
-        pair_work.total += stretch * f;
-        pair_work.elastic += stretch * elastic;
+        pair_work.total += stretch * pair_force;
+        pair_work.elastic += stretch * elastic_force;
         if run.pairs.friction > 0.0 {
-            let ends_moved = frame_steps.map(|d| pair_link.offset_between(ends, |mat| d[mat]));
+            let relative_steps = frame_steps.map(|d| pair_link.offset_between(ends, |mat| d[mat]));
             let contact = PairContact {
                 elongation: e,
-                force: f,
-                elastic_force: elastic,
-                direction: along,
+                force: pair_force,
+                elastic_force,
+                direction,
                 offset: pair_link.offset_between(ends, position_before),
-                relative_step: ends_moved[0],
+                relative_step: relative_steps[0],
             };
             let sliding = contact.sliding(&run.pairs, k_and_z);
-            let (force, _) = sliding.force(history.anchor_of(run.points(ends)));
-            for (axis, force) in force.into_iter().enumerate() {
-                pair_work.total += 0.5 * (ends_moved[0][axis] + ends_moved[1][axis]) * force;
+            let (friction_force, _) = sliding.force(history.anchor_of(run.points(ends)));
+            for (axis, force) in friction_force.into_iter().enumerate() {
+                pair_work.total += 0.5 * (relative_steps[0][axis] + relative_steps[1][axis]) * force;
             }
         }
     });

@@ -100,12 +100,12 @@ impl PairEnergyGains {
     }
 
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
-    pub(super) fn has_end_among(&self, mats: &[bool]) -> bool {
+    pub(super) fn has_end_among(&self, is_end_marked: &[bool]) -> bool {
         let mut mat_spans = self
             .pair_contacts
             .iter()
             .flat_map(|contacts| contacts.run.point_ranges());
-        mat_spans.any(|span| mats[span].iter().any(|&is_marked| is_marked))
+        mat_spans.any(|span| is_end_marked[span].iter().any(|&is_marked| is_marked))
     }
 
     pub(super) fn begin(&mut self, modules: &ModuleState) {
@@ -119,9 +119,12 @@ impl PairEnergyGains {
     }
 
     pub(super) fn step(&mut self, modules: &ModuleState) {
-        let motion_now = [&*modules.d, &*modules.pair_forces];
-        self.energy_account
-            .add_work(-work(&mut self.previous_steps, &mut self.previous_forces, motion_now));
+        let steps_and_forces = [&*modules.d, &*modules.pair_forces];
+        self.energy_account.add_work(-work(
+            &mut self.previous_steps,
+            &mut self.previous_forces,
+            steps_and_forces,
+        ));
     }
 
     /// The energy created by frame `n`, if that is worth reporting; `motion_energy` is the energy of all masses.
@@ -133,7 +136,8 @@ impl PairEnergyGains {
     ) -> Option<EnergyGain> {
         if self.energy_account.is_overdrawn() && !self.includes_start_energy {
             let start_energy = pair_energy(&mut self.pair_contacts, [&self.start_motion[0], &self.start_motion[1]]);
-            self.energy_account.add_start(start_energy + self.start_friction_energy);
+            self.energy_account
+                .add_start_energy(start_energy + self.start_friction_energy);
             self.includes_start_energy = true;
         }
         if !self.energy_account.is_overdrawn() {

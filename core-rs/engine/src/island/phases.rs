@@ -1,6 +1,6 @@
 //! The phases of a step (`step` says what each reads and writes).
 
-use super::strikes::apply_pushes_and_ergons;
+use super::strikes::apply_strikes_and_ergons;
 use super::{MotionState, Script, State, delayed_ports, glide, live_strikes, real_hands, sounds_in};
 use crate::guard;
 use crate::island::written_hand::voice::{Voice, VoiceScene, VoiceScript};
@@ -60,7 +60,7 @@ pub(super) struct StrikesApplied(());
 pub(super) struct ForcesComplete(());
 
 /// Positions and steps are those of the next frame.
-pub(super) struct Moved {
+pub(super) struct MoveResult {
     /// Whether all of them are plausible.
     pub(super) is_plausible: bool,
     /// Whether the frame was computed again in finer steps.
@@ -80,30 +80,30 @@ impl StepInProgress<'_, '_> {
             ..
         } = &mut *self.state;
         let MotionState {
-            modules: body,
-            scratch: laws,
+            modules,
+            scratch,
             fine_links,
             targets,
             ..
         } = motion;
-        kernel::compute_link_forces(scheme, &parameters.gate_openings, body, laws, self.team);
+        kernel::compute_link_forces(scheme, &parameters.gate_openings, modules, scratch, self.team);
         targets.clear();
         for drive in &script.drives {
-            drive.apply(n, scheme.rate, body, targets);
+            drive.apply(n, scheme.rate, modules, targets);
         }
-        delayed_ports::push_keys(&script.port_bindings, &sources.port_states, body);
-        sounds_in::apply_inputs(&script.sound_drives, &sources.input_signals, n, body, targets);
+        delayed_ports::push_keys(&script.port_bindings, &sources.delayed_forces, modules);
+        sounds_in::apply_inputs(&script.sound_drives, &sources.input_signals, n, modules, targets);
         if let Some(energy_rise) = &mut monitors.energy_rise
             && sources.has_pending_strikes()
         {
             energy_rise.restart();
         }
-        live_strikes::apply_strikes(&script.strike_points, &mut sources.pending_strikes, scheme, body);
-        kernel::proxies::record_positions(scheme, body);
-        kernel::proxies::distribute_forces(scheme, body);
+        live_strikes::apply_strikes(&script.strike_points, &mut sources.pending_strikes, scheme, modules);
+        kernel::proxies::record_positions(scheme, modules);
+        kernel::proxies::distribute_forces(scheme, modules);
         if let Some(fine_links) = fine_links {
-            fine_links.record_steady_forces(scheme, body);
-            fine_links.apply_carried_forces(body);
+            fine_links.record_steady_forces(scheme, modules);
+            fine_links.apply_carried_forces(modules);
         }
         LinksApplied(())
     }
@@ -112,12 +112,10 @@ impl StepInProgress<'_, '_> {
     pub(super) fn apply_strikes(&mut self, _: LinksApplied) -> StrikesApplied {
         self.sum_layers();
         self.for_each_voice(Voice::step);
-        apply_pushes_and_ergons(self.script, self.scheme, self.state, self.n);
-        let MotionState {
-            modules: body, bodies, ..
-        } = &mut self.state.motion;
+        apply_strikes_and_ergons(self.script, self.scheme, self.state, self.n);
+        let MotionState { modules, bodies, .. } = &mut self.state.motion;
         for running_body in bodies {
-            running_body.apply_strikes(self.n, body);
+            running_body.apply_strikes(self.n, modules);
         }
         StrikesApplied(())
     }
@@ -127,16 +125,16 @@ impl StepInProgress<'_, '_> {
         let scheme = self.scheme;
         let State { parameters, motion, .. } = &mut *self.state;
         let MotionState {
-            modules: body,
+            modules,
             bodies,
             fine_links,
             targets,
             ..
         } = motion;
-        kernel::solve_exact_contacts(scheme, &parameters.gate_openings, targets, body);
+        kernel::solve_exact_contacts(scheme, &parameters.gate_openings, targets, modules);
         if let Some(fine_links) = fine_links {
-            fine_links.step(scheme, &parameters.gate_openings, targets, bodies, body);
-            kernel::solve_friction(scheme, &parameters.gate_openings, targets, body);
+            fine_links.step(scheme, &parameters.gate_openings, targets, bodies, modules);
+            kernel::solve_friction(scheme, &parameters.gate_openings, targets, modules);
         }
         self.for_each_voice(Voice::record_tracked_ergon);
         ForcesComplete(())
@@ -153,59 +151,59 @@ impl StepInProgress<'_, '_> {
             ..
         } = &mut *self.state;
         let MotionState {
-            modules: body,
+            modules,
             bodies,
             targets,
             ..
         } = motion;
-        real_hands::add_hand_forces(&script.hand_bindings, &mut sources.hand_states, n, body);
-        delayed_ports::record_port_forces(&script.port_bindings, &mut sources.port_states, body);
-        delayed_ports::set_port_targets(&script.port_bindings, scheme, targets, body);
-        monitors.contact_peaks.note_forces(n, &body.link_forces);
+        real_hands::add_hand_forces(&script.hand_bindings, &mut sources.hand_states, n, modules);
+        delayed_ports::record_port_forces(&script.port_bindings, &mut sources.delayed_forces, modules);
+        delayed_ports::set_port_targets(&script.port_bindings, scheme, targets, modules);
+        monitors.contact_peaks.record_forces(n, &modules.link_forces);
         if let Some(out) = out {
-            kernel::write_outputs(scheme, body, out);
+            kernel::write_outputs(scheme, modules, out);
             bodies.iter().for_each(|running_body| running_body.add_outputs(out));
             monitors.muted_parts.fade(n, scheme, out);
         }
         if let Some(gains) = &mut monitors.energy_gains
             && !monitors.guard.as_ref().is_some_and(|guard| guard.is_finer())
         {
-            gains.step(scheme, &parameters.gate_openings, targets, body);
+            gains.step(scheme, &parameters.gate_openings, targets, modules);
         }
         if let Some(ledger) = &mut monitors.ledger {
-            ledger.begin_frame(scheme, targets, body);
+            ledger.begin_frame(scheme, targets, modules);
         }
     }
 
     /// Masses and bodies move; the frame is computed again in finer steps if links have stiffened too much.
-    pub(super) fn advance(&mut self, _: ForcesComplete) -> Moved {
+    pub(super) fn advance(&mut self, _: ForcesComplete) -> MoveResult {
         let scheme = self.scheme;
         let MotionState {
-            modules: body,
+            modules,
             bodies,
-            scratch: laws,
+            scratch,
             targets,
             ..
         } = &mut self.state.motion;
         for running_body in &mut *bodies {
-            running_body.step(self.n, &body.force, self.team);
+            running_body.step(self.n, &modules.force, self.team);
         }
-        let partition = laws.mesh_partition.as_ref();
-        let is_plausible = kernel::advance_mats(scheme, targets, body, partition, self.team);
+        let partition = scratch.mesh_partition.as_ref();
+        let is_plausible = kernel::advance_mats(scheme, targets, modules, partition, self.team);
         let mut are_bodies_bounded = true;
         for running_body in &*bodies {
-            running_body.set_ports(body);
+            running_body.set_ports(modules);
             are_bodies_bounded &= running_body.is_bounded();
         }
-        kernel::proxies::move_to_masses(scheme, body);
-        let finer_plausible = recompute_finer(scheme, self.state, self.team);
+        kernel::proxies::move_to_masses(scheme, modules);
+        let finer_result = recompute_finer(scheme, self.state, self.team);
         let State {
             parameters,
             motion,
             monitors,
             ..
         } = &mut *self.state;
-        if finer_plausible.is_some() || parameters.step_decay < 1.0 {
+        if finer_result.is_some() || parameters.step_decay < 1.0 {
             monitors.energy_gains.iter_mut().for_each(|gains| gains.restart());
             let fine_links = motion.fine_links.iter_mut();
             fine_links.for_each(|fine_links| fine_links.stepped_points_mut().restart());
@@ -215,14 +213,14 @@ impl StepInProgress<'_, '_> {
         if let Some(fine_links) = &motion.fine_links {
             fine_links.stop_held_masses(scheme, &mut motion.modules);
         }
-        Moved {
-            is_plausible: finer_plausible.unwrap_or(is_plausible) && are_bodies_bounded,
-            is_finer: finer_plausible.is_some(),
+        MoveResult {
+            is_plausible: finer_result.unwrap_or(is_plausible) && are_bodies_bounded,
+            is_finer: finer_result.is_some(),
         }
     }
 
     /// The ledger of the energy, if it is kept.
-    pub(super) fn account(&mut self, moved: &Moved) {
+    pub(super) fn update_ledger(&mut self, moved: &MoveResult) {
         let State {
             parameters,
             motion,
@@ -284,24 +282,24 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
         monitors,
         ..
     } = state;
-    let (guard, body) = (monitors.guard.as_mut()?, &mut motion.modules);
-    if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
+    let (guard, modules) = (monitors.guard.as_mut()?, &mut motion.modules);
+    if !guard.needs_finer(&modules.x, &modules.d, &scheme.w) {
         return None;
     }
-    let previous = body.previous_state.as_mut()?;
-    previous.swap(&mut body.x, &mut body.d);
+    let previous = modules.previous_state.as_mut()?;
+    previous.swap(&mut modules.x, &mut modules.d);
     let imposed_mats = motion.targets.iter().map(|target| target.mat);
-    let (x, previous) = (&body.x, &previous.x);
+    let (x, previous) = (&modules.x, &previous.x);
     guard.set_imposed_paths(imposed_mats, |mat| (x[mat], previous[mat]));
     let is_plausible = guard.compute_finer(&mut guard::KernelSystem {
         scheme,
         gates: &parameters.gate_openings,
-        modules: body,
-        laws: &mut motion.scratch,
+        modules,
+        scratch: &mut motion.scratch,
         team,
     });
-    if let Some(state_before) = &body.previous_state {
-        guard.restore_unrelated(state_before, &mut body.x, &mut body.d);
+    if let Some(state_before) = &modules.previous_state {
+        guard.restore_unrelated(state_before, &mut modules.x, &mut modules.d);
     }
     motion.set_ports();
     kernel::proxies::move_to_masses(scheme, &mut motion.modules);

@@ -16,8 +16,8 @@ pub(super) struct HandState {
     /// Position that a device has sent for the next tick, and its last step if the device knows it [m].
     sent_motion: Option<(f64, Option<f64>)>,
     /// Positions at the last tick and at the end of this one [m].
-    tick_start: f64,
-    tick_end: f64,
+    start_position: f64,
+    end_position: f64,
     /// Sum of the forces in this tick [N].
     force_sum: f64,
     /// Mean force over the last complete tick [N].
@@ -28,8 +28,8 @@ crate::archive::option!((f64, Option<f64>), optional);
 
 crate::archive::state!(HandState {
     sent_motion,
-    tick_start,
-    tick_end,
+    start_position,
+    end_position,
     force_sum,
     mean_force
 });
@@ -44,7 +44,7 @@ impl HandBinding {
 /// Set the hands to the timeline's positions in the frame before `n`.
 pub(super) fn seek(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        state.tick_end = binding.hand.position(n.saturating_sub(1));
+        state.end_position = binding.hand.position(n.saturating_sub(1));
     }
 }
 
@@ -72,8 +72,8 @@ pub(super) fn move_hands(
         let frame_in_tick = n % tick_frames;
         if frame_in_tick == 0 {
             let (end_position, sent_step) = state.sent_motion.unwrap_or_else(|| (binding.hand.position(n), None));
-            let start_position = if n == 0 { end_position } else { state.tick_end };
-            (state.tick_start, state.tick_end) = (start_position, end_position);
+            let start_position = if n == 0 { end_position } else { state.end_position };
+            (state.start_position, state.end_position) = (start_position, end_position);
             if tick_frames == 1 || binding.hand.interpolation == HandInterpolation::Hold {
                 *mat_step = sent_step.unwrap_or(end_position - start_position);
                 *mat_position = end_position;
@@ -81,9 +81,9 @@ pub(super) fn move_hands(
             }
         }
         if binding.hand.interpolation == HandInterpolation::Line {
-            let distance = state.tick_end - state.tick_start;
+            let distance = state.end_position - state.start_position;
             *mat_step = distance / tick_frames as f64;
-            *mat_position = state.tick_start + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);
+            *mat_position = state.start_position + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);
         }
     }
 }

@@ -37,10 +37,10 @@ pub(super) struct RestSearch {
     next_check: u64,
     check_interval: u64,
     /// The state at the last check.
-    noted_state: Vec<u8>,
+    reference_state: Vec<u8>,
     /// Outputs in the frame after it   (n_out), and the work of contacts in that frame.
-    noted_outputs: Vec<f64>,
-    noted_work: [u64; 2],
+    reference_outputs: Vec<f64>,
+    reference_work: [u64; 2],
     /// Number of steps that were skipped.
     skipped_steps: u64,
 }
@@ -63,9 +63,9 @@ impl RestSearch {
             activity: IslandActivity::Computed,
             next_check: 0,
             check_interval: CHECK_INTERVAL_MIN_FRAMES,
-            noted_state: Vec::new(),
-            noted_outputs: vec![0.0; n_out],
-            noted_work: [0; 2],
+            reference_state: Vec::new(),
+            reference_outputs: vec![0.0; n_out],
+            reference_work: [0; 2],
             skipped_steps: 0,
         }
     }
@@ -107,12 +107,12 @@ impl Island {
                 IslandActivity::Unchanged(frames) => {
                     let work_before = self.contact_work();
                     self.compute(out, 1, team)?;
-                    self.compare_with_noted(out, frames, work_before);
+                    self.compare_with_reference(out, frames, work_before);
                 }
                 IslandActivity::Resting(_) if frame_count == 0 => self.wake(),
                 IslandActivity::Resting(_) => {
                     for row in out.chunks_exact_mut(n_out.max(1)) {
-                        row.copy_from_slice(&self.rest_search.noted_outputs);
+                        row.copy_from_slice(&self.rest_search.reference_outputs);
                     }
                     self.shift_frames((frame_count * steps_per_frame) as i64, frame_count as i64);
                     self.rest_search.skipped_steps += frame_count * steps_per_frame;
@@ -176,7 +176,7 @@ impl Island {
     }
 
     /// The step up to which it rests or sleeps; `None` if it moves, may move, or rests for ever.
-    pub(crate) fn rests_until(&self) -> Option<u64> {
+    pub(crate) fn rest_end_step(&self) -> Option<u64> {
         match self.rest_search.activity {
             IslandActivity::Resting(last) | IslandActivity::Asleep(last) if last < u64::MAX - EVENT_MARGIN_STEPS => {
                 Some(last)
@@ -190,7 +190,7 @@ impl Island {
 
     /// The frame up to which its outputs are 0 if nothing comes from outside, found on a copy that is computed until it
     /// rests; the present frame if it sounds or moves soon.
-    pub(crate) fn silent_until(&self) -> u64 {
+    pub(crate) fn silence_end_frame(&self) -> u64 {
         let steps_per_frame = u64::from(self.oversampling);
         let frame_now = self.state.frame / steps_per_frame;
         if self.next_event_step(self.state.frame) <= self.state.frame + SILENCE_SEARCH_FRAMES * steps_per_frame {
@@ -199,7 +199,7 @@ impl Island {
         let mut island_copy = self.clone();
         let mut output_row = vec![0.0; self.n_out()];
         let is_silent = |output_row: &[f64]| output_row.iter().all(|x| *x == 0.0);
-        let team = |team: &mut ThreadTeam<'_>| {
+        let search_silence = |team: &mut ThreadTeam<'_>| {
             for _ in 0..SILENCE_SEARCH_FRAMES {
                 if island_copy.process(&mut output_row, 1, team).is_err() || !is_silent(&output_row) {
                     return frame_now;
@@ -209,7 +209,7 @@ impl Island {
                     island_copy
                         .sleep_monitor
                         .iter()
-                        .for_each(|quiet| quiet.write_held_outputs(&mut output_row));
+                        .for_each(|sleep_monitor| sleep_monitor.write_held_outputs(&mut output_row));
                     return if is_silent(&output_row) {
                         last_step / steps_per_frame
                     } else {
@@ -219,7 +219,7 @@ impl Island {
             }
             frame_now
         };
-        ThreadTeam::with(1, team)
+        ThreadTeam::with(1, search_silence)
     }
 
     /// Reserve room for the state, so that checks of it do not allocate.
@@ -229,9 +229,9 @@ impl Island {
         // Some lists grow while it plays.
         let reports_size = size_of_val(&*self.state.sources.reports);
         let state_room = state_size + state_size / 4 + reports_size + 4_096;
-        self.rest_search.noted_state.clear();
+        self.rest_search.reference_state.clear();
         if state_size <= STATE_BYTES_MAX {
-            self.rest_search.noted_state.reserve_exact(state_room);
+            self.rest_search.reference_state.reserve_exact(state_room);
         }
         if let IslandActivity::Unchanged(_) = self.rest_search.activity {
             self.schedule_check();
@@ -248,17 +248,19 @@ impl Island {
     #[cold]
     fn begin_rest_check(&mut self) {
         let island_step = self.state.frame;
-        let due_step_min = island_step + EVENT_MARGIN_STEPS + 2 * UNCHANGED_FRAMES * u64::from(self.oversampling);
-        let mut noted_state = std::mem::take(&mut self.rest_search.noted_state);
-        noted_state.clear();
-        let may_rest = self.next_event_step(island_step) > due_step_min
+        let event_step_min = island_step + EVENT_MARGIN_STEPS + 2 * UNCHANGED_FRAMES * u64::from(self.oversampling);
+        let mut reference_state = std::mem::take(&mut self.rest_search.reference_state);
+        reference_state.clear();
+        let may_rest = self.next_event_step(island_step) > event_step_min
             && !self
                 .state
                 .monitors
                 .contact_peaks
                 .is_any_pushing(&self.state.motion.modules.link_forces)
-            && self.archive_whole_state(&mut Archive::Note(&mut noted_state)).is_ok();
-        self.rest_search.noted_state = noted_state;
+            && self
+                .archive_whole_state(&mut Archive::WriteWithin(&mut reference_state))
+                .is_ok();
+        self.rest_search.reference_state = reference_state;
         if may_rest {
             self.rest_search.activity = IslandActivity::Unchanged(0);
         } else {
@@ -268,35 +270,35 @@ impl Island {
 
     /// Compare the frame that was just computed with the state of the check, `frames` frames before; `work_before` is
     /// that of contacts before the frame.
-    fn compare_with_noted(&mut self, outputs: &[f64], frames: u64, work_before: [u64; 2]) {
+    fn compare_with_reference(&mut self, outputs: &[f64], frames: u64, work_before: [u64; 2]) {
         let work_after = self.contact_work();
         let work = [work_after[0] - work_before[0], work_after[1] - work_before[1]];
         if frames == 0 {
-            self.rest_search.noted_outputs.copy_from_slice(outputs);
-            self.rest_search.noted_work = work;
+            self.rest_search.reference_outputs.copy_from_slice(outputs);
+            self.rest_search.reference_work = work;
         }
         let is_same_frame =
-            work == self.rest_search.noted_work && have_same_bits(outputs, &self.rest_search.noted_outputs);
+            work == self.rest_search.reference_work && has_same_bits(outputs, &self.rest_search.reference_outputs);
         if !is_same_frame || !self.is_unchanged(frames + 1) {
             self.schedule_check();
             return;
         }
         self.rest_search.activity = IslandActivity::Unchanged(frames + 1);
         if frames + 1 == UNCHANGED_FRAMES {
-            let due_step = self.next_event_step(self.state.frame);
-            self.rest_search.activity = IslandActivity::Resting(due_step.saturating_sub(EVENT_MARGIN_STEPS));
+            let event_step = self.next_event_step(self.state.frame);
+            self.rest_search.activity = IslandActivity::Resting(event_step.saturating_sub(EVENT_MARGIN_STEPS));
         }
     }
 
     /// Whether the state is that of the check, `frames` frames later.
     fn is_unchanged(&mut self, frames: u64) -> bool {
         let (frames, steps_per_frame) = (frames as i64, i64::from(self.oversampling));
-        let noted_state = std::mem::take(&mut self.rest_search.noted_state);
-        let mut same_archive = Archive::Same(&noted_state);
+        let reference_state = std::mem::take(&mut self.rest_search.reference_state);
+        let mut same_archive = Archive::Compare(&reference_state);
         self.shift_frames(-frames * steps_per_frame, -frames);
         let is_same_state = self.archive_whole_state(&mut same_archive).is_ok() && same_archive.is_empty();
         self.shift_frames(frames * steps_per_frame, frames);
-        self.rest_search.noted_state = noted_state;
+        self.rest_search.reference_state = reference_state;
         is_same_state
     }
 
@@ -319,10 +321,13 @@ impl Island {
         for voice in &mut state.sources.voices {
             voice.shift_frames(steps);
         }
-        if let Some(fine_state) = &mut state.motion.fine_links {
-            let [instants, products] = self.rest_search.noted_work.map(|fine_work| fine_work as i64 * frames);
-            let fine_work = &mut fine_state.work;
-            fine_work.instants = fine_work.instants.wrapping_add_signed(instants);
+        if let Some(fine_links) = &mut state.motion.fine_links {
+            let [evaluations, products] = self
+                .rest_search
+                .reference_work
+                .map(|fine_work| fine_work as i64 * frames);
+            let fine_work = &mut fine_links.work;
+            fine_work.evaluations = fine_work.evaluations.wrapping_add_signed(evaluations);
             fine_work.products = fine_work.products.wrapping_add_signed(products);
         }
     }
@@ -343,10 +348,10 @@ impl Island {
         if kick_intervals.any(|interval| u64::from(interval) > UNCHANGED_FRAMES) {
             return n;
         }
-        let push_frame = script
-            .pushes
-            .get(state.sources.next_push)
-            .map(|push_frame| push_frame.frame);
+        let strike_frame = script
+            .strike_forces
+            .get(state.sources.next_strike)
+            .map(|strike_force| strike_force.frame);
         let ergon_frame = script
             .ergons
             .get(state.sources.next_ergon)
@@ -360,7 +365,7 @@ impl Island {
         let gate_events = gate_events.map(|(gate, continuation)| gate.next_change_frame(continuation.as_ref(), n));
         let glide_events = script.glides.iter().map(|glide| glide.next_change_frame(n));
         let lead_events = script.led_links.iter().map(|led| led.next_change_frame(n));
-        let event_frames = push_frame
+        let event_frames = strike_frame
             .into_iter()
             .chain(ergon_frame)
             .chain(voice_events)
@@ -372,7 +377,7 @@ impl Island {
     /// Work of contacts so far: instants, and products.
     fn contact_work(&self) -> [u64; 2] {
         let fine_work = self.fine_work();
-        [fine_work.instants, fine_work.products]
+        [fine_work.evaluations, fine_work.products]
     }
 }
 
@@ -405,7 +410,7 @@ impl bodies::RunningBody {
     }
 }
 
-fn have_same_bits(a: &[f64], b: &[f64]) -> bool {
+fn has_same_bits(a: &[f64], b: &[f64]) -> bool {
     let bit_pattern = |x: &f64| x.to_bits();
     a.iter().map(bit_pattern).eq(b.iter().map(bit_pattern))
 }

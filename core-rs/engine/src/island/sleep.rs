@@ -78,7 +78,7 @@ impl SleepMonitor {
     fn record_outputs(&mut self, sound: &[f64]) {
         for frame in sound.chunks_exact(self.output_levels.len().max(1)) {
             let outputs = self.output_levels.iter_mut().zip(frame);
-            outputs.for_each(|(output, value)| output.record(*value));
+            outputs.for_each(|(output, sample)| output.record(*sample));
         }
     }
 
@@ -93,8 +93,8 @@ impl SleepMonitor {
 
     /// Writes the outputs while it sleeps into a frame (n_out).
     pub(super) fn write_held_outputs(&self, frame: &mut [f64]) {
-        for (value, output) in frame.iter_mut().zip(&self.output_levels) {
-            *value = output.value();
+        for (sample, output) in frame.iter_mut().zip(&self.output_levels) {
+            *sample = output.last_value();
         }
     }
 
@@ -113,21 +113,21 @@ impl SleepMonitor {
         }
         let mut energy_sum = 0.0;
         let mat_motions = modules.x.iter().zip(&modules.d).zip(&scheme.w);
-        for (((x, d), w), largest) in mat_motions.zip(&mut self.step_squares_max) {
+        for (((x, d), w), square_max) in mat_motions.zip(&mut self.step_squares_max) {
             let step_square = d * d;
-            *largest = largest.max(step_square);
+            *square_max = square_max.max(step_square);
             // Imposed points (w = 0) count no energy.
             let mat_energy = if *w > 0.0 { step_square / w } else { 0.0 };
             self.mat_energy_max = self.mat_energy_max.max(mat_energy);
             energy_sum += mat_energy;
-            is_quiet &= step_square <= QUIET_POWER * *largest || d.abs() <= ROUNDING_SHARE * x.abs();
+            is_quiet &= step_square <= QUIET_POWER * *square_max || d.abs() <= ROUNDING_SHARE * x.abs();
         }
         energy_sum /= self.mat_energy_max.max(f64::MIN_POSITIVE);
-        for (body, largest) in bodies.iter().zip(&mut self.body_motions_max) {
+        for (body, motion_max) in bodies.iter().zip(&mut self.body_motions_max) {
             let body_motion = body.motion_level();
-            *largest = largest.max(body_motion);
-            energy_sum += body_motion / largest.max(f64::MIN_POSITIVE);
-            is_quiet &= body_motion <= QUIET_POWER * *largest;
+            *motion_max = motion_max.max(body_motion);
+            energy_sum += body_motion / motion_max.max(f64::MIN_POSITIVE);
+            is_quiet &= body_motion <= QUIET_POWER * *motion_max;
         }
         self.period_energy = self.period_energy.max(energy_sum);
         self.is_period_quiet = is_quiet && (self.is_period_quiet || check_index == 1);
@@ -197,6 +197,6 @@ impl Island {
     /// earlier, because a session may know an event from that frame on only, and has to play what is rendered.
     pub(super) fn wake_step(&self) -> Option<u64> {
         let (island_step, steps_per_frame) = (self.state.frame, u64::from(self.oversampling));
-        Some(self.next_event_step(island_step)).filter(|due| *due - island_step >= steps_per_frame)
+        Some(self.next_event_step(island_step)).filter(|event_step| *event_step - island_step >= steps_per_frame)
     }
 }

@@ -92,11 +92,11 @@ impl Slow {
         matches!(self.springs, SpringMethod::Exact(_))
     }
 
-    /// The same body in the free copy of its key; `mat` gives the MATs of its ports there.
-    pub(crate) fn in_free_key(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {
+    /// The same body in the free copy of its key; `port_mat` gives the MATs of its ports there.
+    pub(crate) fn in_free_key(&self, port_mat: impl Fn(usize) -> Option<usize>) -> Self {
         let ports = self.ports.iter();
         let ports: Vec<(usize, usize)> = ports
-            .filter_map(|&(mat_index, island_mat)| Some((mat_index, mat(island_mat)?)))
+            .filter_map(|&(mat_index, island_mat)| Some((mat_index, port_mat(island_mat)?)))
             .collect();
         let springs = match &self.springs {
             SpringMethod::Exact(flow) => {
@@ -170,7 +170,7 @@ impl RunningSlow {
         self.springs.exact_block().is_some()
     }
 
-    /// The body at frame 0, where the steps of its ports in `body` already contain all but the slow springs.
+    /// The body at frame 0, where the steps of its ports in `modules` already contain all but the slow springs.
     pub(crate) fn new(plan: &Slow, modules: &ModuleState) -> Self {
         let mut springs = plan.springs.start(plan);
         let mut v = springs.start_velocities(plan);
@@ -323,7 +323,7 @@ impl RunningSlow {
             }
         }
         for (index, &(port, _)) in plan.ports.iter().enumerate() {
-            self.x[port] = plan.rest_positions[port] + spring_block.position(index);
+            self.x[port] = plan.rest_positions[port] + spring_block.displacement(index);
             self.v[port] = spring_block.velocity(index);
         }
     }
@@ -408,10 +408,10 @@ impl RunningSlow {
     }
 
     /// Take note of a strike on a MAT of the island in this frame [N]: linear springs answer it from its instant on.
-    pub(crate) fn note_strike(&mut self, mat: usize, force: f64) {
+    pub(crate) fn record_strike(&mut self, mat: usize, force: f64) {
         let port = self.plan.ports.iter().position(|port| port.1 == mat);
         if let (Some(port), RunningSprings::Exact(spring_block)) = (port, &mut self.springs) {
-            spring_block.note_strike(port, force);
+            spring_block.record_strike(port, force);
         }
     }
 
@@ -469,8 +469,8 @@ impl RunningSlow {
     /// `is_moving`, otherwise from rest.
     fn spring_kick(&mut self, is_moving: bool) {
         let velocities_before = is_moving.then_some(&self.last_kick[..]);
-        if let RunningSprings::Stepped(stepped) = &mut self.springs {
-            stepped.velocities_after_pull(&self.plan, &self.x, velocities_before, &mut self.v);
+        if let RunningSprings::Stepped(stepped_springs) = &mut self.springs {
+            stepped_springs.velocities_after_pull(&self.plan, &self.x, velocities_before, &mut self.v);
         }
     }
 

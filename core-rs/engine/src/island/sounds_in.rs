@@ -66,10 +66,10 @@ impl Ramp {
 pub(super) struct Samples {
     /// Frame of the score of the first sample; `None`: no samples have arrived.
     first_frame: Option<u64>,
-    /// The value in the frame before `from`.
+    /// The value in the frame before `first_frame`.
     value_before: f64,
     sample_count: usize,
-    /// (FRAMES_MAX), of which the first `n` are valid.
+    /// (INPUT_FRAMES_MAX), of which the first `sample_count` are valid.
     values: Box<[f64]>,
 }
 
@@ -102,7 +102,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<InputSigna
         _ => None,
     };
     let all_drives: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
-    let new_input = |drive: &SoundDrive| match drive.input.settings.source {
+    let new_signal = |drive: &SoundDrive| match drive.input.settings.source {
         InputSource::Channel(_) => InputSignal::Samples(Samples {
             first_frame: None,
             value_before: 0.0,
@@ -111,8 +111,8 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<InputSigna
         }),
         InputSource::Value { .. } => InputSignal::Ramp(None),
     };
-    let played = all_drives.iter().map(new_input).collect();
-    (all_drives, played)
+    let input_signals = all_drives.iter().map(new_signal).collect();
+    (all_drives, input_signals)
 }
 
 /// Add the forces of step `n`, and impose the positions at its end.
@@ -125,9 +125,9 @@ pub(super) fn apply_inputs(
     modules: &mut ModuleState,
     targets: &mut Vec<ImposedTarget>,
 ) {
-    for (drive, played) in drives.iter().zip(input_signals) {
+    for (drive, input_signal) in drives.iter().zip(input_signals) {
         let score_frame = n / drive.steps_per_frame;
-        let value_now = played.value(score_frame, &drive.input);
+        let value_now = input_signal.value(score_frame, &drive.input);
         if drive.kind == DriveKind::Force {
             modules.push(drive.mat, drive.scale * value_now);
             continue;
@@ -138,7 +138,7 @@ pub(super) fn apply_inputs(
         } else {
             let value_before = score_frame
                 .checked_sub(1)
-                .map_or(0.0, |score_frame| played.value(score_frame, &drive.input));
+                .map_or(0.0, |score_frame| input_signal.value(score_frame, &drive.input));
             value_before + (value_now - value_before) * (steps_done as f64 / drive.steps_per_frame as f64)
         };
         targets.push(ImposedTarget {
@@ -158,8 +158,8 @@ impl super::Island {
             .sound_drives
             .iter()
             .zip(&mut self.state.sources.input_signals);
-        for (_, played) in input_pairs.filter(|(drive, _)| drive.input.index == index) {
-            let InputSignal::Samples(samples) = played else {
+        for (_, input_signal) in input_pairs.filter(|(drive, _)| drive.input.index == index) {
+            let InputSignal::Samples(samples) = input_signal else {
                 continue;
             };
             let sample_count = values.len().min(INPUT_FRAMES_MAX);
@@ -197,24 +197,28 @@ impl super::Island {
             .sound_drives
             .iter()
             .zip(&mut self.state.sources.input_signals);
-        input_pairs.filter_map(move |(drive, played)| match (drive.input.settings.source, played) {
-            (
-                InputSource::Value {
-                    number: input_number, ..
-                },
-                InputSignal::Ramp(ramp),
-            ) if input_number == number => Some((&drive.input, ramp)),
-            _ => None,
-        })
+        input_pairs.filter_map(
+            move |(drive, input_signal)| match (drive.input.settings.source, input_signal) {
+                (
+                    InputSource::Value {
+                        number: input_number, ..
+                    },
+                    InputSignal::Ramp(ramp),
+                ) if input_number == number => Some((&drive.input, ramp)),
+                _ => None,
+            },
+        )
     }
 
     /// The ramps of inputs whose value was set, with their numbers.
     pub(crate) fn input_ramps(&self) -> impl Iterator<Item = (u64, Ramp)> {
         let input_pairs = self.script.sound_drives.iter().zip(&self.state.sources.input_signals);
-        input_pairs.filter_map(|(drive, played)| match (drive.input.settings.source, played) {
-            (InputSource::Value { number, .. }, InputSignal::Ramp(Some(ramp))) => Some((number, *ramp)),
-            _ => None,
-        })
+        input_pairs.filter_map(
+            |(drive, input_signal)| match (drive.input.settings.source, input_signal) {
+                (InputSource::Value { number, .. }, InputSignal::Ramp(Some(ramp))) => Some((number, *ramp)),
+                _ => None,
+            },
+        )
     }
 
     /// Let the input `number` continue a ramp that it had in another island.

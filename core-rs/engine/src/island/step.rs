@@ -8,7 +8,7 @@
 //! | `solve_contacts` | all forces but those of contacts and friction | forces of contacts and friction             |
 //! | `observe`        | all forces, x, d                              | outputs, forces on hands, energy accounts   |
 //! | `advance`        | all forces                                    | x, d of frame n + 1; a frame in finer steps |
-//! | `account`        | x, d of frame n + 1                           | ledger                                      |
+//! | `update_ledger`        | x, d of frame n + 1                           | ledger                                      |
 //!
 //! Each phase takes a value that only the phase before it returns, so no other order compiles. A step does not lock or
 //! panic, and it allocates only to record ergons.
@@ -48,23 +48,23 @@ impl Island {
             oversampling: self.oversampling as usize,
         };
         let (step_count, may_coast) = (n_frames * outputs.oversampling, self.can_coast());
-        let may_skip_events = self.can_skip_events();
-        let (mut steps_done, mut poll_at) = (0, 0);
+        let can_step_eventless = self.can_step_eventless();
+        let (mut steps_done, mut next_poll_step) = (0, 0);
         let module_count = self.script.scheme.n_mat() + self.script.scheme.n_lia;
         let poll_interval = (POLL_MODULES / module_count.max(1)).clamp(1, POLL_STEPS);
         while steps_done < step_count {
-            if steps_done >= poll_at {
+            if steps_done >= next_poll_step {
                 interrupt::poll();
-                poll_at = steps_done + poll_interval;
+                next_poll_step = steps_done + poll_interval;
             }
             if may_coast {
                 steps_done += self.coast(&mut outputs, steps_done..step_count)?;
             }
-            if may_skip_events {
-                let skip_span = (steps_done, step_count.min(steps_done + poll_interval));
-                let steps_skipped = self.skip_events(&mut outputs, skip_span, team)?;
-                if steps_skipped > 0 {
-                    steps_done += steps_skipped;
+            if can_step_eventless {
+                let step_range = (steps_done, step_count.min(steps_done + poll_interval));
+                let eventless_steps = self.step_eventless(&mut outputs, step_range, team)?;
+                if eventless_steps > 0 {
+                    steps_done += eventless_steps;
                     continue;
                 }
             }
@@ -94,7 +94,7 @@ impl Island {
         let forces_complete = frame.solve_contacts(strikes_applied);
         frame.observe(&forces_complete, outputs);
         let move_result = frame.advance(forces_complete);
-        frame.account(&move_result);
+        frame.update_ledger(&move_result);
         state.parameters.changing_scheme = changing_scheme;
         state.frame += 1;
         if !move_result.is_plausible {

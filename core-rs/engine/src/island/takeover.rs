@@ -44,8 +44,8 @@ impl State {
         if let Some(link_memory) = self.motion.modules.link_memories.get_mut(link) {
             *link_memory = memory;
         }
-        if let Some(fine_state) = &mut self.motion.fine_links {
-            fine_state.set_bristle_deflection(link, memory);
+        if let Some(fine_links) = &mut self.motion.fine_links {
+            fine_links.set_bristle_deflection(link, memory);
         }
     }
 }
@@ -57,7 +57,9 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let step_rate = script.scheme.rate;
         state.frame = start_step;
-        state.sources.next_push = script.pushes.partition_point(|push| push.frame < start_step);
+        state.sources.next_strike = script
+            .strike_forces
+            .partition_point(|strike_force| strike_force.frame < start_step);
         state.sources.next_ergon = script.ergons.partition_point(|(frame, _)| *frame < start_step);
         for (voice, voice_script) in state.sources.voices.iter_mut().zip(&script.voices) {
             voice.seek(voice_script, &script.gestures, start_step);
@@ -90,19 +92,19 @@ impl Island {
             self.set_ports();
             return;
         }
-        let (motion, old_matter) = (&mut self.state.motion, &mut old.state.motion);
-        let (body, old_body) = (&mut motion.modules, &mut old_matter.modules);
-        std::mem::swap(&mut body.x, &mut old_body.x);
-        std::mem::swap(&mut body.d, &mut old_body.d);
-        std::mem::swap(&mut body.free_port_motion, &mut old_body.free_port_motion);
-        std::mem::swap(&mut body.link_forces, &mut old_body.link_forces);
-        std::mem::swap(&mut body.link_memories, &mut old_body.link_memories);
-        std::mem::swap(&mut body.contact_histories, &mut old_body.contact_histories);
-        for (running_body, old_running) in motion.bodies.iter_mut().zip(&mut old_matter.bodies) {
-            running_body.continue_from(old_running);
+        let (motion, old_motion) = (&mut self.state.motion, &mut old.state.motion);
+        let (modules, old_modules) = (&mut motion.modules, &mut old_motion.modules);
+        std::mem::swap(&mut modules.x, &mut old_modules.x);
+        std::mem::swap(&mut modules.d, &mut old_modules.d);
+        std::mem::swap(&mut modules.free_port_motion, &mut old_modules.free_port_motion);
+        std::mem::swap(&mut modules.link_forces, &mut old_modules.link_forces);
+        std::mem::swap(&mut modules.link_memories, &mut old_modules.link_memories);
+        std::mem::swap(&mut modules.contact_histories, &mut old_modules.contact_histories);
+        for (running_body, old_running_body) in motion.bodies.iter_mut().zip(&mut old_motion.bodies) {
+            running_body.continue_from(old_running_body);
         }
-        if let (Some(fine), Some(old_fine)) = (&mut motion.fine_links, &mut old_matter.fine_links) {
-            fine.continue_from(old_fine);
+        if let (Some(fine_links), Some(old_fine_links)) = (&mut motion.fine_links, &mut old_motion.fine_links) {
+            fine_links.continue_from(old_fine_links);
         }
         let (monitors, old_monitors) = (&mut self.state.monitors, &mut old.state.monitors);
         monitors.muted_parts.continue_from(&old_monitors.muted_parts);
@@ -167,7 +169,7 @@ impl Island {
                 self.state.motion.modules.d[mat] = old.state.motion.modules.d[old_mat];
             }
             ItemTakeover::Port(old_index, new_index) => {
-                self.state.sources.port_states[new_index].take_over(&old.state.sources.port_states[old_index]);
+                self.state.sources.delayed_forces[new_index].take_over(&old.state.sources.delayed_forces[old_index]);
             }
             ItemTakeover::GestureReport(old_index, new_index, has_same_mats) => {
                 let new_report = &mut self.state.sources.reports[new_index];
@@ -192,7 +194,7 @@ impl Island {
                 }
             }
             ItemTakeover::MutedPart(old_index, new_index) => {
-                if old.has_muted(old_index) && !self.has_muted(new_index) {
+                if old.is_part_muted(old_index) && !self.is_part_muted(new_index) {
                     // A muted part stays muted in the next version.
                     self.mute(new_index, self.state.frame);
                 }
@@ -202,15 +204,15 @@ impl Island {
     }
 
     /// Whether a part is muted.
-    fn has_muted(&self, part: usize) -> bool {
+    fn is_part_muted(&self, part: usize) -> bool {
         let mut muted_parts = self.state.monitors.muted_parts.iter();
         muted_parts.any(|(muted_part, _)| muted_part == part)
     }
 
     /// Position of a MAT [m], and its step in a frame of the scene [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
-        let body = &self.state.motion.modules;
-        (body.x[mat], body.d[mat] * self.steps_per_frame())
+        let modules = &self.state.motion.modules;
+        (modules.x[mat], modules.d[mat] * self.steps_per_frame())
     }
 
     /// Set position and step in a frame of the scene [m] of a MAT; values that are not finite or plausible are ignored.

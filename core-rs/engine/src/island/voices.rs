@@ -40,7 +40,7 @@ fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
             }
         }
     }
-    outer_links.retain(|&(_, other)| mat_parts[other] != mat_parts[mat]);
+    outer_links.retain(|&(_, other_mat)| mat_parts[other_mat] != mat_parts[mat]);
     outer_links
 }
 
@@ -67,8 +67,8 @@ pub(super) fn build_voices(
         let mut ordered_gestures: Vec<usize> = (0..gestures.len())
             .filter(|&i| gestures[i].gesture.key == key_index)
             .collect();
-        let start = |i: usize| gestures[i].gesture.start;
-        ordered_gestures.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
+        let start_time = |i: usize| gestures[i].gesture.start;
+        ordered_gestures.sort_by(|&i, &j| start_time(i).total_cmp(&start_time(j)));
         for &i in &ordered_gestures {
             check_playable(&gestures[i], &free_key, played_key, timeline.rate)?;
         }
@@ -115,8 +115,8 @@ pub(super) fn free_key(
     }
     let key_part = mats.part[key.struck_mat] as usize;
     // Links that close by the end are left out: a gesture is written for the key as it is in the end.
-    let closing = timeline.gates.iter().filter(|gate| gate.ends_closed());
-    let key_network = network.subset_of_part(key_part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
+    let closing_gates = timeline.gates.iter().filter(|gate| gate.ends_closed());
+    let key_network = network.subset_of_part(key_part, &closing_gates.map(|gate| gate.links()).collect::<Vec<_>>());
     let key_mat = |mat: usize| key_network.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
     for link in couplings.map(|gate| gate.first_link) {
@@ -137,7 +137,7 @@ pub(super) fn free_key(
         .filter_map(|drive| key_mat(drive.mat).map(|mat| Drive { mat, ..drive.clone() }))
         .collect();
     let scheme = Arc::new(Scheme::new(&key_network.network, timeline.rate)?);
-    let body = initial_motion(
+    let modules = initial_motion(
         &key_network.network,
         &scheme,
         &Timeline::new(timeline.rate),
@@ -157,7 +157,7 @@ pub(super) fn free_key(
         scheme,
         drives,
     };
-    let free_motion = free_key.start_motion(body);
+    let free_motion = free_key.start_motion(modules);
     Ok((free_key, free_motion))
 }
 

@@ -38,17 +38,17 @@ pub(crate) fn solve_exact_contacts(
     for run in &scheme.exact_runs {
         modules.link_forces[run.first_link] = 0.0;
     }
-    solve(scheme, gates, targets, modules, |_| true);
+    solve_runs(scheme, gates, targets, modules, |_| true);
 }
 
 /// Solve all dry friction again, after the forces of contacts in substeps were added: friction is the last force on a
 /// mass.
 pub(crate) fn solve_friction(scheme: &Scheme, gates: &[f64], targets: &[ImposedTarget], modules: &mut ModuleState) {
-    solve(scheme, gates, targets, modules, LinkRun::is_dry);
+    solve_runs(scheme, gates, targets, modules, LinkRun::is_dry);
 }
 
 /// Solve those exact runs for which `is_solved` holds, in turn until they converge.
-fn solve(
+fn solve_runs(
     scheme: &Scheme,
     gates: &[f64],
     targets: &[ImposedTarget],
@@ -141,17 +141,18 @@ pub(crate) struct ExactContact {
 }
 
 impl ExactContact {
-    /// The force [N] that takes the penetration from `w` (at n−1) to u (at n+1). `free` is the penetration at n+1
-    /// without this force, `depth_now` that at n [m].
-    pub(crate) fn push(&self, free: f64, w: f64, depth_now: f64) -> f64 {
-        self.counted_push(free, w, depth_now).0
+    /// The force [N] that takes the penetration from `depth_before` (at n−1) to u (at n+1). `free_depth` is the
+    /// penetration at n+1 without this force, `depth_now` that at n [m].
+    pub(crate) fn push(&self, free_depth: f64, depth_before: f64, depth_now: f64) -> f64 {
+        self.counted_push(free_depth, depth_before, depth_now).0
     }
 
     /// The same, and how often the power law was evaluated.
-    fn counted_push(&self, free: f64, w: f64, depth_now: f64) -> (f64, u64) {
+    fn counted_push(&self, free_depth: f64, depth_before: f64, depth_now: f64) -> (f64, u64) {
         // Both ends are imposed (β = 0): the next penetration is known, and the gradient is explicit.
         if self.beta == 0.0 {
-            let push_force = self.gradient(free, w) + self.damping_force(free, w, depth_now);
+            let push_force =
+                self.gradient(free_depth, depth_before) + self.damping_force(free_depth, depth_before, depth_now);
             return (self.law.limited(push_force), 1);
         }
         // Damping acts while the contact is closed: p ← (p + γw)/(1 + γ), β ← β/(1 + γ).
@@ -160,14 +161,14 @@ impl ExactContact {
         } else {
             0.0
         };
-        let p = (free + gamma * w) / (1.0 + gamma);
+        let p = (free_depth + gamma * depth_before) / (1.0 + gamma);
         let beta = self.beta / (1.0 + gamma);
-        let (u, evaluations) = if self.law.elastic.exponent == 1.0 {
-            (linear_depth(p, w, beta * self.law.elastic.k / 2.0), 0)
+        let (depth, evaluations) = if self.law.elastic.exponent == 1.0 {
+            (linear_depth(p, depth_before, beta * self.law.elastic.k / 2.0), 0)
         } else {
-            self.solve_power_law(p, w, beta)
+            self.solve_power_law(p, depth_before, beta)
         };
-        (self.law.limited((free - u) / self.beta), evaluations)
+        (self.law.limited((free_depth - depth) / self.beta), evaluations)
     }
 
     fn damping_force(&self, u: f64, w: f64, depth_now: f64) -> f64 {

@@ -11,7 +11,8 @@ use crate::maths::wide::wide;
 use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::ModuleState;
 
-/// Set `body.force` to the sum of all link forces on each MAT [N], and `body.link_forces` to the force of each link
+/// Set `modules.force` to the sum of all link forces on each MAT [N], and `modules.link_forces` to the force of each
+/// link
 /// [N].
 pub(crate) fn compute_link_forces(
     scheme: &Scheme,

@@ -39,7 +39,7 @@ impl PartBody {
         let sqrt_masses: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
         let scaled_end = |slot: usize| -> End { (slot, 1.0 / sqrt_masses[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
-        for element in interrupt::each(&elements.elements) {
+        for element in interrupt::polled_items(&elements.elements) {
             if matches!(element.kind, ElementKind::But | ElementKind::Dry | ElementKind::Space) {
                 continue;
             }

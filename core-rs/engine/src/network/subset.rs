@@ -52,7 +52,7 @@ impl Network {
             links: Vec::new(),
             outputs: Vec::new(),
         };
-        for &mat in interrupt::each(&subset.mats) {
+        for &mat in interrupt::polled_items(&subset.mats) {
             let mat = self.mat_at(mat as usize);
             subset.network.mats.push(mat);
         }
@@ -67,7 +67,7 @@ impl Network {
         let mass_followers = self.following_masses.iter();
         let mass_followers = mass_followers.filter_map(|mass| mass.renumbered(|mat| subset.mat(mat)));
         subset.network.following_masses = mass_followers.collect();
-        for run in interrupt::each(&self.runs) {
+        for run in interrupt::polled_items(&self.runs) {
             if let LinkKind::Pairwise(pairs) = &run.kind {
                 subset.push_pairwise(run, pairs, links);
                 continue;

@@ -14,7 +14,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             hash_sink.add((part.len() as u64).to_le_bytes());
             hash_sink.add(part);
         }
-        let computed_code: u64 = match row.computation {
+        let computation_code: u64 = match row.computation {
             Computation::Stepped => 0,
             Computation::Oscillators => 1,
             Computation::Modes {
@@ -30,7 +30,12 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             Computation::LeftOut(LeftOutReason::Unheard) => 4,
             Computation::LeftOut(LeftOutReason::Motionless) => 5,
         };
-        let numbers = [row.parts.len() as u64, row.mats as u64, row.links as u64, computed_code];
+        let numbers = [
+            row.parts.len() as u64,
+            row.n_mats as u64,
+            row.n_links as u64,
+            computation_code,
+        ];
         numbers.iter().for_each(|number| hash_sink.add(number.to_le_bytes()));
     }
     for choice in choices {

@@ -79,7 +79,7 @@ struct PlanBuilder<'a> {
 
 /// How an island is computed.
 struct PlannedIsland {
-    chosen: ChosenIsland,
+    chosen_island: ChosenIsland,
     slow_growth: Option<Growth>,
     /// The error that its slow parts add.
     slow_error: Option<MeasuredError>,
@@ -99,12 +99,16 @@ pub(super) fn make_plan(
     let mode_store = context.trial_store.map(StoredModes);
     let mut builder = PlanBuilder {
         pins: PinnedChoices::new(pins),
-        mode_cache: ModeCache::new(context.earlier_plan.map(|like| &like.solved_modes))
+        mode_cache: ModeCache::new(context.earlier_plan.map(|earlier_plan| &earlier_plan.solved_modes))
             .with_store(mode_store.as_ref().map(|store| store as &dyn ModeStore)),
         ..PlanBuilder::new(&network, timeline, budget).in_context(context, n_heard_modules(&all_islands))
     };
-    let sorted = builder.sort_islands(all_islands, timeline);
-    let refusals = builder.plan_islands(sorted.refusals, (sorted.subsets, sorted.n_islands), timeline);
+    let sorted_islands = builder.sort_islands(all_islands, timeline);
+    let refusals = builder.plan_islands(
+        sorted_islands.refusals,
+        (sorted_islands.subsets, sorted_islands.n_islands),
+        timeline,
+    );
     if let Some(refusals) = Error::combined(refusals) {
         return Err(refusals);
     }
@@ -118,9 +122,9 @@ pub(super) fn make_plan(
     let (mut final_plan, displayed_units) = (builder.plan, builder.displayed_units);
     final_plan.n_heard_units = final_plan.units.len();
     final_plan.motionless_mats.sort_unstable();
-    if !sorted.displayed_unheard.is_empty() {
+    if !sorted_islands.displayed_unheard.is_empty() {
         let displayed_plan =
-            unheard::plan_displayed_islands(&network, timeline, budget, context, sorted.displayed_unheard)?;
+            unheard::plan_displayed_islands(&network, timeline, budget, context, sorted_islands.displayed_unheard)?;
         final_plan.units.extend(displayed_plan.units);
         final_plan.displayed_rows = displayed_plan.rows;
     }
@@ -237,7 +241,7 @@ impl<'a> PlanBuilder<'a> {
             Some(IslandMethod::Bank(modes)) => (Some(&modes[..]), None),
             Some(IslandMethod::Stepped(stepped)) => (None, Some(stepped)),
         };
-        let mut no_modes = None;
+        let mut modes_refusal = None;
         if self.budget.allows_modes() && pinned_steps.is_none() {
             let bank_result = body::bank(
                 &subset,
@@ -270,16 +274,16 @@ impl<'a> PlanBuilder<'a> {
                     self.plan.units.push(ComputationUnit::Bank(solved_bank.bank));
                     return Ok(());
                 }
-                Err(reason) => no_modes = Some(reason),
+                Err(reason) => modes_refusal = Some(reason),
             }
         }
         if pinned_modes.is_some() {
             return Err(wrong_plan_error());
         }
         if self.frame_interval > 1 {
-            return self.plan_at_lower_rate(&subset, &island_timeline, module_count, no_modes);
+            return self.plan_at_lower_rate(&subset, &island_timeline, module_count, modes_refusal);
         }
-        self.plan_stepped(&subset, &island_timeline, module_count, pinned_steps, no_modes)
+        self.plan_stepped(&subset, &island_timeline, module_count, pinned_steps, modes_refusal)
     }
 
     /// If the body is displayed: a bank of its moving modes that no output hears.
@@ -293,14 +297,14 @@ impl<'a> PlanBuilder<'a> {
             return None;
         }
         let probed_subset = seen::with_probe_output(subset.clone(), &subset.mats).ok()?;
-        let empty_memo = ModeCache::new(None);
+        let empty_cache = ModeCache::new(None);
         let solve_bank = |chosen_modes| {
             body::bank(
                 &probed_subset,
                 &island_timeline.timeline,
                 self.budget,
                 chosen_modes,
-                &empty_memo,
+                &empty_cache,
             )
             .ok()
         };
@@ -322,45 +326,45 @@ impl<'a> PlanBuilder<'a> {
         island_timeline: &LocalTimeline,
         module_count: usize,
         earlier_choice: Option<&SteppedChoice>,
-        reason: Option<NoModes>,
+        earlier_refusal: Option<NoModes>,
     ) -> Result<(), Error> {
         ported::check_supported(&subset.network, &island_timeline.timeline, self.budget)?;
         let n_refused = self.allowance.n_refused_trials();
         let planned_island = match self.choose_stepping(subset, island_timeline, earlier_choice) {
-            Ok(solved) if earlier_choice.is_none() => {
-                let solved = self.without_unhelpful_rates(subset, island_timeline, solved);
-                self.with_slow_parts_offered(subset, island_timeline, solved)
+            Ok(planned_island) if earlier_choice.is_none() => {
+                let planned_island = self.drop_unhelpful_rates(subset, island_timeline, planned_island);
+                self.offer_slow_parts(subset, island_timeline, planned_island)
             }
             Err(error) => match earlier_choice.and_then(|pin| self.planned_by_pin(subset, island_timeline, pin)) {
-                Some(solved) => solved,
+                Some(planned_island) => planned_island,
                 None => return Err(error),
             },
-            Ok(solved) => solved,
+            Ok(planned_island) => planned_island,
         };
         let PlannedIsland {
-            chosen:
+            chosen_island:
                 ChosenIsland {
                     island,
                     measured_error: error,
-                    has_diverged: diverges,
+                    has_diverged,
                 },
             slow_growth: growth,
             slow_error,
             refused_slow_parts: refused_slow,
-            is_slow_by_plan: is_offered,
+            is_slow_by_plan,
             ..
         } = planned_island;
         check_method(self.budget, subset, &island)?;
         let is_discrete_reference = island.is_discrete_reference();
         let first_row = self.plan.rows.len();
-        let (played, timeline) = (&island.island_plan, &island_timeline.timeline);
-        let harder_at = error.and_then(|error| horizon::harder_event(played, timeline, error.duration_seconds));
-        let unchecked_from = error.and_then(|error| horizon::unchecked_from(&island.island_plan, error));
+        let (plan, timeline) = (&island.island_plan, &island_timeline.timeline);
+        let harder_time = error.and_then(|error| horizon::harder_event(plan, timeline, error.duration_seconds));
+        let unchecked_from_seconds = error.and_then(|error| horizon::unchecked_from(&island.island_plan, error));
         let Assembled {
             island_plan,
             bodies,
             certificate,
-            modes_refusal: because,
+            modes_refusal,
             ..
         } = island;
         self.plan.choices.push(Choice {
@@ -376,10 +380,10 @@ impl<'a> PlanBuilder<'a> {
         let port_count: usize = bodies.iter().map(|body| body.plan.ports().len()).sum();
         if island_plan.network.n_mat() > port_count {
             let mut report_row = Row::stepped(&island_plan, certificate);
-            report_row.mats -= port_count;
+            report_row.n_mats -= port_count;
             (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
-            let because = reason.filter(|_| bodies.is_empty()).or(because);
-            report_row.modes_refusal = because.map(|no_modes| no_modes.as_str().to_owned());
+            let modes_refusal = earlier_refusal.filter(|_| bodies.is_empty()).or(modes_refusal);
+            report_row.modes_refusal = modes_refusal.map(|no_modes| no_modes.as_str().to_owned());
             self.plan.rows.push(report_row);
         }
         // The cost of the rest beside bodies has a row of its own, or is added to the row of the first body.
@@ -396,7 +400,7 @@ impl<'a> PlanBuilder<'a> {
                 report_row.error = slow_error;
                 report_row.stability = Some(multirate::stability_with_growth(growth, certificate.guarantee));
                 report_row.kick_growth_factor = (growth.growth_per_kick > 0.0).then_some(growth.growth_per_kick);
-                report_row.is_slow_by_plan = is_offered;
+                report_row.is_slow_by_plan = is_slow_by_plan;
             }
             self.plan.rows.push(report_row);
         }
@@ -404,9 +408,9 @@ impl<'a> PlanBuilder<'a> {
         for report_row in &mut self.plan.rows[first_row..] {
             report_row.is_discrete_reference = is_discrete_reference;
             report_row.trials_cut_short = is_cut_short;
-            report_row.has_diverged = diverges;
-            report_row.harder_event_seconds = harder_at;
-            report_row.unchecked_from_seconds = unchecked_from;
+            report_row.has_diverged = has_diverged;
+            report_row.harder_event_seconds = harder_time;
+            report_row.unchecked_from_seconds = unchecked_from_seconds;
             report_row.rate_refusal = rate_refusals(&refused_slow, report_row);
         }
         self.plan.refused_rates.extend(refused_slow);
@@ -415,7 +419,7 @@ impl<'a> PlanBuilder<'a> {
     }
 
     /// An island assembled within the budget; the work of solving its bodies is taken from the allowance.
-    fn assembled(
+    fn assemble_island(
         &self,
         subset: &Subset,
         island_timeline: &LocalTimeline,
@@ -436,11 +440,12 @@ impl<'a> PlanBuilder<'a> {
     ) -> Result<PlannedIsland, Error> {
         let (mut subset, mut refused_slow) = multirate::without_refused_slow(subset, island_timeline, self.budget);
         let (chosen_island, growth) = loop {
-            let assemble = |options: AssemblyOptions<'_>| self.assembled(&subset, island_timeline, options, pin);
+            let assemble = |options: AssemblyOptions<'_>| self.assemble_island(&subset, island_timeline, options, pin);
             // An island that is unstable at once is not worth a pilot.
             let has_slow_parts = subset.network.has_slow_parts();
-            let first_try = has_slow_parts.then(|| assemble(AssemblyOptions::between_steps(1, MethodChoice::ByBudget)));
-            let mut growth_result = match first_try {
+            let first_assembly =
+                has_slow_parts.then(|| assemble(AssemblyOptions::between_steps(1, MethodChoice::ByBudget)));
+            let mut growth_result = match first_assembly {
                 Some(Ok(island)) => multirate::certify_growth(&island, &self.allowance),
                 _ => Ok(None),
             };
@@ -465,9 +470,9 @@ impl<'a> PlanBuilder<'a> {
                 }
             }
             if let Err(slow_reason) = growth_result {
-                let refused_more = multirate::refuse_all(&subset, &slow_reason);
-                subset = multirate::without_slow(&subset, &refused_more);
-                refused_slow.extend(refused_more);
+                let newly_refused = multirate::refuse_all(&subset, &slow_reason);
+                subset = multirate::without_slow(&subset, &newly_refused);
+                refused_slow.extend(newly_refused);
             }
         };
         let slow_error = match growth {
@@ -484,7 +489,7 @@ impl<'a> PlanBuilder<'a> {
             _ => None,
         };
         Ok(PlannedIsland {
-            chosen: chosen_island,
+            chosen_island,
             slow_growth: growth,
             slow_error,
             refused_slow_parts: refused_slow,

@@ -101,9 +101,9 @@ pub struct Row {
     /// The parts whose modules these are.
     pub parts: Vec<String>,
     /// MATs that move.
-    pub mats: usize,
+    pub n_mats: usize,
     /// LIAs.
-    pub links: usize,
+    pub n_links: usize,
     /// How they are computed.
     pub computation: Computation,
     /// Seconds of work for a second of sound, by the table of costs.
@@ -152,15 +152,15 @@ impl Row {
         let island_macrostep = macrostep / self.oversampling.max(1);
         PRESERVED_LIMITS
             .iter()
-            .any(|&(every_max, db)| island_macrostep <= every_max && pilot_error.waveform_db <= db)
+            .any(|&(macrostep_max, db)| island_macrostep <= macrostep_max && pilot_error.waveform_db <= db)
     }
 
     /// A row of parts, with their moving MATs and their LIAs; nothing else is filled in.
     fn new(parts: Vec<String>, [mats, links]: [usize; 2], computation: Computation) -> Self {
         Self {
             parts,
-            mats,
-            links,
+            n_mats: mats,
+            n_links: links,
             computation,
             work_per_second: 0.0,
             stability: None,
@@ -183,10 +183,10 @@ impl Row {
     }
 
     /// Fills in the cost of a second of sound, from nanoseconds a frame, and whether it can diverge.
-    fn with_cost(self, ns: f64, timeline: &Timeline, word: StabilityGuarantee) -> Self {
+    fn with_cost(self, ns: f64, timeline: &Timeline, guarantee: StabilityGuarantee) -> Self {
         Self {
             work_per_second: cost::work_per_second(ns, timeline),
-            stability: Some(word),
+            stability: Some(guarantee),
             ..self
         }
     }
@@ -194,8 +194,8 @@ impl Row {
     pub(in crate::plan) fn left_out(network: &Network, island: &IslandMembers, reason: LeftOutReason) -> Self {
         let mats = network.mats();
         let first_part = mats.part[island.mats[0] as usize] as usize;
-        let mat_moves = |mat: &&u32| mats.kind[**mat as usize].moves();
-        let module_counts = [island.mats.iter().filter(mat_moves).count(), island.links.len()];
+        let is_moving = |mat: &&u32| mats.kind[**mat as usize].moves();
+        let module_counts = [island.mats.iter().filter(is_moving).count(), island.links.len()];
         let part_names = vec![network.parts()[first_part].name.clone()];
         Self::new(part_names, module_counts, Computation::LeftOut(reason))
     }
@@ -216,20 +216,20 @@ impl Row {
     }
 
     /// The row of a body inside an island.
-    pub(in crate::plan) fn ported(ported: &PortedBody, timeline: &Timeline) -> Self {
-        let computed_as = match &ported.plan {
+    pub(in crate::plan) fn ported(ported_body: &PortedBody, timeline: &Timeline) -> Self {
+        let computation = match &ported_body.plan {
             BodyPlan::Modal(modal) => match &modal.complex_responses {
-                Some(answers) => Computation::Modes {
+                Some(complex_responses) => Computation::Modes {
                     kind: ModeKind::Complex,
-                    n_modes: answers.n_modes,
-                    n_computed: answers.n_modes,
+                    n_modes: complex_responses.n_modes,
+                    n_computed: complex_responses.n_modes,
                     left_out_db: None,
                 },
                 None => Computation::Modes {
                     kind: ModeKind::Normal,
-                    n_modes: ported.n_modes,
+                    n_modes: ported_body.n_modes,
                     n_computed: modal.modes.len(),
-                    left_out_db: ported.left_out_db,
+                    left_out_db: ported_body.left_out_db,
                 },
             },
             BodyPlan::Mesh(mesh) => Computation::Mesh(mesh.method.properties().name, mesh.substeps),
@@ -238,29 +238,30 @@ impl Row {
                 is_exact: slow.is_linear(),
             },
         };
-        let frame_cost = cost::body_ns(&ported.plan);
-        Self::new(ported.parts.clone(), [ported.n_mats, ported.n_links], computed_as).with_cost(
-            frame_cost,
-            timeline,
-            guarantee(&ported.plan),
+        let frame_cost = cost::body_ns(&ported_body.plan);
+        Self::new(
+            ported_body.parts.clone(),
+            [ported_body.n_mats, ported_body.n_links],
+            computation,
         )
+        .with_cost(frame_cost, timeline, guarantee(&ported_body.plan))
     }
 
     pub(in crate::plan) fn modal(subset: &Subset, body: &BankBody, timeline: &Timeline) -> Self {
-        let computed_as = Computation::Modes {
+        let computation = Computation::Modes {
             kind: body.kind,
             n_modes: body.n_modes,
             n_computed: body.computed_modes.modes.len(),
             left_out_db: body.computed_modes.left_out_db,
         };
         let frame_cost = cost::bank_ns(&body.bank);
-        Self::for_network(&subset.network, computed_as).with_cost(frame_cost, timeline, StabilityGuarantee::Proved)
+        Self::for_network(&subset.network, computation).with_cost(frame_cost, timeline, StabilityGuarantee::Proved)
     }
 
     /// The row of a whole network.
-    fn for_network(network: &Network, what: Computation) -> Self {
+    fn for_network(network: &Network, computation: Computation) -> Self {
         let module_counts = [network.n_moving(), network.n_lia()];
-        Self::new(network.moving_parts(), module_counts, what)
+        Self::new(network.moving_parts(), module_counts, computation)
     }
 }
 

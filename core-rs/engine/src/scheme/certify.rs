@@ -204,7 +204,7 @@ fn gershgorin_bound(scheme: &Scheme, network: &Network, c: f64, weights: &[f64])
     }
     // (Σshare·x)² ≤ Σ|share|·Σ|share|·x², and no share of a moving proxy is above 1.
     let mut proxied_mats = Vec::new();
-    for proxy in interrupt::each(&scheme.proxies) {
+    for proxy in interrupt::polled_items(&scheme.proxies) {
         let proxy_sum = mat_sums[proxy.mat];
         if proxy.is_moving() {
             for mat in proxy.masses() {
@@ -253,7 +253,7 @@ fn gershgorin_bound(scheme: &Scheme, network: &Network, c: f64, weights: &[f64])
 /// Factor for the weight of a link in the sum at each end: above 1 only at proxies with Σ|share| above 1.
 fn proxy_factor(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
     |mat| {
-        let mut proxies = interrupt::each(&scheme.proxies);
+        let mut proxies = interrupt::polled_items(&scheme.proxies);
         let proxy = proxies.find(|proxy| proxy.mat == mat);
         proxy.map_or(1.0, |proxy| proxy.share_sum_max().max(1.0))
     }

@@ -15,14 +15,14 @@ use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
 use crate::units::Rate;
-use maker::LookBuilder;
+use builder::LookBuilder;
 
-mod glance;
-mod maker;
+mod builder;
 mod oscillation;
+mod snapshot;
 
-pub use glance::{ContactPush, MotionSnapshot};
 pub use oscillation::Oscillation;
+pub use snapshot::{ContactPush, MotionSnapshot};
 
 /// How the motion of a point is described.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,14 +117,14 @@ impl MotionLook {
     /// What can be seen of a simulation. Takes as long as finding the modes of its bodies.
     fn new(simulation: &Simulation) -> Self {
         let plan = &simulation.plan;
-        let mut maker = LookBuilder::new(&plan.network, plan.timeline_rate.hertz());
+        let mut builder = LookBuilder::new(&plan.network, plan.timeline_rate.hertz());
         for (unit_index, unit) in plan.units.iter().enumerate() {
             match unit {
-                ComputationUnit::IslandPlan(island) => maker.add_island(unit_index, island),
-                ComputationUnit::Bank(bank) => maker.add_bank(unit_index, bank),
+                ComputationUnit::IslandPlan(island) => builder.add_island(unit_index, island),
+                ComputationUnit::Bank(bank) => builder.add_bank(unit_index, bank),
             }
         }
-        maker.finish(plan.clone())
+        builder.finish(plan.clone())
     }
 
     /// Number of tracks: points, then modes.
@@ -145,10 +145,7 @@ impl MotionLook {
     /// The oscillation of a mode, by its track.
     fn oscillation(&self, track: usize) -> Oscillation {
         let mode_index = track - self.points.len();
-        let body_index = self
-            .bodies
-            .partition_point(|seen_body| seen_body.first_mode <= mode_index)
-            - 1;
+        let body_index = self.bodies.partition_point(|body| body.first_mode <= mode_index) - 1;
         self.bodies[body_index].modes[mode_index - self.bodies[body_index].first_mode]
     }
 }
@@ -229,8 +226,8 @@ impl Simulation {
 
     /// From here on, record the strongest push of each contact and the strikes of written hands.
     pub fn start_watching(&mut self) {
-        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let RunningUnit::Island(island) = running {
+        for running_unit in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running_unit {
                 island.start_watching();
             }
         }
@@ -315,30 +312,30 @@ impl TrackSource {
     ) {
         let frames_ahead = island.frames_ahead(frame);
         let steps_ahead = f64::from(frames_ahead) * island.steps_per_frame();
-        let traced_back = |x: f64, step: f64| {
+        let extrapolate_back = |x: f64, step: f64| {
             if frames_ahead == 0 { x } else { x - steps_ahead * step }
         };
         match self {
             Self::Masses(mat_tracks) => {
                 let (x, step) = (island.positions(), island.backward_steps());
                 for &(index, track, rest) in mat_tracks {
-                    displacements[track as usize] = traced_back(x[index as usize], step[index as usize]) - rest;
+                    displacements[track as usize] = extrapolate_back(x[index as usize], step[index as usize]) - rest;
                 }
             }
             Self::Mesh(body, mat_tracks) => {
                 if let Some(RunningBody::Mesh(mesh)) = island.bodies().get(*body) {
                     for &(index, track, rest) in mat_tracks {
                         let (x, step) = mesh.motion(index as usize);
-                        displacements[track as usize] = traced_back(x, step) - rest;
+                        displacements[track as usize] = extrapolate_back(x, step) - rest;
                     }
                 }
             }
             Self::Slow(body, mat_tracks) => {
                 if let Some(RunningBody::Slow(slow)) = island.bodies().get(*body) {
-                    let present = slow.present_state();
+                    let slow_state = slow.present_state();
                     for &(index, track, rest) in mat_tracks {
-                        let (x, step) = slow.motion(&present, index as usize);
-                        displacements[track as usize] = traced_back(x, step) - rest;
+                        let (x, step) = slow.motion(&slow_state, index as usize);
+                        displacements[track as usize] = extrapolate_back(x, step) - rest;
                     }
                 }
             }

@@ -73,12 +73,12 @@ impl ReachableNetwork {
     ) -> Result<Option<Vec<f64>>, Error> {
         let mut network = self.network.clone();
         // A plan computes only what is heard.
-        let position = Term::Position {
+        let hand_position = Term::Position {
             first: self.mat,
             len: 1,
             weight: 1.0,
         };
-        network.listen("hand", vec![position])?;
+        network.listen("hand", vec![hand_position])?;
         let network = Arc::new(network);
         let timeline = self.displaced_hand(&network, rate, frames_per_tick)?;
         match Plan::new(network, &timeline, &Budget::Method(Method::Modal), None) {
@@ -91,14 +91,14 @@ impl ReachableNetwork {
         &self,
         rate: Rate,
         frames_per_tick: u32,
-        steps: u32,
-        ticks: [usize; 2],
+        oversampling: u32,
+        tick_limits: [usize; 2],
     ) -> Result<Option<Vec<f64>>, Error> {
-        let rate = Rate::new(rate.hertz() * f64::from(steps)).map_err(|error| self.refusal(error))?;
+        let rate = Rate::new(rate.hertz() * f64::from(oversampling)).map_err(|error| self.refusal(error))?;
         let network = Arc::new(self.network.clone());
-        let timeline = self.displaced_hand(&network, rate, frames_per_tick * steps)?;
+        let timeline = self.displaced_hand(&network, rate, frames_per_tick * oversampling)?;
         let plain_plan = Plan::plain(network, &timeline, true)?;
-        self.force_in_ticks(plain_plan, frames_per_tick * steps, ticks)
+        self.force_in_ticks(plain_plan, frames_per_tick * oversampling, tick_limits)
     }
 
     fn refusal(&self, reason: impl ToString) -> Error {
@@ -120,17 +120,17 @@ impl ReachableNetwork {
     }
 
     /// The force in each tick of `tick_frames` as a plan computes it; `None` if something diverged.
-    fn force_in_ticks(&self, plan: Plan, tick_frames: u32, ticks: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
+    fn force_in_ticks(&self, plan: Plan, tick_frames: u32, tick_limits: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
         let options = SimulationOptions {
-            ledger: false,
-            record: false,
+            keeps_ledger: false,
+            records_ergons: false,
             on_fault: OnFault::Mute,
             threads: 1,
-            unchecked: true,
+            is_unchecked: true,
         };
         let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
         let tick_frames = u64::from(tick_frames);
-        let [ticks_min, ticks_max] = ticks;
+        let [ticks_min, ticks_max] = tick_limits;
         let ticks_max = ticks_max
             .min(WORK_MAX_MAT_TICKS / self.network.n_mat().max(1))
             .max(ticks_min);

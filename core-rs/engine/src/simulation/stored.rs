@@ -92,12 +92,12 @@ impl Simulation {
     /// # Errors
     /// [`Fault`] with the part that becomes non-finite.
     pub fn advance_island(&mut self, island: &StorableIsland, n_frames: usize) -> Result<Vec<f64>, Fault> {
-        let team = self.threads;
+        let n_threads = self.threads;
         let Some(running_island) = self.island_mut(island) else {
             return Ok(Vec::new());
         };
         let n_outputs = running_island.n_out();
-        let team = if running_island.can_share_work() { team } else { 1 };
+        let team = if running_island.can_share_work() { n_threads } else { 1 };
         let mut island_sound = vec![0.0; n_outputs * n_frames];
         with_denormals_flushed(|| {
             ThreadTeam::with(team, |team| {
@@ -116,18 +116,18 @@ impl Simulation {
     fn group_and_index(&mut self, unit: usize) -> (&mut Group, usize) {
         let group_index = self.groups.partition_point(|group| group.first_unit <= unit) - 1;
         let group = &mut self.groups[group_index];
-        let unit_place = unit - group.first_unit;
-        (group, unit_place)
+        let unit_index = unit - group.first_unit;
+        (group, unit_index)
     }
 
     fn sound_source(&mut self, island: &StorableIsland) -> &mut SoundSource {
-        let (group, unit_place) = self.group_and_index(island.unit);
-        &mut group.sources[unit_place]
+        let (group, unit_index) = self.group_and_index(island.unit);
+        &mut group.sources[unit_index]
     }
 
     fn island_mut(&mut self, island: &StorableIsland) -> Option<&mut Island> {
-        let (group, unit_place) = self.group_and_index(island.unit);
-        match &mut group.units[unit_place] {
+        let (group, unit_index) = self.group_and_index(island.unit);
+        match &mut group.units[unit_index] {
             RunningUnit::Island(island) => Some(island),
             RunningUnit::Bank(_) => None,
         }

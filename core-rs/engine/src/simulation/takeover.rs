@@ -37,7 +37,7 @@ pub struct Takeover {
     pub(super) new_bodies: Vec<TransferredBody>,
     pub(super) workspace: Workspace,
     /// Islands whose bodies took over a state: the ports of these islands must then be placed.
-    pub(super) placed_islands: Vec<UnitIndex>,
+    pub(super) islands_to_place: Vec<UnitIndex>,
     pub(super) items: Vec<(UnitIndex, UnitIndex, ItemTakeover)>,
     /// For each output there, its index here; `None` if it is gone.
     pub(super) new_output_indices: Vec<Option<usize>>,
@@ -158,12 +158,12 @@ impl Takeover {
         for (&(new_unit, _, island_plan), _) in unmatched(&new_side.islands, &same[1]) {
             let mut is_matched = false;
             for (body_index, body) in island_plan.bodies.iter().enumerate() {
-                let old_body = unmatched(&old_side.islands, &same[0]).find_map(|(&(old_unit, _, other), _)| {
+                let old_body = unmatched(&old_side.islands, &same[0]).find_map(|(&(old_unit, _, old_plan), _)| {
                     let is_same_body = |old_body_plan: &crate::island::bodies::BodyPlan| {
                         let new_mat_name = |mat| island_plan.network.mat_name(mat);
-                        body.is_same(old_body_plan, new_mat_name, |mat| other.network.mat_name(mat))
+                        body.is_same(old_body_plan, new_mat_name, |mat| old_plan.network.mat_name(mat))
                     };
-                    Some((old_unit, other.bodies.iter().position(is_same_body)?))
+                    Some((old_unit, old_plan.bodies.iter().position(is_same_body)?))
                 });
                 if let Some((old_unit, old_index)) = old_body {
                     self.items
@@ -172,7 +172,7 @@ impl Takeover {
                 }
             }
             if is_matched {
-                self.placed_islands.push(new_unit);
+                self.islands_to_place.push(new_unit);
             }
         }
     }
@@ -246,10 +246,10 @@ impl Takeover {
         &mut self,
         old_side: &TakeoverSide<'_>,
         new_side: &TakeoverSide<'_>,
-        islands: &[Vec<bool>; 2],
-        banks: &[Vec<bool>; 2],
+        same_islands: &[Vec<bool>; 2],
+        same_banks: &[Vec<bool>; 2],
     ) {
-        let taken_bodies = |in_new: bool| -> HashSet<(UnitIndex, usize)> {
+        let matched_bodies = |in_new: bool| -> HashSet<(UnitIndex, usize)> {
             let bodies = self.items.iter().filter_map(|(old_unit, new_unit, item)| match item {
                 ItemTakeover::Body(_, new_body) if in_new => Some((*new_unit, *new_body)),
                 ItemTakeover::Body(old_body, _) => Some((*old_unit, *old_body)),
@@ -257,12 +257,12 @@ impl Takeover {
             });
             bodies.collect()
         };
-        let (old_taken, new_taken) = (taken_bodies(false), taken_bodies(true));
-        let old_same: [&[bool]; 2] = [&islands[0], &banks[0]];
-        let new_same: [&[bool]; 2] = [&islands[1], &banks[1]];
+        let (old_matched, new_matched) = (matched_bodies(false), matched_bodies(true));
+        let old_same: [&[bool]; 2] = [&same_islands[0], &same_banks[0]];
+        let new_same: [&[bool]; 2] = [&same_islands[1], &same_banks[1]];
         let mats_outside_bodies = mat_locations(old_side, old_same);
         let old_names: HashSet<String> = {
-            let bodies = all_mass_names(old_side, old_same, &old_taken).into_iter();
+            let bodies = all_mass_names(old_side, old_same, &old_matched).into_iter();
             bodies
                 .chain(mats_outside_bodies.iter().map(|(name, _)| name.clone()))
                 .collect()
@@ -271,19 +271,19 @@ impl Takeover {
         let (body_locations, new_bodies) = wanted_bodies(
             new_side,
             new_same,
-            &new_taken,
+            &new_matched,
             |name| old_names.contains(name),
             ModalTransform::ToAmplitudes,
             &mut self.workspace,
         );
         new_mats.extend(body_locations);
         let new_names: HashSet<&str> = new_mats.iter().map(|(name, _)| name.as_str()).collect();
-        let is_wanted = |name: &str| new_names.contains(name);
+        let is_in_new = |name: &str| new_names.contains(name);
         let (body_locations, old_bodies) = wanted_bodies(
             old_side,
             old_same,
-            &old_taken,
-            is_wanted,
+            &old_matched,
+            is_in_new,
             ModalTransform::ToPositions,
             &mut self.workspace,
         );
@@ -293,26 +293,26 @@ impl Takeover {
                 self.mat_pairs.push((old_location, *new_location));
             }
         }
-        self.placed_islands
+        self.islands_to_place
             .extend(new_bodies.iter().map(|body| body.place.unit));
         (self.old_bodies, self.new_bodies) = (old_bodies, new_bodies);
     }
 }
 
 /// Whether one island can continue from the state of another, to the last bit.
-fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
+fn are_same_islands(island_plan: &IslandPlan, other_plan: &IslandPlan) -> bool {
     let imposed_mats = |island_plan: &IslandPlan| -> Vec<usize> {
         let drives = island_plan.timeline.drives.iter();
         let path_drives = drives.filter(|drive| drive.kind == DriveKind::Position);
         path_drives.map(|drive| drive.mat).collect()
     };
     let name_of_mat = |mat| island_plan.network.mat_name(mat);
-    let bodies = || island_plan.bodies.iter().zip(&other.bodies);
+    let bodies = || island_plan.bodies.iter().zip(&other_plan.bodies);
     let step_numbers = |island_plan: &IslandPlan| island_plan.step_numbers(island_plan.contact_substeps);
-    step_numbers(island_plan) == step_numbers(other)
-        && island_plan.bodies.len() == other.bodies.len()
-        && island_plan.network.is_same(&other.network)
-        && imposed_mats(island_plan) == imposed_mats(other)
+    step_numbers(island_plan) == step_numbers(other_plan)
+        && island_plan.bodies.len() == other_plan.bodies.len()
+        && island_plan.network.is_same(&other_plan.network)
+        && imposed_mats(island_plan) == imposed_mats(other_plan)
         && bodies().all(|(body, other_body)| body.is_same(other_body, name_of_mat, name_of_mat))
 }
 

@@ -99,7 +99,7 @@ fn plan(below: f64, contacts: Contacts) -> Arc<Plan> {
 /// The outputs, in blocks of these sizes; then the reports of gestures and the final state.
 fn played(plan: &Arc<Plan>, blocks: &[usize]) -> (Vec<u64>, String) {
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     let mut simulation = Simulation::from_plan(plan.clone(), options).unwrap();

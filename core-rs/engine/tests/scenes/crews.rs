@@ -45,7 +45,7 @@ fn listen(network: &mut Network, name: &str, first: usize) {
 
 fn by(threads: usize) -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         threads,
         ..options(OnFault::Mute)
     }

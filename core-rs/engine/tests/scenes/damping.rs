@@ -15,7 +15,7 @@ const RATE: f64 = 44_100.0;
 
 fn plain() -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     }
 }

@@ -15,11 +15,11 @@ use super::scene::hand;
 
 const HERTZ: f64 = 44_100.0;
 const OPTIONS: SimulationOptions = SimulationOptions {
-    ledger: true,
-    record: true,
+    keeps_ledger: true,
+    records_ergons: true,
     on_fault: OnFault::Mute,
     threads: 1,
-    unchecked: false,
+    is_unchecked: false,
 };
 
 /// A healthy bell, and a part `sick` whose mass `m` passes 10 km at 0.1 s.
@@ -235,7 +235,7 @@ fn unchecked_simulation_runs_until_it_diverges() {
     };
     assert!(Simulation::new(network.clone(), &timeline, stop).is_err());
     let unchecked = SimulationOptions {
-        unchecked: true,
+        is_unchecked: true,
         ..stop
     };
     let mut simulation = Simulation::new(network, &timeline, unchecked).unwrap();

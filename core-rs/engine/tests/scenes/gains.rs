@@ -12,11 +12,11 @@ const HERTZ: f64 = 44_100.0;
 
 const fn options(on_fault: OnFault) -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
-        record: false,
+        keeps_ledger: false,
+        records_ergons: false,
         on_fault,
         threads: 1,
-        unchecked: false,
+        is_unchecked: false,
     }
 }
 

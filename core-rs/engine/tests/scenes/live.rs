@@ -41,7 +41,7 @@ fn scene(side: Side) -> Network {
 
 fn plain() -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     }
 }

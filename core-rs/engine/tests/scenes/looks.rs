@@ -89,7 +89,7 @@ fn all(network: &Network) -> Vec<String> {
 
 fn running(plan: &Arc<Plan>, threads: usize) -> Simulation {
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         threads,
         ..options(OnFault::Stop)
     };
@@ -127,7 +127,7 @@ fn positions(look: &MotionLook, tracks: &[f64]) -> Vec<f64> {
 fn look_sees_masses_at_their_positions() {
     let (network, timeline) = scene(true);
     let plain = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     let mut truth = Simulation::new(network.clone(), &timeline, plain).unwrap();

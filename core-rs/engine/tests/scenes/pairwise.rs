@@ -211,7 +211,7 @@ proptest! {
         let timeline = Timeline::new(Rate::new(RATE).unwrap());
         let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-20.0), None).unwrap();
         let plan = Arc::new(plan);
-        let by = |threads| SimulationOptions { threads, ledger: false, ..options(OnFault::Stop) };
+        let by = |threads| SimulationOptions { threads, keeps_ledger: false, ..options(OnFault::Stop) };
         let mut one = Simulation::from_plan(plan.clone(), by(1)).unwrap();
         let mut other = Simulation::from_plan(plan, by(3)).unwrap();
         let n = 3_000;

@@ -25,7 +25,7 @@ fn islands_equal_the_unsplit_network() {
         let network = Arc::new(scene.network.clone());
         let plan = Plan::new(network, &scene.timeline, &Budget::Method(Method::Ca), None).unwrap();
         let options = SimulationOptions {
-            ledger: false,
+            keeps_ledger: false,
             ..options(OnFault::Stop)
         };
         let complete = render(scene.simulation(options), scene.n_frames());
@@ -73,7 +73,7 @@ fn modal_discrete_body_equals_its_network() {
     let (network, timeline) = discrete();
     let network = Arc::new(network);
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     let complete = Simulation::new(network.clone(), &timeline, options).unwrap();
@@ -137,7 +137,7 @@ fn modal_discrete_body_equals_its_network_in_contact() {
         timeline.strike(&network, 4, 0.015, 2e-6, Some(0.0), 0).unwrap();
         let network = Arc::new(network);
         let options = SimulationOptions {
-            ledger: false,
+            keeps_ledger: false,
             ..options(OnFault::Stop)
         };
         let n_frames = 30_000;

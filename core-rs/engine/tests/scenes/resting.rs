@@ -147,7 +147,7 @@ fn timeline(network: &Network) -> Timeline {
 
 fn plain() -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     }
 }
@@ -188,7 +188,7 @@ fn stored(simulation: &mut Simulation) -> Vec<Vec<u8>> {
 
 fn simulations(network: &Arc<Network>, timeline: &Timeline) -> Vec<(String, Simulation)> {
     let saved = SimulationOptions {
-        record: true,
+        records_ergons: true,
         ..options(OnFault::Stop)
     };
     let mut all = Vec::new();

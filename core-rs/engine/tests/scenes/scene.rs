@@ -28,11 +28,11 @@ pub(crate) struct Scene {
 
 pub(crate) fn options(on_fault: OnFault) -> SimulationOptions {
     SimulationOptions {
-        ledger: true,
-        record: false,
+        keeps_ledger: true,
+        records_ergons: false,
         on_fault,
         threads: 1,
-        unchecked: false,
+        is_unchecked: false,
     }
 }
 

@@ -71,7 +71,7 @@ fn plan(network: &Arc<Network>, timeline: &Timeline, every: u32, budget: &Budget
 
 fn plain() -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     }
 }

@@ -53,7 +53,7 @@ fn simulation(network: &Arc<Network>, timeline: &Timeline) -> Simulation {
 fn simulation_from(network: &Arc<Network>, timeline: &Timeline, from: usize) -> Simulation {
     let plan = Plan::new(network.clone(), timeline, &Budget::default(), None).unwrap();
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     Simulation::from_plan_at_frame(Arc::new(plan), options, from as u64).unwrap()

@@ -127,7 +127,7 @@ fn take_over_of_sticking_contacts_without_slip() {
         Arc::new(Plan::new(Arc::new(network), &timeline, &budget, None).unwrap())
     };
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     let n = 900;

@@ -30,7 +30,7 @@ const PLACE: SoundInSettings = SoundInSettings {
 
 fn plain() -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     }
 }

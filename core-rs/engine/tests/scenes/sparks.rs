@@ -23,11 +23,11 @@ const LOOK: usize = 735;
 const TOGETHER: f64 = 1e-3;
 
 const RECORDED: SimulationOptions = SimulationOptions {
-    ledger: false,
-    record: true,
+    keeps_ledger: false,
+    records_ergons: true,
     on_fault: OnFault::Stop,
     threads: 1,
-    unchecked: false,
+    is_unchecked: false,
 };
 
 /// A key that is heard, and one gesture on it: up 4 mm and back.
@@ -67,11 +67,11 @@ fn simulation(network: Network, timeline: &Timeline) -> Simulation {
 fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<ErgonRecord>, Vec<ErgonRecord>)> {
     let look = simulation.make_look();
     simulation.start_watching();
-    let mut glance = MotionSnapshot::new(simulation, &look);
+    let mut snapshot = MotionSnapshot::new(simulation, &look);
     let mut first = |simulation: &mut Simulation, look: &MotionLook| {
         simulation.skip(frames as u64).unwrap();
-        simulation.fill_snapshot(look, &mut glance);
-        (simulation.take_ergons(), glance.sparks().to_vec())
+        simulation.fill_snapshot(look, &mut snapshot);
+        (simulation.take_ergons(), snapshot.sparks().to_vec())
     };
     (0..n).map(|_| first(simulation, &look)).collect()
 }
@@ -238,7 +238,7 @@ fn watch_changes_no_sample() {
         let sound = |is_watched: bool| -> Vec<u64> {
             let mut single = scene.simulation(RECORDED);
             let look = single.make_look();
-            let mut glance = MotionSnapshot::new(&single, &look);
+            let mut snapshot = MotionSnapshot::new(&single, &look);
             if is_watched {
                 single.start_watching();
             }
@@ -246,7 +246,7 @@ fn watch_changes_no_sample() {
             for block in out.chunks_mut(500 * single.n_out()) {
                 single.process(block).unwrap();
                 if is_watched {
-                    single.fill_snapshot(&look, &mut glance);
+                    single.fill_snapshot(&look, &mut snapshot);
                 }
             }
             out.iter().map(|x| x.to_bits()).collect()

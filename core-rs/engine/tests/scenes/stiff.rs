@@ -19,7 +19,7 @@ const N: usize = 2_205;
 
 fn plain() -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     }
 }
@@ -27,7 +27,7 @@ fn plain() -> SimulationOptions {
 /// Options without the guard.
 fn bare() -> SimulationOptions {
     SimulationOptions {
-        unchecked: true,
+        is_unchecked: true,
         ..plain()
     }
 }

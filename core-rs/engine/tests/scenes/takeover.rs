@@ -20,7 +20,7 @@ const TICK: u32 = 44;
 
 fn plain() -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     }
 }
@@ -500,7 +500,7 @@ fn go_on(seeds: Range<u64>) {
         let budgets = [None, Some(Budget::default()), Some(Budget::Method(Method::Ca))];
         for budget in budgets {
             let options = SimulationOptions {
-                ledger: budget.is_none(),
+                keeps_ledger: budget.is_none(),
                 ..plain()
             };
             let plan = plan(budget);

@@ -104,7 +104,7 @@ proptest! {
         let network = Arc::new(network);
         let plan = Plan::new(network, &timeline, &Budget::Error(-20.0), None).unwrap();
         let plan = Arc::new(plan);
-        let by = |threads| SimulationOptions { threads, ledger: false, ..options(OnFault::Stop) };
+        let by = |threads| SimulationOptions { threads, keeps_ledger: false, ..options(OnFault::Stop) };
         let mut one = Simulation::from_plan(plan.clone(), by(1)).unwrap();
         let mut three = Simulation::from_plan(plan, by(3)).unwrap();
         play(&mut one, n / 2, &[64]);

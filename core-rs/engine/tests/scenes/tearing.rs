@@ -156,7 +156,7 @@ fn take_over_keeps_broken_links_broken() {
         Arc::new(Plan::new(network, &timeline, &Budget::Error(-20.0), None).unwrap())
     };
     let options = SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     };
     let n = 10_000;

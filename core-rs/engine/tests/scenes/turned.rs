@@ -66,7 +66,7 @@ fn n_computed(plan: &Plan) -> usize {
 
 fn alone() -> SimulationOptions {
     SimulationOptions {
-        ledger: false,
+        keeps_ledger: false,
         ..options(OnFault::Stop)
     }
 }

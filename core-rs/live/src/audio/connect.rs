@@ -16,7 +16,7 @@ pub(super) fn connect(
     channels: usize,
     stream_state: &Arc<StreamState>,
 ) -> Result<(OpenedOutput, AudioSpec), AudioError> {
-    let opened = match &spec.backend {
+    let opened_output = match &spec.backend {
         Backend::Auto => return first_available(spec, rate, channels, stream_state),
         Backend::Jack => jack::open(spec, channels, stream_state)?,
         Backend::Pulse => pulse::open(spec, channels)?,
@@ -26,7 +26,7 @@ pub(super) fn connect(
         Backend::Null => null::open_paced(rate, spec.block),
         Backend::Fast => null::open_unpaced(rate, spec.block),
     };
-    Ok((opened, spec.clone()))
+    Ok((opened_output, spec.clone()))
 }
 
 fn first_available(
@@ -45,16 +45,16 @@ fn first_available(
             ..spec.clone()
         };
         match connect(&candidate, rate, channels, stream_state) {
-            Ok((mut opened, candidate)) => {
-                opened.remarks.append(&mut failures);
-                return Ok((opened, candidate));
+            Ok((mut opened_output, candidate)) => {
+                opened_output.remarks.append(&mut failures);
+                return Ok((opened_output, candidate));
             }
             Err(error) => failures.push(format!("{candidate} is not available: {error}")),
         }
     }
     Err(AudioError::Unavailable {
         backend: "auto",
-        why: failures.join("; "),
+        reason: failures.join("; "),
     })
 }
 
@@ -62,19 +62,19 @@ fn first_available(
 #[must_use]
 pub fn survey() -> Vec<(String, Result<String, String>)> {
     let as_text = |result: Result<String, AudioError>| result.map_err(|error| error.to_string());
-    let mut result = vec![
+    let mut surveys = vec![
         ("jack".into(), as_text(jack::survey())),
         ("pulse".into(), as_text(pulse::survey())),
     ];
     if HAS_SYSTEM_BACKEND {
-        result.push(("system".into(), as_text(system::survey())));
+        surveys.push(("system".into(), as_text(system::survey())));
     }
-    result.extend([
+    surveys.extend([
         ("null".into(), Ok("in real time, without sound".into())),
         (
             "file".into(),
             Ok("file:PATH writes a WAVE file, clock:PATH writes one in real time".into()),
         ),
     ]);
-    result
+    surveys
 }

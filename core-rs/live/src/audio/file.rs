@@ -25,25 +25,25 @@ pub(super) fn open(
     channels: usize,
     clock_block: Option<Option<u32>>,
 ) -> Result<OpenedOutput, AudioError> {
-    let mut recording = WaveFileWriter::create(path, rate, channels)?;
+    let mut wave_writer = WaveFileWriter::create(path, rate, channels)?;
     let block = clock_block.map_or(BLOCK_FRAMES, |block| block.unwrap_or(null::BLOCK_FRAMES));
     Ok(OpenedOutput {
         backend: "file",
         device: path.display().to_string(),
         rate,
         block,
-        paced: clock_block.is_some(),
+        is_paced: clock_block.is_some(),
         remarks: Vec::new(),
         start: Box::new(move |ring_reader| {
             ring_reader.stream_state().set_timing(block, 0);
             let writer_thread = RingThread::start("ergon file", ring_reader, move |ring_reader, stop| {
                 let run_result = match clock_block {
-                    Some(_) => recording.write_by_clock(ring_reader, stop, block),
-                    None => recording.write_until_closed(ring_reader, stop),
+                    Some(_) => wave_writer.write_by_clock(ring_reader, stop, block),
+                    None => wave_writer.write_until_closed(ring_reader, stop),
                 };
                 run_result
-                    .and_then(|()| recording.finish())
-                    .map_err(|error| recording.failure_sentence(&error))
+                    .and_then(|()| wave_writer.finish())
+                    .map_err(|error| wave_writer.failure_sentence(&error))
             })?;
             Ok(Box::new(writer_thread) as Box<dyn Sink>)
         }),

@@ -72,10 +72,10 @@ impl InputReader {
     pub fn new(mut ring_reader: RingReader, target: usize, rate: u32) -> Self {
         ring_reader.set_rate(rate);
         ring_reader.set_feeds_device(false);
-        let target = target.max(1);
+        let target_frames = target.max(1);
         Self {
             ring_reader,
-            target_frames: target,
+            target_frames,
             has_been_read: false,
         }
     }
@@ -114,41 +114,41 @@ pub fn open_input(
 ) -> Result<(Input, InputReader), AudioError> {
     if !(1..=CHANNELS_MAX).contains(&channels) {
         let reason = format!("an input has 1 to {CHANNELS_MAX}");
-        return Err(AudioError::Channels { channels, why: reason });
+        return Err(AudioError::Channels { channels, reason });
     }
     let stream_state = Arc::new(StreamState::default());
-    let opened = connect(spec, channels, &stream_state)?;
-    let block_frames = opened.block as usize;
+    let opened_input = connect(spec, channels, &stream_state)?;
+    let block_frames = opened_input.block as usize;
     let mut target_frames = block_frames + frames_at_once;
-    let capacity = (2 * RING_EXCESS_FACTOR * (target_frames + block_frames)).max(opened.rate as usize / 4);
+    let capacity = (2 * RING_EXCESS_FACTOR * (target_frames + block_frames)).max(opened_input.rate as usize / 4);
     let (ring_writer, device_reader) = ring::ring_with_state(channels, capacity, stream_state.clone());
     ring_writer.set_prefill(target_frames);
     let mut info = InputInfo {
-        backend: opened.backend.into(),
-        device: opened.device.clone(),
-        rate: opened.rate,
+        backend: opened_input.backend.into(),
+        device: opened_input.device.clone(),
+        rate: opened_input.rate,
         channels,
-        block: opened.block,
+        block: opened_input.block,
         latency_s: 0.0,
         description: String::new(),
     };
-    let (converter, ring_reader) = if opened.rate == rate {
+    let (converter, ring_reader) = if opened_input.rate == rate {
         (None, device_reader)
     } else {
         let conversion = rate::convert_rate(
             device_reader,
-            opened.rate,
+            opened_input.rate,
             rate,
-            opened.block.max(frames_at_once as u32),
+            opened_input.block.max(frames_at_once as u32),
         );
         let (converter, converted_reader) = conversion.map_err(|(_, error)| error)?;
         target_frames = converter.latency;
         (Some(converter), converted_reader)
     };
     info.latency_s = target_frames as f64 / f64::from(rate);
-    let input_source = (opened.start)(ring_writer).map_err(|(_, error)| error)?;
+    let input_source = (opened_input.start)(ring_writer).map_err(|(_, error)| error)?;
     info.latency_s += f64::from(input_source.latency()) / f64::from(info.rate);
-    info.description = sentence(&info, rate);
+    info.description = description_text(&info, rate);
     let state = Arc::new(InputState {
         spec: spec.clone(),
         channels,
@@ -176,12 +176,12 @@ fn connect(spec: &AudioSpec, channels: usize, stream_state: &Arc<StreamState>) -
         Backend::Pulse => pulse::open_input(spec, channels),
         _ => Err(AudioError::Unavailable {
             backend: "input",
-            why: format!("{spec} has no inputs; use jack or pulse"),
+            reason: format!("{spec} has no inputs; use jack or pulse"),
         }),
     }
 }
 
-fn sentence(info: &InputInfo, rate: u32) -> String {
+fn description_text(info: &InputInfo, rate: u32) -> String {
     let channels = match info.channels {
         1 => "1 channel".into(),
         n => format!("{n} channels"),
@@ -252,8 +252,8 @@ impl InputState {
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(CHECK_INTERVAL);
             match &mut source {
-                Some(stream) => {
-                    if stream.is_alive() {
+                Some(ring_writer) => {
+                    if ring_writer.is_alive() {
                         continue;
                     }
                     self.stream_state.set_alive(false);
@@ -267,16 +267,16 @@ impl InputState {
                 None if Instant::now() < next_retry => {}
                 None => {
                     next_retry = Instant::now() + RETRY_INTERVAL;
-                    let Some(stream) = idle_writer.take() else {
+                    let Some(ring_stream) = idle_writer.take() else {
                         break;
                     };
-                    match self.reopen(stream) {
-                        Ok(back) => {
-                            source = Some(back);
+                    match self.reopen(ring_stream) {
+                        Ok(new_source) => {
+                            source = Some(new_source);
                             self.stream_state.set_alive(true);
                             self.add_event(format!("the input {} is back", self.spec));
                         }
-                        Err(stream) => idle_writer = stream.map(|stream| *stream),
+                        Err(stream) => idle_writer = stream.map(|ring_writer| *ring_writer),
                     }
                 }
             }
@@ -289,8 +289,8 @@ impl InputState {
     fn reopen(&self, ring_writer: RingWriter) -> Result<Box<dyn Source>, Option<Box<RingWriter>>> {
         let source_rate = self.report().0.rate;
         match connect(&self.spec, self.channels, &self.stream_state) {
-            Ok(opened) if opened.rate == source_rate => {
-                (opened.start)(ring_writer).map_err(|(ring_writer, _)| ring_writer)
+            Ok(opened_input) if opened_input.rate == source_rate => {
+                (opened_input.start)(ring_writer).map_err(|(ring_writer, _)| ring_writer)
             }
             _ => Err(Some(Box::new(ring_writer))),
         }

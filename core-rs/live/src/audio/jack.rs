@@ -35,7 +35,7 @@ fn connect(
     preposition: &str,
 ) -> Result<(Client, Vec<String>, String), AudioError> {
     let client = Client::open(name, stream_state.clone())?;
-    let targets = targets(&client, spec.device.as_deref(), direction);
+    let targets = target_ports(&client, spec.device.as_deref(), direction);
     let device = match targets.first() {
         Some(first) => format!("client {}, {preposition} {first} and on", client.name()),
         None => format!("client {}, not connected", client.name()),
@@ -67,7 +67,7 @@ pub(super) fn open(
         device,
         rate,
         block,
-        paced: true,
+        is_paced: true,
         remarks,
         start: Box::new(move |ring_reader| start(client, ring_reader, pattern.as_deref())),
     })
@@ -79,22 +79,22 @@ fn start(client: Client, ring_reader: RingReader, device: Option<&str>) -> Resul
         scratch: vec![0.0; SLICE_FRAMES * channels].into(),
         ring_reader,
     };
-    let active = client
+    let active_client = client
         .activate("out", channels, PORT_IS_OUTPUT, callback)
         .map_err(|(callback, error)| (Some(Box::new(callback.ring_reader)), error))?;
-    let mut playing = Playback(active);
-    playing.connect_ports(device);
-    playing.is_alive();
-    Ok(Box::new(playing))
+    let mut playback = Playback(active_client);
+    playback.connect_ports(device);
+    playback.is_alive();
+    Ok(Box::new(playback))
 }
 
 /// The ports in a direction that our ports are connected to, in their order.
-fn targets(client: &Client, device: Option<&str>, direction: c_ulong) -> Vec<String> {
-    let unwanted = std::env::var_os("JACK_NO_AUTOCONNECT").is_some_and(|value| !value.is_empty());
+fn target_ports(client: &Client, device: Option<&str>, direction: c_ulong) -> Vec<String> {
+    let is_autoconnect_off = std::env::var_os("JACK_NO_AUTOCONNECT").is_some_and(|value| !value.is_empty());
     match device {
         Some("none") => Vec::new(),
         Some(pattern) => client.find(pattern, direction),
-        None if unwanted => Vec::new(),
+        None if is_autoconnect_off => Vec::new(),
         None => client.find("", direction | PORT_IS_PHYSICAL),
     }
 }
@@ -108,14 +108,14 @@ struct OutputCallback {
 impl ProcessCallback for OutputCallback {
     fn process(&mut self, cycle: &ProcessCycle<'_>) {
         let channels = self.ring_reader.channels();
-        for first in (0..cycle.frames()).step_by(SLICE_FRAMES) {
-            let slice_frames = (cycle.frames() - first).min(SLICE_FRAMES);
-            if self.ring_reader.stream_state().freewheeling() {
+        for first_frame in (0..cycle.frames()).step_by(SLICE_FRAMES) {
+            let slice_frames = (cycle.frames() - first_frame).min(SLICE_FRAMES);
+            if self.ring_reader.stream_state().is_freewheeling() {
                 self.ring_reader.wait_for(slice_frames, FREEWHEEL_TIMEOUT);
             }
             let slice_samples = &mut self.scratch[..slice_frames * channels];
             self.ring_reader.fill(slice_samples);
-            cycle.write(first, slice_samples);
+            cycle.write(first_frame, slice_samples);
         }
     }
 }
@@ -125,13 +125,13 @@ struct Playback(ActiveClient<OutputCallback>);
 impl Playback {
     fn connect_ports(&self, device: Option<&str>) {
         let client = self.0.client();
-        let targets = targets(client, device, PORT_IS_INPUT);
+        let target_ports = target_ports(client, device, PORT_IS_INPUT);
         let port_names = self.0.port_names();
-        for (output_port, target) in port_names.iter().zip(&targets) {
+        for (output_port, target) in port_names.iter().zip(&target_ports) {
             client.connect(output_port, target);
         }
         // A single channel is connected to the first two loudspeakers.
-        if let ([output_port], [_, second_target]) = (port_names.as_slice(), targets.as_slice()) {
+        if let ([output_port], [_, second_target]) = (port_names.as_slice(), target_ports.as_slice()) {
             client.connect(output_port, second_target);
         }
     }
@@ -149,10 +149,10 @@ impl Sink for Playback {
     }
 
     fn stop(self: Box<Self>) -> (Option<RingReader>, Option<String>) {
-        let is_gone = !self.0.client().is_alive();
+        let has_server_ended = !self.0.client().is_alive();
         let ring_reader = self.0.close().ring_reader;
         let stop_reason = "the server ended or changed its rate";
-        (Some(ring_reader), is_gone.then(|| stop_reason.into()))
+        (Some(ring_reader), has_server_ended.then(|| stop_reason.into()))
     }
 }
 

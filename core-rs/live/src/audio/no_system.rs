@@ -5,17 +5,17 @@ use super::{AudioError, AudioSpec};
 
 const MISSING_REASON: &str = "used on macOS and Windows only; use jack or pulse here";
 
-fn missing() -> AudioError {
+fn unavailable_error() -> AudioError {
     AudioError::Unavailable {
         backend: "system",
-        why: MISSING_REASON.into(),
+        reason: MISSING_REASON.into(),
     }
 }
 
 pub(super) fn open(_: &AudioSpec, _: u32, _: usize) -> Result<OpenedOutput, AudioError> {
-    Err(missing())
+    Err(unavailable_error())
 }
 
 pub(super) fn survey() -> Result<String, AudioError> {
-    Err(missing())
+    Err(unavailable_error())
 }

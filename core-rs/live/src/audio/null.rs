@@ -20,7 +20,7 @@ pub(super) fn open_paced(rate: u32, block: Option<u32>) -> OpenedOutput {
         device: "no sound, in real time".into(),
         rate,
         block,
-        paced: true,
+        is_paced: true,
         remarks: Vec::new(),
         start: Box::new(move |ring_reader| {
             ring_reader.stream_state().set_timing(block, 0);
@@ -43,7 +43,7 @@ pub(super) fn open_unpaced(rate: u32, block: Option<u32>) -> OpenedOutput {
         device: "no sound, as fast as it is computed".into(),
         rate,
         block,
-        paced: false,
+        is_paced: false,
         remarks: Vec::new(),
         start: Box::new(move |ring_reader| {
             ring_reader.stream_state().set_timing(block, 0);

@@ -34,7 +34,7 @@ pub struct OutputInfo {
     /// Latency from the ring to the ear, as far as the server reports it [s].
     pub latency_s: f64,
     /// Whether a clock takes the frames. If not, they can be fed as fast as they are computed.
-    pub paced: bool,
+    pub is_paced: bool,
     /// SCHED_FIFO priority of the card's thread; `None`: scheduled like any other.
     pub priority: Option<i32>,
     /// All of the above in words.
@@ -63,13 +63,13 @@ impl SoundClock {
     pub fn playback_timing(&self) -> Option<PlaybackTiming> {
         let (card_rate, is_paced) = {
             let info = &self.0.report().info;
-            (info.rate, info.paced)
+            (info.rate, info.is_paced)
         };
         let stream_state = &self.0.stream_state;
         let (_, latency) = stream_state.timing();
-        let sounding_since = stream_state.first_frame_age().filter(|_| is_paced)?;
+        let first_frame_age = stream_state.first_frame_age().filter(|_| is_paced)?;
         Some(PlaybackTiming {
-            first_frame_age: sounding_since.as_secs_f64(),
+            first_frame_age: first_frame_age.as_secs_f64(),
             latency: f64::from(latency) / f64::from(card_rate.max(1)),
             underruns: stream_state.underruns(),
             is_alive: stream_state.is_alive(),
@@ -119,26 +119,26 @@ pub fn open(spec: &AudioSpec, rate: u32, channels: usize, ring_reader: RingReade
     if !(1..=CHANNELS_MAX).contains(&channels) || channels != ring_reader.channels() {
         return Err(AudioError::Channels {
             channels,
-            why: format!("an output has 1 to {CHANNELS_MAX}, as many as the ring"),
+            reason: format!("an output has 1 to {CHANNELS_MAX}, as many as the ring"),
         });
     }
     let stream_state = ring_reader.stream_state().clone();
-    let (opened, connected) = connect::connect(spec, rate, channels, &stream_state)?;
+    let (opened_output, connected_spec) = connect::connect(spec, rate, channels, &stream_state)?;
     let state = OutputState {
         // If the server dies, the supervisor looks for the backend that `auto` found, not for any other.
-        spec: connected,
+        spec: connected_spec,
         score_rate: rate,
         channels,
         stream_state,
         opened_at: Instant::now(),
         stop: AtomicBool::new(false),
         report: Mutex::new(OutputReport {
-            info: OutputInfo::new(&opened, rate, channels),
-            remarks: opened.remarks.clone(),
+            info: OutputInfo::new(&opened_output, rate, channels),
+            remarks: opened_output.remarks.clone(),
             events: Vec::new(),
         }),
     };
-    let playback = Playback::start(opened, rate, ring_reader).map_err(|(_, error)| error)?;
+    let playback = Playback::start(opened_output, rate, ring_reader).map_err(|(_, error)| error)?;
     state.report_start(&playback);
     let state = Arc::new(state);
     let thread_state = state.clone();
@@ -159,7 +159,7 @@ impl Output {
         let report = self.state.report();
         let mut info = report.info.clone();
         info.priority = self.state.stream_state.priority();
-        info.description = sentence(&info, &report.remarks);
+        info.description = description_text(&info, &report.remarks);
         info
     }
 
@@ -185,14 +185,14 @@ impl Output {
     #[must_use]
     pub fn wait(&self, limit: Duration) -> bool {
         let deadline = Instant::now() + limit;
-        while !self.state.stream_state.finished() {
+        while !self.state.stream_state.has_finished() {
             if Instant::now() >= deadline {
                 return false;
             }
             std::thread::sleep(Duration::from_millis(2));
         }
         let output_info = self.info();
-        if output_info.paced {
+        if output_info.is_paced {
             // Frames that left the ring are still on their way through the card.
             let block_time = f64::from(output_info.block) / f64::from(output_info.rate);
             std::thread::sleep(Duration::from_secs_f64(output_info.latency_s + block_time));
@@ -229,23 +229,23 @@ impl Drop for Output {
 }
 
 impl OutputInfo {
-    fn new(opened: &OpenedOutput, score_rate: u32, channels: usize) -> Self {
+    fn new(opened_output: &OpenedOutput, score_rate: u32, channels: usize) -> Self {
         Self {
-            backend: opened.backend.into(),
-            device: opened.device.clone(),
-            rate: opened.rate,
+            backend: opened_output.backend.into(),
+            device: opened_output.device.clone(),
+            rate: opened_output.rate,
             score_rate,
             channels,
-            block: opened.block,
+            block: opened_output.block,
             latency_s: 0.0,
-            paced: opened.paced,
+            is_paced: opened_output.is_paced,
             priority: None,
             description: String::new(),
         }
     }
 }
 
-fn sentence(info: &OutputInfo, remarks: &[String]) -> String {
+fn description_text(info: &OutputInfo, remarks: &[String]) -> String {
     let channels = match info.channels {
         1 => "1 channel".into(),
         n => format!("{n} channels"),
@@ -304,10 +304,10 @@ impl OutputState {
             }
             self.stream_state.set_alive(false);
             self.stream_state.set_freewheel(false);
-            let (ring_reader, trouble) = playback.stop();
-            let is_retried = matches!(self.spec.backend, Backend::Jack | Backend::Pulse | Backend::System);
-            let loss_reason = trouble.clone().unwrap_or_else(|| "the device disappeared".into());
-            self.add_event(if is_retried {
+            let (ring_reader, failure) = playback.stop();
+            let can_reconnect = matches!(self.spec.backend, Backend::Jack | Backend::Pulse | Backend::System);
+            let loss_reason = failure.clone().unwrap_or_else(|| "the device disappeared".into());
+            self.add_event(if can_reconnect {
                 format!(
                     "{} is lost ({loss_reason}); the piece plays on in silence until the output is found again",
                     self.spec
@@ -315,8 +315,8 @@ impl OutputState {
             } else {
                 format!("{} is lost ({loss_reason}); the piece plays on in silence", self.spec)
             });
-            let Some(new_playback) = self.play_silence_until_found(ring_reader?, is_retried) else {
-                return trouble.filter(|_| !is_retried);
+            let Some(new_playback) = self.play_silence_until_found(ring_reader?, can_reconnect) else {
+                return failure.filter(|_| !can_reconnect);
             };
             playback = new_playback;
             self.report_start(&playback);
@@ -327,33 +327,33 @@ impl OutputState {
     }
 
     /// Take the frames by the silent clock until the server is back; `None` if the output was stopped first.
-    fn play_silence_until_found(&self, ring_reader: RingReader, is_retried: bool) -> Option<Playback> {
+    fn play_silence_until_found(&self, ring_reader: RingReader, can_reconnect: bool) -> Option<Playback> {
         let mut playback =
             Playback::start(null::open_paced(self.score_rate, None), self.score_rate, ring_reader).ok()?;
         let mut retry_wait = RETRY_INTERVALS.0;
         let mut next_retry = Instant::now() + retry_wait;
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(CHECK_INTERVAL);
-            if !is_retried || Instant::now() < next_retry {
+            if !can_reconnect || Instant::now() < next_retry {
                 continue;
             }
             retry_wait = (retry_wait * 3 / 2).min(RETRY_INTERVALS.1);
             next_retry = Instant::now() + retry_wait;
             let (score_rate, channels) = (self.score_rate, self.channels);
-            let Ok((opened, _)) = connect::connect(&self.spec, score_rate, channels, &self.stream_state) else {
+            let Ok((opened_output, _)) = connect::connect(&self.spec, score_rate, channels, &self.stream_state) else {
                 continue;
             };
             let (new_info, remarks) = (
-                OutputInfo::new(&opened, self.score_rate, self.channels),
-                opened.remarks.clone(),
+                OutputInfo::new(&opened_output, self.score_rate, self.channels),
+                opened_output.remarks.clone(),
             );
             let mut ring_reader = playback.stop().0?;
             ring_reader.restart_after_card_change();
-            match Playback::start(opened, self.score_rate, ring_reader) {
-                Ok(back) => {
+            match Playback::start(opened_output, self.score_rate, ring_reader) {
+                Ok(new_playback) => {
                     let mut report = self.report();
                     (report.info, report.remarks) = (new_info, remarks);
-                    return Some(back);
+                    return Some(new_playback);
                 }
                 Err((ring_reader, _)) => {
                     let silence = null::open_paced(self.score_rate, None);
@@ -373,14 +373,15 @@ struct Playback {
 }
 
 impl Playback {
-    fn start(opened: OpenedOutput, score_rate: u32, mut ring_reader: RingReader) -> Result<Self, OutputFailure> {
+    fn start(opened_output: OpenedOutput, score_rate: u32, mut ring_reader: RingReader) -> Result<Self, OutputFailure> {
         ring_reader.set_rate(score_rate);
-        if opened.rate == score_rate {
-            let sink = (opened.start)(ring_reader)?;
+        if opened_output.rate == score_rate {
+            let sink = (opened_output.start)(ring_reader)?;
             return Ok(Self { sink, converter: None });
         }
-        let (converter, converted_reader) = rate::convert_rate(ring_reader, score_rate, opened.rate, opened.block)?;
-        match (opened.start)(converted_reader) {
+        let (converter, converted_reader) =
+            rate::convert_rate(ring_reader, score_rate, opened_output.rate, opened_output.block)?;
+        match (opened_output.start)(converted_reader) {
             Ok(sink) => Ok(Self {
                 sink,
                 converter: Some(converter),
@@ -399,10 +400,10 @@ impl Playback {
     }
 
     fn stop(self) -> (Option<RingReader>, Option<String>) {
-        let (ring_reader, trouble) = self.sink.stop();
+        let (ring_reader, failure) = self.sink.stop();
         match self.converter {
-            Some(converter) => (converter.stop(), trouble),
-            None => (ring_reader, trouble),
+            Some(converter) => (converter.stop(), failure),
+            None => (ring_reader, failure),
         }
     }
 }

@@ -20,7 +20,7 @@ mod absent {
 
     const NOWHERE: AudioError = AudioError::Unavailable {
         backend: "pulse",
-        why: String::new(),
+        reason: String::new(),
     };
 
     pub(in crate::audio) fn open(_: &AudioSpec, _: usize) -> Result<OpenedOutput, AudioError> {

@@ -23,38 +23,32 @@ pub(super) struct Converter {
     pub(super) latency: usize,
 }
 
-/// Put a converter from rate `input_rate` to rate `output_rate` behind the ring `inner`, for a reader that takes
+/// Put a converter from rate `input_rate` to rate `output_rate` behind the ring `inner_reader`, for a reader that takes
 /// `block` frames at a time; returns the ring reader for that reader.
 pub(super) fn convert_rate(
-    mut inner: RingReader,
+    mut inner_reader: RingReader,
     input_rate: u32,
     output_rate: u32,
     block: u32,
 ) -> Result<(Converter, RingReader), OutputFailure> {
-    let channels = inner.channels();
+    let channels = inner_reader.channels();
     let filter = match RateFilter::new(input_rate, output_rate, channels) {
         Ok(filter) => filter,
-        Err(error) => return Err((Some(Box::new(inner)), error)),
+        Err(error) => return Err((Some(Box::new(inner_reader)), error)),
     };
-    let stream_state = inner.stream_state().clone();
+    let stream_state = inner_reader.stream_state().clone();
     let frames_ahead = 2 * block as usize + filter.output.len() / channels;
     let (ring_writer, mut converted_reader) = ring::ring_with_state(channels, 2 * frames_ahead, stream_state.clone());
     ring_writer.set_prefill(frames_ahead);
     converted_reader.set_rate(output_rate);
     converted_reader.start_counting(stream_state.played(), input_rate, output_rate);
-    inner.set_feeds_device(false);
+    inner_reader.set_feeds_device(false);
     let latency = frames_ahead + filter.delay;
-    let pump = RingThread::start("ergon rate", inner, move |inner, stop| {
+    let ring_thread = RingThread::start("ergon rate", inner_reader, move |inner_reader, stop| {
         realtime::set_priority(SINK_THREAD_PRIORITY);
-        filter.run(inner, ring_writer, stop)
+        filter.run(inner_reader, ring_writer, stop)
     })?;
-    Ok((
-        Converter {
-            ring_thread: pump,
-            latency,
-        },
-        converted_reader,
-    ))
+    Ok((Converter { ring_thread, latency }, converted_reader))
 }
 
 impl Converter {
@@ -95,7 +89,7 @@ impl RateFilter {
         .map_err(|error| AudioError::Rate {
             from: input_rate,
             to: output_rate,
-            why: error.to_string(),
+            reason: error.to_string(),
         })?;
         Ok(Self {
             channels,
@@ -107,16 +101,22 @@ impl RateFilter {
         })
     }
 
-    fn run(mut self, inner: &mut RingReader, mut ring_writer: RingWriter, stop: &AtomicBool) -> Result<(), String> {
+    fn run(
+        mut self,
+        inner_reader: &mut RingReader,
+        mut ring_writer: RingWriter,
+        stop: &AtomicBool,
+    ) -> Result<(), String> {
         let channels = self.channels;
         let (mut frames_in, mut frames_out) = (0_u64, 0_u64);
         let mut frames_skipped = 0; // frames of the filter's own delay, which come before the first frame of the input
         let mut frames_held = 0;
         while !stop.load(Ordering::Acquire) {
             let frames_wanted = self.fft.input_frames_next();
-            let frames_taken = inner.take_waiting(&mut self.input[frames_held * channels..frames_wanted * channels]);
+            let frames_taken =
+                inner_reader.take_waiting(&mut self.input[frames_held * channels..frames_wanted * channels]);
             (frames_held, frames_in) = (frames_held + frames_taken, frames_in + frames_taken as u64);
-            let has_ended = frames_taken == 0 && inner.has_ended();
+            let has_ended = frames_taken == 0 && inner_reader.has_ended();
             if frames_held < frames_wanted && !has_ended {
                 std::thread::sleep(POLL_INTERVAL);
                 continue;

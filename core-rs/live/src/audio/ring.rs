@@ -33,7 +33,7 @@ pub struct RingReader {
     phase: PlaybackPhase,
     fades: OutputFades,
     /// The edge that begins the silence of a panic was reported, and the edge that ends it was not yet.
-    silence_reported: bool,
+    is_silence_reported: bool,
     /// Frames that waited when a panic ended: they are dropped.
     outdated_frames: usize,
     /// Whether this reader feeds the loudspeakers; the inner ring reader of a rate converter reports nothing.
@@ -45,7 +45,7 @@ pub struct RingReader {
 
 /// State shared by both ends of one ring.
 struct RingControl {
-    closed: AtomicBool,
+    is_closed: AtomicBool,
     prefill: AtomicUsize,
 }
 
@@ -87,24 +87,24 @@ pub(super) fn ring_with_state(
     assert!((1..=CHANNELS_MAX).contains(&channels), "1 to {CHANNELS_MAX} channels");
     let capacity = capacity.max(1);
     let (producer, consumer) = RingBuffer::new(capacity * channels);
-    let gate = Arc::new(RingControl {
-        closed: AtomicBool::new(false),
+    let control = Arc::new(RingControl {
+        is_closed: AtomicBool::new(false),
         prefill: AtomicUsize::new(capacity / 2),
     });
     let ring_writer = RingWriter {
         samples: producer,
         channels,
         capacity,
-        control: gate.clone(),
+        control: control.clone(),
         stream_state: stream_state.clone(),
     };
     let ring_reader = RingReader {
         samples: consumer,
         channels,
-        control: gate,
+        control,
         stream_state,
         phase: PlaybackPhase::Waiting,
-        silence_reported: false,
+        is_silence_reported: false,
         outdated_frames: 0,
         fades: OutputFades::new(channels, 48_000),
         feeds_device: true,
@@ -174,7 +174,7 @@ impl RingWriter {
 
     /// Mark the end: the card plays what is in the ring, then stops. Dropping does the same.
     pub fn close(&self) {
-        self.control.closed.store(true, Ordering::Release);
+        self.control.is_closed.store(true, Ordering::Release);
     }
 
     /// The state that both sides share.
@@ -210,15 +210,15 @@ impl RingReader {
     }
 
     /// Say whether this reader feeds the loudspeakers; if not, it stands before another ring and reports nothing.
-    pub(super) fn set_feeds_device(&mut self, outermost: bool) {
-        self.feeds_device = outermost;
+    pub(super) fn set_feeds_device(&mut self, feeds_device: bool) {
+        self.feeds_device = feeds_device;
         self.start_counting(self.stream_state.played(), 1, 1);
     }
 
     /// Count frames from now on as `card_rate`, of a score at `score_rate` of which `frames_before` frames were played.
-    pub(super) fn start_counting(&mut self, before: u64, score_rate: u32, card_rate: u32) {
+    pub(super) fn start_counting(&mut self, frames_before: u64, score_rate: u32, card_rate: u32) {
         self.frame_counts = FrameCounts {
-            frames_before: before,
+            frames_before,
             frames: 0,
             score_rate: score_rate.into(),
             card_rate: card_rate.max(1).into(),
@@ -242,8 +242,8 @@ impl RingReader {
     /// Whether the ring writer was closed and all frames were handed out.
     #[must_use]
     pub fn has_ended(&self) -> bool {
-        // `closed` is read first, so that everything pushed before closing is counted.
-        self.control.closed.load(Ordering::Acquire) && self.waiting_frames() == 0
+        // `is_closed` is read first, so that everything pushed before closing is counted.
+        self.control.is_closed.load(Ordering::Acquire) && self.waiting_frames() == 0
     }
 
     /// Fill interleaved frames, for the card's callback. Silence before the first frames and after the end; at an
@@ -266,15 +266,16 @@ impl RingReader {
         if out.is_empty() {
             return;
         }
-        let is_closed = self.control.closed.load(Ordering::Acquire);
-        let waiting = self.waiting_frames();
+        let is_closed = self.control.is_closed.load(Ordering::Acquire);
+        let waiting_frames = self.waiting_frames();
         if self.phase != PlaybackPhase::Playing
-            && (waiting >= self.control.prefill.load(Ordering::Relaxed).max(1) || is_closed && waiting > 0)
+            && (waiting_frames >= self.control.prefill.load(Ordering::Relaxed).max(1)
+                || is_closed && waiting_frames > 0)
         {
             self.phase = PlaybackPhase::Playing;
         }
         let sound_frames = match self.phase {
-            PlaybackPhase::Playing => waiting.min(out.len() / self.channels),
+            PlaybackPhase::Playing => waiting_frames.min(out.len() / self.channels),
             _ => 0,
         };
         let (playing_samples, silent_samples) = out.split_at_mut(sound_frames * self.channels);
@@ -282,17 +283,17 @@ impl RingReader {
             playing_samples.fill(0.0);
         }
         self.fades.shape_sound(playing_samples);
-        self.count_played(sound_frames, is_closed && sound_frames == waiting);
+        self.count_played(sound_frames, is_closed && sound_frames == waiting_frames);
         if !silent_samples.is_empty() {
-            self.fill_gap(silent_samples, is_closed && sound_frames == waiting, is_silenced);
+            self.fill_gap(silent_samples, is_closed && sound_frames == waiting_frames, is_silenced);
         }
         self.fades.apply_mute(out);
     }
 
     /// Drop what waits except for the last `frames_to_keep` frames; the next frames rise from silence.
     pub(super) fn discard_excess(&mut self, frames_to_keep: usize) {
-        let waiting = self.waiting_frames();
-        self.discard(waiting.saturating_sub(frames_to_keep));
+        let waiting_frames = self.waiting_frames();
+        self.discard(waiting_frames.saturating_sub(frames_to_keep));
         self.fades.restart();
     }
 
@@ -320,7 +321,7 @@ impl RingReader {
         let frames = frames.min(self.samples.buffer().capacity() / self.channels);
         while self.phase == PlaybackPhase::Playing
             && self.waiting_frames() < frames
-            && !self.control.closed.load(Ordering::Acquire)
+            && !self.control.is_closed.load(Ordering::Acquire)
             && !self.stream_state.is_panicking()
             && Instant::now() < deadline
         {
@@ -334,7 +335,7 @@ impl RingReader {
             if std::mem::take(&mut self.outdated_frames) > 0 {
                 self.fades.mute_now();
             }
-            if !std::mem::replace(&mut self.silence_reported, true) {
+            if !std::mem::replace(&mut self.is_silence_reported, true) {
                 self.report_edge(true);
             }
             return true;
@@ -360,7 +361,7 @@ impl RingReader {
     }
 
     fn end_silence(&mut self) {
-        if self.outdated_frames == 0 && std::mem::take(&mut self.silence_reported) {
+        if self.outdated_frames == 0 && std::mem::take(&mut self.is_silence_reported) {
             self.report_edge(false);
             if self.waiting_frames() == 0 {
                 self.phase = PlaybackPhase::Waiting;
@@ -368,29 +369,29 @@ impl RingReader {
         }
     }
 
-    fn report_edge(&self, silent: bool) {
+    fn report_edge(&self, is_silence_start: bool) {
         if self.feeds_device {
             let edge_frame = self.frame_counts.score_frames() + self.stream_state.skipped();
-            self.stream_state.add_edge(edge_frame, silent);
+            self.stream_state.add_edge(edge_frame, is_silence_start);
         }
     }
 
-    fn fill_gap(&mut self, silent: &mut [f32], ended: bool, is_silenced: bool) {
-        if self.phase == PlaybackPhase::Playing && !ended {
+    fn fill_gap(&mut self, silent_samples: &mut [f32], has_ended: bool, is_silenced: bool) {
+        if self.phase == PlaybackPhase::Playing && !has_ended {
             self.phase = PlaybackPhase::Underrun;
             self.fades.begin_gap();
             if self.feeds_device && !is_silenced {
                 self.stream_state.add_underruns(1);
             }
         }
-        self.fades.fill_gap(silent);
-        if self.phase == PlaybackPhase::Underrun && !ended && !is_silenced && self.feeds_device {
-            let missing_frames = silent.len() / self.channels;
+        self.fades.fill_gap(silent_samples);
+        if self.phase == PlaybackPhase::Underrun && !has_ended && !is_silenced && self.feeds_device {
+            let missing_frames = silent_samples.len() / self.channels;
             self.stream_state.add_missing(missing_frames as u64);
         }
     }
 
-    fn count_played(&mut self, frames: usize, ended: bool) {
+    fn count_played(&mut self, frames: usize, has_ended: bool) {
         if !self.feeds_device {
             return;
         }
@@ -402,25 +403,29 @@ impl RingReader {
         }
         frame_counts.frames += frames as u64;
         self.stream_state.set_played(frame_counts.score_frames());
-        if ended {
+        if has_ended {
             self.stream_state.set_finished();
         }
     }
 
     /// Drop at most `limit` frames, or all if the ring is closed; returns how many, at most `limit`.
     fn discard(&mut self, limit: usize) -> usize {
-        let is_closed = self.control.closed.load(Ordering::Acquire);
-        let waiting = self.waiting_frames();
-        let frames_dropped = if is_closed { waiting } else { waiting.min(limit) };
+        let is_closed = self.control.is_closed.load(Ordering::Acquire);
+        let waiting_frames = self.waiting_frames();
+        let frames_dropped = if is_closed {
+            waiting_frames
+        } else {
+            waiting_frames.min(limit)
+        };
         if let Ok(ring_chunk) = self.samples.read_chunk(frames_dropped * self.channels) {
             ring_chunk.commit_all();
         }
         let frame_counts = self.frame_counts;
-        let skipped = frames_dropped as u64 * frame_counts.score_rate / frame_counts.card_rate;
-        self.stream_state.add_skipped(skipped);
+        let skipped_frames = frames_dropped as u64 * frame_counts.score_rate / frame_counts.card_rate;
+        self.stream_state.add_skipped(skipped_frames);
         if self.feeds_device {
             self.stream_state.add_discarded(frames_dropped as u64);
-            if is_closed && frames_dropped == waiting {
+            if is_closed && frames_dropped == waiting_frames {
                 self.stream_state.set_finished();
             }
         }

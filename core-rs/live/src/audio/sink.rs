@@ -20,7 +20,7 @@ pub(super) struct OpenedOutput {
     pub(super) rate: u32,
     pub(super) block: u32,
     /// Whether a clock takes the frames.
-    pub(super) paced: bool,
+    pub(super) is_paced: bool,
     /// Remarks for the user, as sentences.
     pub(super) remarks: Vec<String>,
     pub(super) start: StartOutput,

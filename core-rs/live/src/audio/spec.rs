@@ -121,25 +121,25 @@ impl FromStr for AudioSpec {
 fn spec_error(text: &str, reason: String) -> AudioError {
     AudioError::Spec {
         text: text.to_owned(),
-        why: reason,
+        reason,
     }
 }
 
 impl fmt::Display for AudioSpec {
-    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let backend_name = match &self.backend {
             Backend::Auto => "auto",
             Backend::Jack => "jack",
             Backend::Pulse => "pulse",
             Backend::System => "system",
-            Backend::File(path) => return write!(to, "file:{}", path.display()),
-            Backend::Clock(path) => return write!(to, "clock:{}", path.display()),
+            Backend::File(path) => return write!(formatter, "file:{}", path.display()),
+            Backend::Clock(path) => return write!(formatter, "clock:{}", path.display()),
             Backend::Null => "null",
             Backend::Fast => "null:fast",
         };
-        to.write_str(backend_name)?;
+        formatter.write_str(backend_name)?;
         match &self.device {
-            Some(device) => write!(to, ":{device}"),
+            Some(device) => write!(formatter, ":{device}"),
             None => Ok(()),
         }
     }

@@ -16,7 +16,7 @@ pub struct SilenceEdge {
     /// Frame of the score at which the sound begins to fall, or to rise again.
     pub frame: u64,
     /// Whether silence begins there.
-    pub silent: bool,
+    pub is_start: bool,
 }
 
 /// State of the sound of one performance. Every method may be called from any thread, also from the callback.
@@ -96,7 +96,7 @@ impl StreamState {
     /// Whether silence is requested.
     #[must_use]
     pub fn is_panicking(&self) -> bool {
-        self.panic.load(Ordering::Acquire) || stop::is_over()
+        self.panic.load(Ordering::Acquire) || stop::is_silenced()
     }
 
     /// Whether a card (or a file, or the silent clock that was asked for) takes the frames. False before `open`, after
@@ -106,13 +106,13 @@ impl StreamState {
         self.alive.load(Ordering::Acquire)
     }
 
-    pub(super) fn set_alive(&self, alive: bool) {
-        self.alive.store(alive, Ordering::Release);
+    pub(super) fn set_alive(&self, is_alive: bool) {
+        self.alive.store(is_alive, Ordering::Release);
     }
 
     /// Whether the server runs as fast as its clients (JACK's freewheel): then frames can be fed without a clock.
     #[must_use]
-    pub fn freewheeling(&self) -> bool {
+    pub fn is_freewheeling(&self) -> bool {
         self.freewheel.load(Ordering::Acquire)
     }
 
@@ -122,7 +122,7 @@ impl StreamState {
 
     /// Whether the ring writer was closed and its last frame went to the card.
     #[must_use]
-    pub fn finished(&self) -> bool {
+    pub fn has_finished(&self) -> bool {
         self.finished.load(Ordering::Acquire)
     }
 
@@ -192,7 +192,7 @@ impl StreamState {
             let packed_edge = self.edges[number as usize % EDGES_MAX].load(Ordering::Relaxed);
             SilenceEdge {
                 frame: packed_edge >> 1,
-                silent: packed_edge & 1 == 1,
+                is_start: packed_edge & 1 == 1,
             }
         };
         (first_number.max(edge_count.saturating_sub(EDGES_MAX as u64))..edge_count)
@@ -201,9 +201,9 @@ impl StreamState {
     }
 
     /// Add an edge. Only the ring reader that feeds the loudspeakers calls this, so there is one writer.
-    pub(super) fn add_edge(&self, frame: u64, silent: bool) {
+    pub(super) fn add_edge(&self, frame: u64, is_start: bool) {
         let edge_count = self.n_edges.load(Ordering::Relaxed);
-        let packed_edge = frame << 1 | u64::from(silent);
+        let packed_edge = frame << 1 | u64::from(is_start);
         self.edges[edge_count as usize % EDGES_MAX].store(packed_edge, Ordering::Relaxed);
         self.n_edges.store(edge_count + 1, Ordering::Release);
     }

@@ -16,17 +16,17 @@ use super::{AudioError, AudioSpec};
 
 const BLOCK_FRAMES: u32 = 512;
 
-fn missing(reason: impl ToString) -> AudioError {
+fn unavailable_error(reason: impl ToString) -> AudioError {
     AudioError::Unavailable {
         backend: "system",
-        why: reason.to_string(),
+        reason: reason.to_string(),
     }
 }
 
 /// Opens the named device, or the default one.
 pub(super) fn open(spec: &AudioSpec, rate: u32, channels: usize) -> Result<OpenedOutput, AudioError> {
     let device = find(spec.device.as_deref())?;
-    let rate = playable(&device, rate, channels)?;
+    let rate = playable_rate(&device, rate, channels)?;
     let block = spec.block;
     let config = StreamConfig {
         channels: channels as u16,
@@ -38,7 +38,7 @@ pub(super) fn open(spec: &AudioSpec, rate: u32, channels: usize) -> Result<Opene
         device: device.to_string(),
         rate,
         block: block.unwrap_or(BLOCK_FRAMES),
-        paced: true,
+        is_paced: true,
         remarks: Vec::new(),
         start: Box::new(move |ring_reader| start(&device, config, ring_reader)),
     })
@@ -49,39 +49,39 @@ fn find(device_name: Option<&str>) -> Result<Device, AudioError> {
     let Some(device_name) = device_name else {
         return audio_host
             .default_output_device()
-            .ok_or_else(|| missing("the system has no sound device"));
+            .ok_or_else(|| unavailable_error("the system has no sound device"));
     };
-    let mut devices = audio_host.output_devices().map_err(missing)?;
+    let mut devices = audio_host.output_devices().map_err(unavailable_error)?;
     devices
         .find(|device| device.to_string() == device_name)
-        .ok_or_else(|| missing(format!("no sound device {device_name}")))
+        .ok_or_else(|| unavailable_error(format!("no sound device {device_name}")))
 }
 
 /// `rate` if the device can play it with float samples, else the device's own rate.
-fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioError> {
+fn playable_rate(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioError> {
     let mut configs = device
         .supported_output_configs()
-        .map_err(missing)?
-        .filter(|one| one.sample_format() == SampleFormat::F32)
-        .filter(|one| usize::from(one.channels()) == channels)
+        .map_err(unavailable_error)?
+        .filter(|config| config.sample_format() == SampleFormat::F32)
+        .filter(|config| usize::from(config.channels()) == channels)
         .peekable();
     if configs.peek().is_none() {
         return Err(AudioError::Channels {
             channels,
-            why: format!("{device} has no float format with this number of channels"),
+            reason: format!("{device} has no float format with this number of channels"),
         });
     }
-    if configs.any(|one| (one.min_sample_rate()..=one.max_sample_rate()).contains(&rate)) {
+    if configs.any(|config| (config.min_sample_rate()..=config.max_sample_rate()).contains(&rate)) {
         return Ok(rate);
     }
-    let default_config = device.default_output_config().map_err(missing)?;
+    let default_config = device.default_output_config().map_err(unavailable_error)?;
     Ok(default_config.sample_rate())
 }
 
 fn start(device: &Device, config: StreamConfig, ring_reader: RingReader) -> Result<Box<dyn Sink>, OutputFailure> {
-    let gone = Arc::new(AtomicBool::new(false));
-    let (lost_flag, stream_state) = (gone.clone(), ring_reader.stream_state().clone());
-    let (reader_sender, returned) = mpsc::sync_channel(1);
+    let is_lost = Arc::new(AtomicBool::new(false));
+    let (lost_flag, stream_state) = (is_lost.clone(), ring_reader.stream_state().clone());
+    let (reader_sender, reader_receiver) = mpsc::sync_channel(1);
     let mut lent_reader = LentRingReader(Some((ring_reader, reader_sender)));
     let stream = device.build_output_stream::<f32, _, _>(
         config,
@@ -95,8 +95,12 @@ fn start(device: &Device, config: StreamConfig, ring_reader: RingReader) -> Resu
     );
     let start_result = stream.and_then(|stream| stream.play().map(|()| stream));
     match start_result {
-        Ok(stream) => Ok(Box::new(SystemStream { stream, returned, gone })),
-        Err(error) => Err((returned.try_recv().ok().map(Box::new), missing(error))),
+        Ok(stream) => Ok(Box::new(SystemStream {
+            stream,
+            reader_receiver,
+            is_lost,
+        })),
+        Err(error) => Err((reader_receiver.try_recv().ok().map(Box::new), unavailable_error(error))),
     }
 }
 
@@ -122,20 +126,20 @@ impl Drop for LentRingReader {
 
 struct SystemStream {
     stream: Stream,
-    returned: mpsc::Receiver<RingReader>,
-    gone: Arc<AtomicBool>,
+    reader_receiver: mpsc::Receiver<RingReader>,
+    is_lost: Arc<AtomicBool>,
 }
 
 impl Sink for SystemStream {
     fn is_alive(&mut self) -> bool {
-        !self.gone.load(Ordering::Acquire)
+        !self.is_lost.load(Ordering::Acquire)
     }
 
     fn stop(self: Box<Self>) -> (Option<RingReader>, Option<String>) {
-        let is_gone = self.gone.load(Ordering::Acquire);
+        let is_lost = self.is_lost.load(Ordering::Acquire);
         drop(self.stream);
-        let stop_reason = is_gone.then(|| "the device disappeared".into());
-        (self.returned.recv().ok(), stop_reason)
+        let stop_reason = is_lost.then(|| "the device disappeared".into());
+        (self.reader_receiver.recv().ok(), stop_reason)
     }
 }
 

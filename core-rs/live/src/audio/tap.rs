@@ -27,13 +27,13 @@ struct TapState {
     written_frames: AtomicU64,
     has_ended: AtomicBool,
     /// No more frames will be pushed.
-    closing: AtomicBool,
+    is_closing: AtomicBool,
     error: Mutex<Option<String>>,
 }
 
 impl TapState {
-    fn is_over(&self, from: &Consumer<f32>) -> bool {
-        from.is_abandoned() || self.closing.load(Ordering::Acquire)
+    fn is_over(&self, consumer: &Consumer<f32>) -> bool {
+        consumer.is_abandoned() || self.is_closing.load(Ordering::Acquire)
     }
 }
 
@@ -82,7 +82,7 @@ pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(AudioTap,
         missing_frames: AtomicU64::new(0),
         written_frames: AtomicU64::new(0),
         has_ended: AtomicBool::new(false),
-        closing: AtomicBool::new(false),
+        is_closing: AtomicBool::new(false),
         error: Mutex::new(None),
     });
     let tap = AudioTap {
@@ -95,7 +95,7 @@ pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(AudioTap,
     let thread = std::thread::Builder::new()
         .name("ergon recording of sound".into())
         .spawn(move || {
-            let pump_result = pump(&mut recording, &mut consumer, channels, &shared_state);
+            let pump_result = write_until_over(&mut recording, &mut consumer, channels, &shared_state);
             if let Err(error) = pump_result.and_then(|()| recording.finish()) {
                 *shared_state.error.lock().unwrap_or_else(PoisonError::into_inner) =
                     Some(recording.failure_sentence(&error));
@@ -114,7 +114,7 @@ pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(AudioTap,
     Ok((tap, handle))
 }
 
-fn pump(
+fn write_until_over(
     recording: &mut WaveFileWriter,
     consumer: &mut Consumer<f32>,
     channels: usize,
@@ -188,7 +188,7 @@ impl TapHandle {
 impl Drop for TapHandle {
     /// Waits until the file is closed. The physics thread has ended before, so everything it pushed is written.
     fn drop(&mut self) {
-        self.tap_state.closing.store(true, Ordering::Release);
+        self.tap_state.is_closing.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

@@ -28,10 +28,10 @@ pub(super) fn with_arm(device: Box<dyn Device>, url: &DeviceUrl) -> Result<Box<d
     }
     let arm_length = url.number("arm", 0.0)?;
     if device.spec().unit != Unit::Radian {
-        return Err(url.cannot("its axes do not rotate, so they have no arm; leave ?arm out"));
+        return Err(url.unsupported_error("its axes do not rotate, so they have no arm; leave ?arm out"));
     }
     if arm_length <= 0.0 || arm_length > ARM_LENGTH_MAX {
-        return Err(url.closed(format!(
+        return Err(url.closed_error(format!(
             "arm must be above 0 and at most {ARM_LENGTH_MAX} m, not {arm_length}"
         )));
     }

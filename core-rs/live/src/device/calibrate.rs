@@ -49,8 +49,8 @@ impl AxisCalibration {
         }
     }
 
-    fn position(&self, raw: f64) -> f64 {
-        (raw - self.offset) * self.gain
+    fn position(&self, reported_position: f64) -> f64 {
+        (reported_position - self.offset) * self.gain
     }
 }
 
@@ -71,7 +71,8 @@ impl<D: Device> CalibratedDevice<D> {
         for (sign, axis) in signs.iter_mut().zip(&axes) {
             *sign = axis.sign.signum() * axis.gain.signum();
         }
-        let least_limit = |of: fn(&AxisCalibration) -> f64| axes.iter().map(of).fold(f64::INFINITY, f64::min);
+        let least_limit =
+            |axis_limit: fn(&AxisCalibration) -> f64| axes.iter().map(axis_limit).fold(f64::INFINITY, f64::min);
         spec.force_max_peak = spec.force_max_peak.min(least_limit(|axis| axis.force_max.abs()));
         spec.force_max_continuous = spec.force_max_continuous.min(spec.force_max_peak);
         spec.pos_range = [least_limit(|axis| axis.range[0]), -least_limit(|axis| -axis.range[1])];
@@ -85,12 +86,12 @@ impl<D: Device> CalibratedDevice<D> {
 }
 
 /// The device, with the calibrations of some of its axes, each with the number of the axis.
-pub fn with_calibration(device: Box<dyn Device>, known: &[(usize, AxisCalibration)]) -> Box<dyn Device> {
-    if known.is_empty() {
+pub fn with_calibration(device: Box<dyn Device>, calibrations: &[(usize, AxisCalibration)]) -> Box<dyn Device> {
+    if calibrations.is_empty() {
         return device;
     }
     let mut all_axes = vec![AxisCalibration::plain(device.spec()); device.spec().dof];
-    for &(number, axis) in known {
+    for &(number, axis) in calibrations {
         if let Some(axis_slot) = all_axes.get_mut(number) {
             *axis_slot = axis;
         }
@@ -116,11 +117,11 @@ impl<D: Device> Device for CalibratedDevice<D> {
     }
 
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
-        let mut carried = self.device.on_wire(&force.with_gains(&self.signs));
-        for (force, sign) in carried.iter_mut().zip(&self.signs) {
+        let mut wire_forces = self.device.on_wire(&force.with_gains(&self.signs));
+        for (force, sign) in wire_forces.iter_mut().zip(&self.signs) {
             *force *= sign;
         }
-        carried
+        wire_forces
     }
 
     fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
@@ -207,19 +208,19 @@ pub fn find_directions<D: Device>(
     let mut displacement = [[0.0; MAX_AXES]; 2];
     for (displacement, side) in displacement.iter_mut().zip([1.0, -1.0]) {
         let start_position = tick_loop.sample.position;
-        let tick_count = tick_loop.ticks(pulse.duration_max);
-        let mut pushes = [false; MAX_AXES];
-        axes.iter().for_each(|&axis| pushes[axis] = true);
+        let tick_count = tick_loop.tick_count(pulse.duration_max);
+        let mut is_pushed = [false; MAX_AXES];
+        axes.iter().for_each(|&axis| is_pushed[axis] = true);
         for tick in 1..=tick_count {
             let ramp_force = side * pulse.force * (tick as f64 / tick_count as f64);
-            tick_loop.tick(&pushes.map(|pushes| if pushes { ramp_force } else { 0.0 }))?;
-            for &axis in axes.iter().filter(|&&axis| pushes[axis]) {
+            tick_loop.tick(&is_pushed.map(|is_pushed| if is_pushed { ramp_force } else { 0.0 }))?;
+            for &axis in axes.iter().filter(|&&axis| is_pushed[axis]) {
                 displacement[axis] = tick_loop.sample.position[axis] - start_position[axis];
             }
-            for (pushes, displacement) in pushes.iter_mut().zip(&*displacement) {
-                *pushes &= displacement.abs() < pulse.stop_distance;
+            for (is_pushed, displacement) in is_pushed.iter_mut().zip(&*displacement) {
+                *is_pushed &= displacement.abs() < pulse.stop_distance;
             }
-            if pushes == [false; MAX_AXES] {
+            if is_pushed == [false; MAX_AXES] {
                 break;
             }
         }
@@ -251,7 +252,7 @@ pub fn travel_ends<D: Device>(
     let limits = SafetyLimits::from_spec(device.spec());
     let mut tick_loop = TickLoop::new(GuardedDevice::new(device, limits, period), period, stop);
     let mut axis_ends = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_AXES];
-    for _ in 0..tick_loop.ticks(length).max(1) {
+    for _ in 0..tick_loop.tick_count(length).max(1) {
         tick_loop.tick(&[0.0; MAX_AXES])?;
         for (axis_ends, x) in axis_ends.iter_mut().zip(tick_loop.sample.position) {
             *axis_ends = [axis_ends[0].min(x), axis_ends[1].max(x)];
@@ -280,7 +281,7 @@ impl<'a, D: Device> TickLoop<'a, D> {
         }
     }
 
-    fn ticks(&self, length: f64) -> usize {
+    fn tick_count(&self, length: f64) -> usize {
         (length / self.period).ceil() as usize
     }
 
@@ -303,7 +304,7 @@ impl<'a, D: Device> TickLoop<'a, D> {
         let still_limit = self.guarded_device.spec().pos_lsb.max(1e-6);
         for _ in 0..8 {
             let start_position = self.sample.position;
-            for _ in 0..self.ticks(length) {
+            for _ in 0..self.tick_count(length) {
                 self.tick(&[0.0; MAX_AXES])?;
             }
             let position = self.sample.position;

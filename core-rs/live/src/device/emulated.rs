@@ -30,7 +30,7 @@ pub(super) fn exact_spec((dof, rate): (usize, f64), pos_range: [f64; 2], (mass, 
         loop_delay_s: Some(0.0),
         inertia: Some(mass),
         damping: Some(damping),
-        touch_gated: false,
+        is_touch_gated: false,
         can_lockstep: true,
         can_send_wide: true,
     }
@@ -55,14 +55,14 @@ impl EmulatedDevice {
         };
         let (axis_count, key_rate) = (url.number("axes", 1.0)? as usize, url.number("rate", KEY_RATE)?);
         let resting_hands = vec![EmulatedHand::Resting; axis_count.min(MAX_AXES)];
-        let emulated_keys =
-            EmulatedKeys::new(axis_count, key_model, key_rate, resting_hands).map_err(|error| url.closed(error))?;
+        let emulated_keys = EmulatedKeys::new(axis_count, key_model, key_rate, resting_hands)
+            .map_err(|error| url.closed_error(error))?;
         Ok(Self::new(emulated_keys, key_model))
     }
 
     /// Keys with the hands that are on them.
     pub fn new(keys: EmulatedKeys, key: KeyConstants) -> Self {
-        let spec = exact_spec((keys.n(), keys.rate().hertz()), key.range, (key.mass, key.damping));
+        let spec = exact_spec((keys.n_keys(), keys.rate().hertz()), key.range, (key.mass, key.damping));
         Self {
             keys,
             spec,
@@ -84,7 +84,7 @@ impl EmulatedDevice {
 pub fn open_board(options: &EmulationOptions) -> Result<Box<dyn Device>, DeviceError> {
     let device_kind = DeviceKind::from(options.board.protocol);
     let board_url = DeviceUrl::in_process(device_kind);
-    let firmware = options.firmware().map_err(|error| board_url.closed(error))?;
+    let firmware = options.firmware().map_err(|error| board_url.closed_error(error))?;
     let local_board = InProcessBoard {
         periods_left: options
             .seconds
@@ -143,13 +143,13 @@ impl Device for EmulatedDevice {
         self.stats.replies_received += u64::from(sample.is_fresh);
         self.has_answered = true;
         sample.position = *self.keys.positions();
-        for axis in 0..self.keys.n() {
-            sample.is_touched[axis] = self.keys.touched(axis);
-            sample.force_enabled[axis] = true;
+        for axis in 0..self.keys.n_keys() {
+            sample.is_touched[axis] = self.keys.is_touched(axis);
+            sample.is_force_enabled[axis] = true;
         }
-        (sample.is_hot, sample.let_go) = (false, false);
+        (sample.is_hot, sample.has_let_go) = (false, false);
         sample.seq = self.keys.periods() as u32;
-        sample.t_dev_us = Some(self.keys.t_us());
+        sample.t_dev_us = Some(self.keys.time_us());
         Ok(sample.is_fresh)
     }
 

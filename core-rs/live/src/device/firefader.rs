@@ -47,7 +47,7 @@ fn spec() -> DeviceSpec {
         loop_delay_s: Some(3.5e-3),
         inertia: None,
         damping: None,
-        touch_gated: true,
+        is_touch_gated: true,
         can_lockstep: true,
         can_send_wide: false,
     }
@@ -56,7 +56,7 @@ fn spec() -> DeviceSpec {
 impl FireFader {
     pub(super) fn open(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         if url.wide {
-            return Err(url.cannot("the option wide is only for the open frame"));
+            return Err(url.unsupported_error("the option wide is only for the open frame"));
         }
         let baud_rate = url.number("baud", f64::from(BAUD_RATE))? as u32;
         Self::on_port(Port::serial(url, baud_rate)?, url, canceller)
@@ -64,12 +64,12 @@ impl FireFader {
 
     /// The driver on an open port.
     pub(super) fn on_port(port: Port, url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
-        let mut new_fader = Self {
+        let mut fader = Self {
             port,
             spec: spec(),
             lockstep: url.lockstep,
             canceller: canceller.clone(),
-            inbox: PacketBuffer::new_bytes(),
+            inbox: PacketBuffer::empty(),
             last_reply: None,
             n_outstanding: 0,
             sent_at: Instant::now(),
@@ -77,11 +77,11 @@ impl FireFader {
             stats: WireStats::default(),
             has_new_position: true,
         };
-        new_fader.connect().map_err(|loss| url.closed(loss))?;
-        if new_fader.last_reply.is_none() {
-            return Err(url.no_answer("FireFader"));
+        fader.connect().map_err(|loss| url.closed_error(loss))?;
+        if fader.last_reply.is_none() {
+            return Err(url.no_answer_error("FireFader"));
         }
-        Ok(new_fader)
+        Ok(fader)
     }
 
     /// Send requests until the board answers, because opening the port restarts some boards; then read all outstanding
@@ -99,9 +99,9 @@ impl FireFader {
             self.write_request([0.0; 2])?;
             self.read_replies(Instant::now() + retry_after)?;
         }
-        let quiet_until = Instant::now() + REQUEST_RETRY_INTERVAL;
-        while self.n_outstanding > 0 && Instant::now() < quiet_until {
-            self.read_replies(quiet_until)?;
+        let quiet_deadline = Instant::now() + REQUEST_RETRY_INTERVAL;
+        while self.n_outstanding > 0 && Instant::now() < quiet_deadline {
+            self.read_replies(quiet_deadline)?;
         }
         self.n_outstanding = 0;
         Ok(())
@@ -119,8 +119,8 @@ impl FireFader {
     fn read_replies(&mut self, deadline: Instant) -> Result<bool, DeviceLoss> {
         let (mut read_bytes, mut is_fresh) = ([0; 64], false);
         loop {
-            let wait_until = if is_fresh { self.sent_at } else { deadline };
-            let byte_count = self.port.read(&mut read_bytes, wait_until)?;
+            let read_deadline = if is_fresh { self.sent_at } else { deadline };
+            let byte_count = self.port.read(&mut read_bytes, read_deadline)?;
             if byte_count == 0 {
                 return Ok(is_fresh);
             }
@@ -186,11 +186,11 @@ impl Device for FireFader {
                 sample.position[axis] = reply.metres(axis);
                 sample.is_touched[axis] = reply.capacitance[axis] > wire::CAP_TOUCHED;
                 // The firmware's own gate is not reported; a finger on the key, within the range, opens it.
-                let within_range = (5..251).contains(&reply.position[axis]);
-                sample.force_enabled[axis] = sample.is_touched[axis] && within_range;
+                let is_in_range = (5..251).contains(&reply.position[axis]);
+                sample.is_force_enabled[axis] = sample.is_touched[axis] && is_in_range;
             }
         }
-        (sample.is_hot, sample.let_go) = (false, false); // the board does not report these
+        (sample.is_hot, sample.has_let_go) = (false, false); // the board does not report these
         sample.seq = self.seq;
         Ok(sample.is_fresh)
     }

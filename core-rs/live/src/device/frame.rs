@@ -34,7 +34,7 @@ pub(super) struct OpenFrameDevice {
     drift: ClockDrift,
     stats: WireStats,
     /// Whether any reply since the last `receive`, not only the newest, said that the board let go.
-    let_go: bool,
+    has_let_go: bool,
     /// Whether the first position has not yet been returned by `receive`.
     has_new_position: bool,
 }
@@ -68,19 +68,19 @@ enum AllowedRange {
 /// A sentence that names the first number that is impossible.
 fn spec(info: &wire::DeviceInfo) -> Result<DeviceSpec, String> {
     let numbers = info.spec_numbers.map(f64::from);
-    for (&number, (name, unit, allowed)) in numbers.iter().zip(REPORTED_NUMBERS) {
-        let broken_rule = match allowed {
+    for (&number, (name, unit, allowed_range)) in numbers.iter().zip(REPORTED_NUMBERS) {
+        let rule = match allowed_range {
             _ if !number.is_finite() => "it has to be a finite number",
             AllowedRange::AboveZero if number <= 0.0 => "it has to be above zero",
             AllowedRange::ZeroOrMore if number < 0.0 => "it has to be above zero, or zero if it is not known",
             _ => continue,
         };
         return Err(format!(
-            "the device reports a {name} of {number} {unit}; {broken_rule} (its firmware sends this number)"
+            "the device reports a {name} of {number} {unit}; {rule} (its firmware sends this number)"
         ));
     }
     let [
-        continuous,
+        continuous_force,
         peak_force,
         pos_lsb,
         lower_limit,
@@ -95,7 +95,7 @@ fn spec(info: &wire::DeviceInfo) -> Result<DeviceSpec, String> {
              {TRAVEL_MAX} m (its firmware sends these numbers)"
         ));
     }
-    let reported = |number: f64| (number > 0.0).then_some(number);
+    let known_value = |number: f64| (number > 0.0).then_some(number);
     Ok(DeviceSpec {
         dof: info.axis_count,
         unit: if info.trait_flags & trait_flag::RADIANS == 0 {
@@ -103,16 +103,16 @@ fn spec(info: &wire::DeviceInfo) -> Result<DeviceSpec, String> {
         } else {
             Unit::Radian
         },
-        pos_lsb: reported(pos_lsb).unwrap_or(wire::POS_LSB),
+        pos_lsb: known_value(pos_lsb).unwrap_or(wire::POS_LSB),
         pos_range: [lower_limit, upper_limit],
-        force_max_continuous: reported(continuous).unwrap_or(peak_force).min(peak_force),
+        force_max_continuous: known_value(continuous_force).unwrap_or(peak_force).min(peak_force),
         force_max_peak: peak_force,
         force_lsb: peak_force / wire::FORCE_STEPS,
-        rate_nominal: reported(nominal_rate),
+        rate_nominal: known_value(nominal_rate),
         loop_delay_s: None,
-        inertia: reported(inertia),
-        damping: reported(damping),
-        touch_gated: info.trait_flags & trait_flag::TOUCH_GATED != 0,
+        inertia: known_value(inertia),
+        damping: known_value(damping),
+        is_touch_gated: info.trait_flags & trait_flag::TOUCH_GATED != 0,
         can_lockstep: info.trait_flags & trait_flag::LOCKSTEP != 0,
         can_send_wide: info.trait_flags & trait_flag::WIDE != 0,
     })
@@ -130,43 +130,43 @@ impl OpenFrameDevice {
     /// The driver on an open port.
     pub(super) fn on_port(mut port: Port, url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         let device_info =
-            request_info(&mut port, first_reply_timeout(url)?, canceller).map_err(|loss| url.closed(loss))?;
-        let device_info = device_info.ok_or_else(|| url.no_answer("device of the open frame"))?;
-        let spec = spec(&device_info).map_err(|reason| url.impossible(reason))?;
+            request_info(&mut port, first_reply_timeout(url)?, canceller).map_err(|loss| url.closed_error(loss))?;
+        let device_info = device_info.ok_or_else(|| url.no_answer_error("device of the open frame"))?;
+        let spec = spec(&device_info).map_err(|reason| url.impossible_error(reason))?;
         if url.lockstep && !spec.can_lockstep {
-            return Err(url.cannot("a real device runs by its own clock; lockstep is only for emulators"));
+            return Err(url.unsupported_error("a real device runs by its own clock; lockstep is only for emulators"));
         }
         if url.wide && !spec.can_send_wide {
-            return Err(url.cannot("the device sends integers only and does not support the option wide"));
+            return Err(url.unsupported_error("the device sends integers only and does not support the option wide"));
         }
         let lockstep_timeout = lockstep_timeout(url)?;
-        let mut new_frame = Self {
+        let mut device = Self {
             port,
             spec,
             lockstep: url.lockstep,
             lockstep_timeout,
             canceller: canceller.clone(),
             wide: url.wide,
-            inbox: PacketBuffer::new_bytes(),
+            inbox: PacketBuffer::empty(),
             sent_requests: SentRequests::default(),
             last_reply: None,
             last_request: 0,
             drift: ClockDrift::default(),
             stats: WireStats::default(),
-            let_go: false,
+            has_let_go: false,
             has_new_position: true,
         };
         // Read the position before the first force is sent: X(0).
         let deadline = Instant::now() + first_reply_timeout(url)?;
-        while new_frame.last_reply.is_none() && canceller.may_wait(deadline) {
-            new_frame
+        while device.last_reply.is_none() && canceller.may_wait(deadline) {
+            device
                 .write_request([0.0; MAX_AXES], flag::REQUEST)
-                .and_then(|()| new_frame.read_replies(Instant::now() + REQUEST_RETRY_INTERVAL))
-                .map_err(|gone| url.closed(gone))?;
+                .and_then(|()| device.read_replies(Instant::now() + REQUEST_RETRY_INTERVAL))
+                .map_err(|loss| url.closed_error(loss))?;
         }
-        match new_frame.last_reply {
-            Some(_) => Ok(new_frame),
-            None => Err(url.no_answer("device of the open frame")),
+        match device.last_reply {
+            Some(_) => Ok(device),
+            None => Err(url.no_answer_error("device of the open frame")),
         }
     }
 
@@ -181,7 +181,7 @@ impl OpenFrameDevice {
         let request = wire::FrameRequest {
             seq,
             axis_count: self.spec.dof,
-            wide: self.wide,
+            is_wide: self.wide,
             flags,
             force,
         };
@@ -198,8 +198,8 @@ impl OpenFrameDevice {
             if self.port.was_refused() && self.lockstep {
                 return Err(DeviceLoss::Silent); // in lockstep a refused datagram means that the device is gone
             }
-            let wait_until = if is_fresh { Instant::now() } else { deadline };
-            let byte_count = self.port.read(&mut read_bytes, wait_until)?;
+            let read_deadline = if is_fresh { Instant::now() } else { deadline };
+            let byte_count = self.port.read(&mut read_bytes, read_deadline)?;
             let read_instant = Instant::now();
             if byte_count == 0 {
                 if is_fresh || read_instant >= deadline {
@@ -214,11 +214,11 @@ impl OpenFrameDevice {
                 drift,
                 stats,
                 spec,
-                let_go,
+                has_let_go: let_go,
                 ..
             } = self;
             inbox.add_bytes(&read_bytes[..byte_count], wire::FrameReply::parse, |reply| {
-                let is_newer = |last: &wire::FrameReply| reply.seq.wrapping_sub(last.seq) < 0x8000;
+                let is_newer = |last_reply: &wire::FrameReply| reply.seq.wrapping_sub(last_reply.seq) < 0x8000;
                 if reply.axis_count == spec.dof
                     && sent_requests.note_reply(reply.seq, read_instant, stats)
                     && last.as_ref().is_none_or(is_newer)
@@ -241,8 +241,8 @@ impl OpenFrameDevice {
 
 /// Longest wait for a reply in lockstep.
 fn lockstep_timeout(url: &DeviceUrl) -> Result<Duration, DeviceError> {
-    let patience = url.number("patience", LOCKSTEP_TIMEOUT.as_secs_f64())?;
-    Ok(Duration::from_secs_f64(patience.clamp(0.0, LOCKSTEP_TIMEOUT_MAX)))
+    let timeout = url.number("patience", LOCKSTEP_TIMEOUT.as_secs_f64())?;
+    Ok(Duration::from_secs_f64(timeout.clamp(0.0, LOCKSTEP_TIMEOUT_MAX)))
 }
 
 /// Longest wait for the first reply.
@@ -262,7 +262,7 @@ fn request_info(
     canceller: &WaitCanceller,
 ) -> Result<Option<wire::DeviceInfo>, DeviceLoss> {
     let deadline = Instant::now() + timeout;
-    let mut inbox = PacketBuffer::<512>::new_bytes();
+    let mut inbox = PacketBuffer::<512>::empty();
     let (mut read_bytes, mut packet_bytes, mut device_info) = ([0; 512], [0; wire::FRAME_BYTES_MAX], None);
     let mut seq = 0;
     while device_info.is_none() && canceller.may_wait(deadline) {
@@ -300,15 +300,15 @@ impl Device for OpenFrameDevice {
     }
 
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
-        let mut carried = [0.0; MAX_AXES];
-        for (carried, &force) in carried.iter_mut().zip(force.newtons()) {
-            *carried = if self.wide {
+        let mut wire_forces = [0.0; MAX_AXES];
+        for (wire_force, &force) in wire_forces.iter_mut().zip(force.newtons()) {
+            *wire_force = if self.wide {
                 force
             } else {
                 wire::rounded_force(force, self.spec.force_max_peak)
             };
         }
-        carried
+        wire_forces
     }
 
     fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
@@ -325,11 +325,11 @@ impl Device for OpenFrameDevice {
             sample.is_fresh = self.has_new_position || self.read_replies(deadline)?;
         }
         self.has_new_position = false;
-        sample.let_go = std::mem::take(&mut self.let_go);
+        sample.has_let_go = std::mem::take(&mut self.has_let_go);
         if let Some(reply) = &self.last_reply {
             sample.position = reply.position;
             sample.is_touched = [reply.status & status::TOUCHED != 0; MAX_AXES];
-            sample.force_enabled = [reply.status & status::ENABLED != 0; MAX_AXES];
+            sample.is_force_enabled = [reply.status & status::ENABLED != 0; MAX_AXES];
             sample.is_hot = reply.status & status::HOT != 0;
             sample.seq = u32::from(reply.seq);
             sample.requests_behind = self.last_request.wrapping_sub(reply.seq);

@@ -60,7 +60,7 @@ pub(crate) fn spec() -> DeviceSpec {
         loop_delay_s: None,
         inertia: None,
         damping: None,
-        touch_gated: false,
+        is_touch_gated: false,
         can_lockstep: true,
         can_send_wide: false,
     }
@@ -69,12 +69,12 @@ pub(crate) fn spec() -> DeviceSpec {
 impl HaplyDevice {
     pub(super) fn open(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         if url.wide {
-            return Err(url.cannot("the option wide is only for the open frame"));
+            return Err(url.unsupported_error("the option wide is only for the open frame"));
         }
         if !url.target.starts_with("ws://") {
-            return Err(url.cannot("its address must have the form ws://127.0.0.1:10001"));
+            return Err(url.unsupported_error("its address must have the form ws://127.0.0.1:10001"));
         }
-        let closed_error = |error: std::io::Error| url.closed(error);
+        let closed_error = |error: std::io::Error| url.closed_error(error);
         let (mut guardian_stream, guardian) = start::start().map_err(closed_error)?;
         let request = HostRequest {
             target: &url.target,
@@ -83,14 +83,16 @@ impl HaplyDevice {
         };
         let reply = write_text(&mut guardian_stream, &request.text())
             .and_then(|()| read_text(&mut guardian_stream, GUARDIAN_START_TIMEOUT + 2 * FIRST_REPLY_TIMEOUT))
-            .map_err(|error| url.closed(format!("its guardian process did not start ({error})")))?;
+            .map_err(|error| url.closed_error(format!("its guardian process did not start ({error})")))?;
         let position = match OpenReply::parse(&reply) {
             Some(OpenReply::Opened(position)) => position,
-            Some(OpenReply::Refused(reason)) => return Err(url.closed(reason)),
+            Some(OpenReply::Refused(reason)) => return Err(url.closed_error(reason)),
             Some(OpenReply::NotInLockstep) => {
-                return Err(url.cannot("a real device runs by its own clock; lockstep is only for emulators"));
+                return Err(
+                    url.unsupported_error("a real device runs by its own clock; lockstep is only for emulators")
+                );
             }
-            Some(OpenReply::NoAnswer) | None => return Err(url.no_answer("Haply device")),
+            Some(OpenReply::NoAnswer) | None => return Err(url.no_answer_error("Haply device")),
         };
         Ok(Self {
             spec: spec(),
@@ -127,27 +129,27 @@ impl HaplyDevice {
             let Self {
                 line,
                 sent_requests,
-                last_answered_number: last_answered,
+                last_answered_number,
                 position: last_position,
-                let_go: is_let_go,
-                loss: gone,
+                let_go: has_let_go,
+                loss,
                 stats,
                 ..
             } = self;
             let (read_instant, mut is_fresh) = (Instant::now(), false);
-            let take_result = line.receive(|bytes| match GuardianReply::parse(bytes) {
+            let receive_result = line.receive(|bytes| match GuardianReply::parse(bytes) {
                 GuardianReply::State {
                     number,
                     position,
                     let_go,
                 } => {
                     sent_requests.note_reply(number, read_instant, stats);
-                    (*last_answered, *last_position, *is_let_go, is_fresh) = (number, position, let_go, true);
+                    (*last_answered_number, *last_position, *has_let_go, is_fresh) = (number, position, let_go, true);
                 }
-                GuardianReply::Gone(reason) => *gone = Some(reason),
+                GuardianReply::Gone(reason) => *loss = Some(reason),
             });
-            if let Err(line_failure) = take_result {
-                *gone = gone.or(Some(line_failure));
+            if let Err(line_loss) = receive_result {
+                *loss = loss.or(Some(line_loss));
             }
             if is_fresh {
                 return Ok(true);
@@ -188,8 +190,8 @@ impl Device for HaplyDevice {
         self.has_unread_position = false;
         sample.position[..3].copy_from_slice(&self.position);
         sample.is_touched = [true; MAX_AXES];
-        sample.force_enabled = [!self.let_go; MAX_AXES];
-        (sample.is_hot, sample.let_go) = (false, self.let_go); // the service does not report whether it is hot
+        sample.is_force_enabled = [!self.let_go; MAX_AXES];
+        (sample.is_hot, sample.has_let_go) = (false, self.let_go); // the service does not report whether it is hot
         sample.seq = u32::from(self.last_answered_number);
         sample.requests_behind = self.last_order_number.wrapping_sub(self.last_answered_number);
         Ok(sample.is_fresh)

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// A device that this program has locked, until this is dropped.
 #[derive(Debug)]
 pub(super) struct DeviceLock {
-    _locked: Option<File>,
+    _lock_file: Option<File>,
 }
 
 impl DeviceLock {
@@ -25,7 +25,7 @@ impl DeviceLock {
         let folder = folder();
         match &folder {
             Some(folder) => Self::lock_in(folder, address),
-            None => Ok(Self { _locked: None }),
+            None => Ok(Self { _lock_file: None }),
         }
     }
 
@@ -43,17 +43,17 @@ impl DeviceLock {
             .custom_flags(libc::O_NOFOLLOW)
             .open(&lock_path);
         let Ok(mut lock_file) = open_result else {
-            return Ok(Self { _locked: None });
+            return Ok(Self { _lock_file: None });
         };
         match lock_file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(holder_sentence(&lock_file)),
-            Err(TryLockError::Error(_)) => return Ok(Self { _locked: None }),
+            Err(TryLockError::Error(_)) => return Ok(Self { _lock_file: None }),
         }
         let _ = lock_file.set_len(0);
         let _ = write!(lock_file, "{}", std::process::id());
         Ok(Self {
-            _locked: Some(lock_file),
+            _lock_file: Some(lock_file),
         })
     }
 }

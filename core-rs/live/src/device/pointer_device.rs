@@ -34,21 +34,21 @@ pub(super) struct PointerDevice {
 
 impl PointerDevice {
     pub(super) fn open(url: &DeviceUrl, period: f64, is_retry: bool) -> Result<Self, DeviceError> {
-        let key_lead = pointer::find(url.led_name());
-        let key_lead = key_lead.ok_or_else(|| url.closed("nothing leads this key"))?;
-        if is_retry && !key_lead.is_present() {
-            return Err(url.closed("nobody plays this key"));
+        let pointer_stream = pointer::find(url.stream_name());
+        let pointer_stream = pointer_stream.ok_or_else(|| url.closed_error("nothing leads this key"))?;
+        if is_retry && !pointer_stream.is_present() {
+            return Err(url.closed_error("nobody plays this key"));
         }
-        let mut new_led = Self::new(key_lead, period);
+        let mut device = Self::new(pointer_stream, period);
         // What the pointer did meanwhile moved nothing, but it may still be down.
-        if is_retry && let Some(last_place) = new_led.pointer_stream.forget() {
-            new_led.path.begin_at(last_place);
+        if is_retry && let Some(last_position) = device.pointer_stream.discard_positions() {
+            device.path.begin_at(last_position);
         }
-        Ok(new_led)
+        Ok(device)
     }
 
-    fn new(lead: Arc<PointerStream>, period: f64) -> Self {
-        let options = lead.options();
+    fn new(pointer_stream: Arc<PointerStream>, period: f64) -> Self {
+        let options = pointer_stream.options();
         let key_model = options.key;
         Self {
             path: PathReader::new(options.delay),
@@ -56,17 +56,17 @@ impl PointerDevice {
             spec: exact_spec((1, 1.0 / period), key_model.range, (key_model.mass, key_model.damping)),
             stats: WireStats::default(),
             period,
-            time: if options.lockstep { 0.0 } else { lead.now() },
+            time: if options.in_lockstep { 0.0 } else { pointer_stream.now() },
             ticks: 0,
             pointer: None,
             has_answered: false,
-            pointer_stream: lead,
+            pointer_stream,
         }
     }
 
     /// The end of the next tick on the clock of the lead [s]: ticks are even, and follow the wall's clock slowly.
     fn next_time(&self) -> f64 {
-        if self.pointer_stream.options().lockstep {
+        if self.pointer_stream.options().in_lockstep {
             return self.ticks as f64 * self.period;
         }
         let tick_time = self.time + self.period;
@@ -85,29 +85,36 @@ impl PointerDevice {
     fn advance(&mut self, force: f64) {
         self.ticks += 1;
         self.time = self.next_time();
-        let key_lead = &self.pointer_stream;
-        let path_delay = key_lead.options().delay;
-        let pointer_target = self.path.read(self.time - path_delay, &mut || key_lead.next());
-        let pull = pointer_target.map(|(to, firmness)| PointerPull {
+        let pointer_stream = &self.pointer_stream;
+        let path_delay = pointer_stream.options().delay;
+        let pointer_target = self.path.read(self.time - path_delay, &mut || pointer_stream.next());
+        let pull = pointer_target.map(|(end_position, firmness)| PointerPull {
             // A finger that has just landed has no earlier position.
-            start_position: self.pointer.map_or(to, |pointer| pointer.0),
-            end_position: to,
+            start_position: self.pointer.map_or(end_position, |pointer| pointer.0),
+            end_position,
             firmness,
         });
         self.pointer = pointer_target;
         self.motion.advance(force, pull);
         let motion = &self.motion;
-        let [from, to, firmness] = pull.map_or([f64::NAN; 3], |pull| {
+        let [start_position, end_position, firmness] = pull.map_or([f64::NAN; 3], |pull| {
             [pull.start_position, pull.end_position, pull.firmness]
         });
-        let tick_row = [from, to, firmness, force, motion.finger(), motion.key()];
+        let tick_row = [
+            start_position,
+            end_position,
+            firmness,
+            force,
+            motion.finger_position(),
+            motion.key_position(),
+        ];
         self.pointer_stream.trace_tick(tick_row);
-        let if_held = |x: f64| if motion.is_held() { x } else { f64::NAN };
+        let held_or_nan = |x: f64| if motion.is_held() { x } else { f64::NAN };
         let led_points = [
-            if_held(motion.pointer()),
-            if_held(motion.finger()),
-            motion.key(),
-            motion.force(),
+            held_or_nan(motion.pointer_position()),
+            held_or_nan(motion.finger_position()),
+            motion.key_position(),
+            motion.pointer_force(),
         ];
         self.pointer_stream.publish(led_points, self.path.n_late());
     }
@@ -136,17 +143,17 @@ impl Device for PointerDevice {
         self.stats.replies_received += u64::from(sample.is_fresh);
         self.has_answered = true;
         sample.position = [0.0; MAX_AXES];
-        sample.position[0] = self.motion.key();
+        sample.position[0] = self.motion.key_position();
         sample.is_touched[0] = self.motion.is_held();
-        sample.force_enabled[0] = true;
-        (sample.is_hot, sample.let_go) = (false, false);
+        sample.is_force_enabled[0] = true;
+        (sample.is_hot, sample.has_let_go) = (false, false);
         sample.seq = self.ticks as u32;
         sample.t_dev_us = Some((self.ticks as f64 * self.period * 1e6) as u64 as u32);
         Ok(sample.is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
-        self.pointer_stream.options().lockstep
+        self.pointer_stream.options().in_lockstep
     }
 
     /// The key advances only when a force is sent, so there is no force to end.

@@ -27,7 +27,7 @@ pub(super) struct RefusalFlag(bool);
 
 impl RefusalFlag {
     /// Note the error if it is a refusal; other errors are returned.
-    fn note_refusal(&mut self, error: std::io::Error) -> std::io::Result<()> {
+    fn record_refusal(&mut self, error: std::io::Error) -> std::io::Result<()> {
         if error.kind() == std::io::ErrorKind::ConnectionRefused {
             self.0 = true;
             return Ok(());
@@ -57,7 +57,7 @@ impl Port {
         #[cfg(unix)]
         {
             use std::os::fd::{FromRawFd, IntoRawFd, OwnedFd};
-            let tty_port = serialport::TTYPort::open(&builder).map_err(|error| url.closed(error))?;
+            let tty_port = serialport::TTYPort::open(&builder).map_err(|error| url.closed_error(error))?;
             // SAFETY: into_raw_fd gives up the descriptor, which is open.
             let descriptor = unsafe { OwnedFd::from_raw_fd(tty_port.into_raw_fd()) };
             unix::prepare(&descriptor);
@@ -72,15 +72,15 @@ impl Port {
 
     /// A socket connected to one address; datagrams from other addresses are ignored.
     pub(super) fn udp(url: &DeviceUrl) -> Result<Self, DeviceError> {
-        let closed_error = |error: std::io::Error| url.closed(error);
+        let closed_error = |error: std::io::Error| url.closed_error(error);
         let mut addresses = url.target.to_socket_addrs().map_err(closed_error)?;
         let peer_address = addresses
             .next()
-            .ok_or_else(|| url.closed("the address cannot be resolved"))?;
+            .ok_or_else(|| url.closed_error("the address cannot be resolved"))?;
         if peer_address.ip().is_multicast()
             || matches!(peer_address, SocketAddr::V4(v4_address) if v4_address.ip().is_broadcast())
         {
-            return Err(url.cannot("the address of a device must not be a multicast or broadcast address"));
+            return Err(url.unsupported_error("the address of a device must not be a multicast or broadcast address"));
         }
         let local_address = match (peer_address.ip().is_loopback(), peer_address.is_ipv4()) {
             (true, true) => "127.0.0.1:0",
@@ -92,7 +92,7 @@ impl Port {
         udp_socket.connect(peer_address).map_err(closed_error)?;
         udp_socket.set_nonblocking(true).map_err(closed_error)?;
         #[cfg(unix)]
-        let device_lock = super::lock::DeviceLock::take(peer_address).map_err(|holder| url.closed(holder))?;
+        let device_lock = super::lock::DeviceLock::take(peer_address).map_err(|holder| url.closed_error(holder))?;
         #[cfg(not(unix))]
         let device_lock = ();
         Ok(Self::Udp(udp_socket, device_lock, RefusalFlag::default()))
@@ -105,10 +105,10 @@ impl Port {
             Self::Serial(fd) => unix::write(fd, packet),
             #[cfg(not(unix))]
             Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(ignore_transient),
-            Self::Udp(socket, _, refused) => {
+            Self::Udp(socket, _, refusal_flag) => {
                 let send_result = socket.send(packet).map(drop);
                 send_result
-                    .or_else(|error| refused.note_refusal(error))
+                    .or_else(|error| refusal_flag.record_refusal(error))
                     .or_else(ignore_transient)
             }
             Self::InProcess(board) => board.write(packet),
@@ -125,12 +125,12 @@ impl Port {
                 Self::Serial(fd) => unix::read(fd, buffer)?,
                 #[cfg(not(unix))]
                 Self::Serial(port) => std::io::Read::read(port, buffer).or_else(zero_if_transient)?,
-                Self::Udp(socket, _, refused) => {
-                    let was_refused = refused.0;
+                Self::Udp(socket, _, refusal_flag) => {
+                    let was_refused = refusal_flag.0;
                     let receive_result = socket.recv(buffer);
-                    refused.0 |= matches!(receive_result, Ok(0)); // an empty datagram: the device leaves
-                    let receive_result = receive_result.or_else(|error| refused.note_refusal(error).map(|()| 0));
-                    if refused.0 && !was_refused {
+                    refusal_flag.0 |= matches!(receive_result, Ok(0)); // an empty datagram: the device leaves
+                    let receive_result = receive_result.or_else(|error| refusal_flag.record_refusal(error).map(|()| 0));
+                    if refusal_flag.0 && !was_refused {
                         return Ok(0);
                     }
                     receive_result.or_else(zero_if_transient)?
@@ -147,7 +147,7 @@ impl Port {
     /// Whether a datagram was refused since the last call.
     pub(super) fn was_refused(&mut self) -> bool {
         match self {
-            Self::Udp(_, _, refused) => std::mem::take(&mut refused.0),
+            Self::Udp(_, _, refusal_flag) => std::mem::take(&mut refusal_flag.0),
             _ => false,
         }
     }
@@ -181,7 +181,7 @@ impl Port {
     }
 }
 
-fn gone_reason(error: &std::io::Error) -> Option<DeviceLoss> {
+fn permanent_loss(error: &std::io::Error) -> Option<DeviceLoss> {
     use std::io::ErrorKind::{ConnectionRefused, Interrupted, TimedOut, WouldBlock};
     match error.kind() {
         // Nobody listens at the address: the device is silent, and may come back.
@@ -191,11 +191,11 @@ fn gone_reason(error: &std::io::Error) -> Option<DeviceLoss> {
 }
 
 fn ignore_transient(error: std::io::Error) -> Result<(), DeviceLoss> {
-    gone_reason(&error).map_or(Ok(()), Err)
+    permanent_loss(&error).map_or(Ok(()), Err)
 }
 
 fn zero_if_transient(error: std::io::Error) -> Result<usize, DeviceLoss> {
-    gone_reason(&error).map_or(Ok(0), Err)
+    permanent_loss(&error).map_or(Ok(0), Err)
 }
 
 #[cfg(unix)]
@@ -217,12 +217,12 @@ pub(super) mod unix {
             libc::ioctl(fd.as_raw_fd(), libc::TIOCNXCL);
         }
         #[cfg(target_os = "linux")]
-        low_latency(fd);
+        set_low_latency(fd);
     }
 
     /// Ports without this setting (CDC-ACM, pty) refuse it, which does no harm.
     #[cfg(target_os = "linux")]
-    fn low_latency(fd: &OwnedFd) {
+    fn set_low_latency(fd: &OwnedFd) {
         const ASYNC_LOW_LATENCY: i32 = 1 << 13;
         /// `serial_struct` of linux/serial.h.
         #[repr(C)]
@@ -233,10 +233,10 @@ pub(super) mod unix {
         }
         // SAFETY: the kernel reads and writes a serial_struct (72 bytes), for which there is room.
         unsafe {
-            let mut serial: SerialStruct = std::mem::zeroed();
-            if libc::ioctl(fd.as_raw_fd(), libc::TIOCGSERIAL, &raw mut serial) == 0 {
-                serial.flags |= ASYNC_LOW_LATENCY;
-                libc::ioctl(fd.as_raw_fd(), libc::TIOCSSERIAL, &raw const serial);
+            let mut serial_settings: SerialStruct = std::mem::zeroed();
+            if libc::ioctl(fd.as_raw_fd(), libc::TIOCGSERIAL, &raw mut serial_settings) == 0 {
+                serial_settings.flags |= ASYNC_LOW_LATENCY;
+                libc::ioctl(fd.as_raw_fd(), libc::TIOCSSERIAL, &raw const serial_settings);
             }
         }
     }

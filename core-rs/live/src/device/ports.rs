@@ -36,15 +36,15 @@ pub fn serial_ports() -> Vec<SerialPort> {
         .into_iter()
         .map(|port| SerialPort {
             path: port.port_name,
-            usb: usb(port.port_type),
+            usb: usb_info(port.port_type),
         })
         .collect();
     ports.sort_by(|a, b| a.path.cmp(&b.path));
     ports
 }
 
-/// A name of the board on a port that does not depend on the port: `usb:VENDOR:PRODUCT:SERIAL`. `None` if the device
-/// has no serial number, or if two connected devices report the same identity.
+/// A name of the board on a port that does not depend on the port: `usb_info:VENDOR:PRODUCT:SERIAL`. `None` if the
+/// device has no serial number, or if two connected devices report the same identity.
 #[must_use]
 pub fn identity(path: &str) -> Option<String> {
     // A name in /dev/serial/by-id is a link to the port.
@@ -54,21 +54,21 @@ pub fn identity(path: &str) -> Option<String> {
     })
 }
 
-fn identity_among(ports: &[SerialPort], is_it: impl Fn(&str) -> bool) -> Option<String> {
+fn identity_among(ports: &[SerialPort], is_same_path: impl Fn(&str) -> bool) -> Option<String> {
     let usb_identity = |port: &SerialPort| {
         let usb_info = port.usb.as_ref()?;
         let serial_number = usb_info.serial.trim();
         let UsbInfo { vendor, product, .. } = usb_info;
         (!serial_number.is_empty()).then(|| format!("usb:{vendor:04x}:{product:04x}:{serial_number}"))
     };
-    let identity = usb_identity(ports.iter().find(|port| is_it(&port.path))?)?;
+    let identity = usb_identity(ports.iter().find(|port| is_same_path(&port.path))?)?;
     let same_ports = ports
         .iter()
         .filter(|port| usb_identity(port).as_ref() == Some(&identity));
     (same_ports.count() == 1).then_some(identity)
 }
 
-fn usb(kind: SerialPortType) -> Option<UsbInfo> {
+fn usb_info(kind: SerialPortType) -> Option<UsbInfo> {
     let SerialPortType::UsbPort(usb_port) = kind else {
         return None;
     };

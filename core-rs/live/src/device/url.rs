@@ -19,7 +19,7 @@ pub enum DeviceKind {
     /// An emulated device in this process.
     Emul,
     /// A key that a stream of positions plays by a virtual finger.
-    Led,
+    Pointer,
 }
 
 impl DeviceKind {
@@ -30,11 +30,11 @@ impl DeviceKind {
         ("frame+udp", Self::FrameUdp),
         ("haply", Self::Haply),
         ("emul", Self::Emul),
-        ("page", Self::Led),
-        ("keys", Self::Led),
-        ("midi", Self::Led),
-        ("osc", Self::Led),
-        ("gamepad", Self::Led),
+        ("page", Self::Pointer),
+        ("keys", Self::Pointer),
+        ("midi", Self::Pointer),
+        ("osc", Self::Pointer),
+        ("gamepad", Self::Pointer),
     ];
 
     /// The name with which a URL of this kind begins.
@@ -54,7 +54,7 @@ impl DeviceKind {
     pub(crate) fn is_serial(self) -> bool {
         match self {
             Self::FireFader | Self::Frame => true,
-            Self::FrameUdp | Self::Haply | Self::Emul | Self::Led => false,
+            Self::FrameUdp | Self::Haply | Self::Emul | Self::Pointer => false,
         }
     }
 }
@@ -137,9 +137,9 @@ impl DeviceUrl {
     /// # Errors
     /// [`UrlError`] names what is not understood.
     pub fn parse(text: &str) -> Result<Self, UrlError> {
-        let url_error = |problem: String| UrlError::Invalid {
+        let url_error = |what: String| UrlError::Invalid {
             text: text.to_owned(),
-            what: problem,
+            what,
         };
         let (kind_name, remainder) = text
             .split_once(':')
@@ -147,9 +147,9 @@ impl DeviceUrl {
         if kind_name == "hapi" {
             return Err(UrlError::Unsupported(kind_name.to_owned()));
         }
-        let kind = DeviceKind::NAMED.iter().find(|known| known.0 == kind_name);
+        let kind = DeviceKind::NAMED.iter().find(|named_kind| named_kind.0 == kind_name);
         let kind = kind.ok_or_else(|| UrlError::Kind(kind_name.to_owned()))?.1;
-        if kind == DeviceKind::Led {
+        if kind == DeviceKind::Pointer {
             // Its options are those of the stream, which is found by its whole name.
             return Ok(Self {
                 target: remainder.to_owned(),
@@ -220,13 +220,13 @@ impl DeviceUrl {
     }
 
     /// The name of the stream that leads a key.
-    pub(super) fn led_name(&self) -> &str {
+    pub(super) fn stream_name(&self) -> &str {
         &self.text
     }
 
     /// The text of an option.
     pub(crate) fn text(&self, key: &str) -> Option<&str> {
-        let option_entry = self.option_values.iter().find(|(known, _)| known == key);
+        let option_entry = self.option_values.iter().find(|(option_key, _)| option_key == key);
         option_entry.map(|(_, value)| value.as_str())
     }
 
@@ -239,31 +239,31 @@ impl DeviceUrl {
             .parse()
             .ok()
             .filter(|option_number: &f64| option_number.is_finite());
-        option_number.ok_or_else(|| self.closed(format!("{key} must be a number, not '{option_text}'")))
+        option_number.ok_or_else(|| self.closed_error(format!("{key} must be a number, not '{option_text}'")))
     }
 
-    pub(super) fn closed(&self, reason: impl fmt::Display) -> DeviceError {
+    pub(super) fn closed_error(&self, reason: impl fmt::Display) -> DeviceError {
         DeviceError::Closed {
             url: self.text.clone(),
             reason: reason.to_string(),
         }
     }
 
-    pub(super) fn no_answer(&self, kind: &'static str) -> DeviceError {
+    pub(super) fn no_answer_error(&self, kind: &'static str) -> DeviceError {
         DeviceError::NoAnswer {
             url: self.text.clone(),
             kind,
         }
     }
 
-    pub(crate) fn impossible(&self, reason: String) -> DeviceError {
+    pub(crate) fn impossible_error(&self, reason: String) -> DeviceError {
         DeviceError::Impossible {
             url: self.text.clone(),
             reason,
         }
     }
 
-    pub(crate) fn cannot(&self, capability: &'static str) -> DeviceError {
+    pub(crate) fn unsupported_error(&self, capability: &'static str) -> DeviceError {
         DeviceError::Unsupported {
             url: self.text.clone(),
             what: capability,
@@ -280,8 +280,8 @@ fn is_network_address(target: &str) -> bool {
 }
 
 impl fmt::Display for DeviceUrl {
-    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        to.write_str(&self.text)
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(&self.text)
     }
 }
 

@@ -72,8 +72,8 @@ pub struct Firmware {
     /// FireFader's gate: a low-pass filter of the presence of a finger, over packets.
     gate_levels: [f64; MAX_AXES],
     last_packet: Option<Duration>,
-    let_go: bool,
-    is_held: bool,
+    has_let_go: bool,
+    is_host_active: bool,
     packets: u64,
     /// Periods of wall time that have passed.
     wall_periods: u64,
@@ -85,14 +85,14 @@ impl Firmware {
         let mut firmware = Self {
             board,
             keys,
-            inbox: PacketBuffer::new_bytes(),
+            inbox: PacketBuffer::empty(),
             force: [0.0; MAX_AXES],
             noise_offsets: [0.0; MAX_AXES],
             random: Chance::new(i128::from(board.seed), "emulate", "noise", 0, 0),
             gate_levels: [0.0; MAX_AXES],
             last_packet: None,
-            let_go: false,
-            is_held: false,
+            has_let_go: false,
+            is_host_active: false,
             packets: 0,
             wall_periods: 0,
         };
@@ -110,7 +110,7 @@ impl Firmware {
         if self.board.noise == 0.0 {
             return;
         }
-        for noise in &mut self.noise_offsets[..self.keys.n()] {
+        for noise in &mut self.noise_offsets[..self.keys.n_keys()] {
             // Box-Muller transform: a radius and an angle give a normal deviate.
             let radius = maths::sqrt(2.0 * self.random.exponential(1.0));
             let angle = self.random.uniform(0.0, TAU);
@@ -144,12 +144,12 @@ impl Firmware {
         let is_silent = self
             .last_packet
             .is_some_and(|packet_time| now.saturating_sub(packet_time) > self.board.watchdog);
-        let lets_go = is_silent && !self.let_go;
-        if lets_go {
+        let has_just_let_go = is_silent && !self.has_let_go;
+        if has_just_let_go {
             self.force = [0.0; MAX_AXES];
-            (self.let_go, self.is_held) = (true, false);
+            (self.has_let_go, self.is_host_active) = (true, false);
         }
-        lets_go
+        has_just_let_go
     }
 
     /// Time at which the next period of wall time begins [s].
@@ -158,8 +158,8 @@ impl Firmware {
     }
 
     /// Whether the forces of a host act: true until the host lets go or is silent for too long.
-    pub fn is_held(&self) -> bool {
-        self.is_held
+    pub fn is_host_active(&self) -> bool {
+        self.is_host_active
     }
 
     /// The forces that act now [N]   (16, the keys' first)
@@ -175,7 +175,7 @@ impl Firmware {
             Protocol::Haply => {
                 let command_text = std::str::from_utf8(bytes).unwrap_or_default();
                 if let Some(axis_forces) = haply::parse_command(command_text, HAPLY_ID) {
-                    self.push(axis_forces.iter().copied(), true, now);
+                    self.apply_forces(axis_forces.iter().copied(), true, now);
                     reply(self.haply_state().as_bytes());
                 }
             }
@@ -189,18 +189,18 @@ impl Firmware {
 
     fn haply_state(&self) -> String {
         let three_axes = |axis_values: &[f64; MAX_AXES]| [axis_values[0], axis_values[1], axis_values[2]];
-        let (position, force) = (three_axes(&self.positions()), three_axes(&self.force));
+        let (position, force) = (three_axes(&self.sensor_positions()), three_axes(&self.force));
         haply::state_message(HAPLY_ID, position, force, self.board.lockstep)
     }
 
-    /// Set new forces; in lockstep also advance by the period in which they act. `enabled`: the host enables the
+    /// Set new forces; in lockstep also advance by the period in which they act. `is_enabled`: the host enables the
     /// motors.
-    fn push(&mut self, force: impl Iterator<Item = f64>, enabled: bool, now: Duration) {
+    fn apply_forces(&mut self, force: impl Iterator<Item = f64>, is_enabled: bool, now: Duration) {
         self.packets += 1;
         self.last_packet = Some(now);
-        (self.let_go, self.is_held) = (false, enabled);
-        for (axis, force) in force.take(self.keys.n()).enumerate() {
-            let is_gate_open = !self.board.touch_gate || self.gate_is_open(axis);
+        (self.has_let_go, self.is_host_active) = (false, is_enabled);
+        for (axis, force) in force.take(self.keys.n_keys()).enumerate() {
+            let is_gate_open = !self.board.touch_gate || self.update_gate(axis);
             let force_step = self.board.force_step;
             let force = if force_step > 0.0 {
                 (force / force_step).round() * force_step
@@ -208,7 +208,7 @@ impl Firmware {
                 force
             };
             let limited_force = force.clamp(-self.board.force_max, self.board.force_max);
-            self.force[axis] = if enabled && is_gate_open { limited_force } else { 0.0 };
+            self.force[axis] = if is_enabled && is_gate_open { limited_force } else { 0.0 };
         }
         if self.board.lockstep {
             self.step();
@@ -216,8 +216,8 @@ impl Firmware {
     }
 
     /// Whether the gate detects a finger: at once, or by FireFader's filter over packets.
-    fn gate_is_open(&mut self, axis: usize) -> bool {
-        let is_touched = self.keys.touched(axis);
+    fn update_gate(&mut self, axis: usize) -> bool {
+        let is_touched = self.keys.is_touched(axis);
         if self.board.protocol != Protocol::FireFader {
             return is_touched;
         }
@@ -228,7 +228,7 @@ impl Firmware {
     }
 
     /// Positions as the sensors read them [m].
-    fn positions(&self) -> [f64; MAX_AXES] {
+    fn sensor_positions(&self) -> [f64; MAX_AXES] {
         let resolution = self.board.resolution;
         let mut readings = *self.keys.positions();
         for (reading, noise) in readings.iter_mut().zip(&self.noise_offsets) {
@@ -251,11 +251,11 @@ impl Firmware {
             packets.len().saturating_sub(1)
         };
         for force in packets.drain(..).skip(outdated_packets) {
-            self.push(force.into_iter(), true, now);
+            self.apply_forces(force.into_iter(), true, now);
             let mut fader_reply = firefader::FaderReply::default();
-            for axis in 0..self.keys.n().min(2) {
-                fader_reply.position[axis] = firefader::position_byte(self.positions()[axis]);
-                fader_reply.capacitance[axis] = if self.keys.touched(axis) {
+            for axis in 0..self.keys.n_keys().min(2) {
+                fader_reply.position[axis] = firefader::position_byte(self.sensor_positions()[axis]);
+                fader_reply.capacitance[axis] = if self.keys.is_touched(axis) {
                     FINGER_SENSOR_VALUE
                 } else {
                     0
@@ -277,11 +277,11 @@ impl Firmware {
             let mut reply_bytes = [0; frame::FRAME_BYTES_MAX];
             let reply_length = if packet.axis_count == 0 {
                 self.device_info(packet.seq).write(&mut reply_bytes)
-            } else if packet.axis_count == self.keys.n() {
-                let had_let_go = self.let_go;
+            } else if packet.axis_count == self.keys.n_keys() {
+                let had_let_go = self.has_let_go;
                 if packet.flags & flag::REQUEST == 0 {
                     let motors_enabled = packet.flags & flag::ENABLE != 0;
-                    self.push(packet.force.iter().copied(), motors_enabled, now);
+                    self.apply_forces(packet.force.iter().copied(), motors_enabled, now);
                 }
                 self.frame_reply(&packet, had_let_go).write(&mut reply_bytes)
             } else {
@@ -292,16 +292,16 @@ impl Firmware {
     }
 
     fn frame_reply(&self, packet: &frame::FrameRequest, had_let_go: bool) -> frame::FrameReply {
-        let n = self.keys.n();
-        let touched = (0..n).any(|axis| self.keys.touched(axis));
-        let motors_enabled = packet.flags & flag::ENABLE != 0 && (touched || !self.board.touch_gate);
+        let n_keys = self.keys.n_keys();
+        let is_touched = (0..n_keys).any(|axis| self.keys.is_touched(axis));
+        let motors_enabled = packet.flags & flag::ENABLE != 0 && (is_touched || !self.board.touch_gate);
         let status_bits = [
-            (touched, status::TOUCHED),
+            (is_touched, status::TOUCHED),
             (motors_enabled, status::ENABLED),
             (had_let_go, status::LET_GO),
         ];
         let t_us = if self.board.lockstep {
-            self.keys.t_us()
+            self.keys.time_us()
         } else {
             // The time at which the positions were read; forces act from then on.
             (self.wall_periods as f64 * self.keys.rate().step() * 1e6) as u64 as u32
@@ -309,10 +309,10 @@ impl Firmware {
         frame::FrameReply {
             seq: packet.seq,
             t_us,
-            axis_count: n,
-            wide: packet.wide,
+            axis_count: n_keys,
+            is_wide: packet.is_wide,
             status: status_bits.iter().filter(|bit| bit.0).map(|bit| bit.1).sum(),
-            position: self.positions(),
+            position: self.sensor_positions(),
         }
     }
 
@@ -330,7 +330,7 @@ impl Firmware {
         let lockstep_flag = if self.board.lockstep { trait_flag::LOCKSTEP } else { 0 };
         frame::DeviceInfo {
             seq,
-            axis_count: self.keys.n(),
+            axis_count: self.keys.n_keys(),
             trait_flags: gate_flag | lockstep_flag | trait_flag::WIDE,
             spec_numbers: [
                 force_max,

@@ -106,21 +106,21 @@ impl EmulatedKeys {
     /// # Errors
     /// If the key or the rate is impossible.
     pub fn new(n: usize, key: KeyConstants, rate: f64, mut hands: Vec<EmulatedHand>) -> Result<Self, EmulateError> {
-        let refused = |reason| Err(EmulateError::Refused(reason));
+        let refusal = |reason| Err(EmulateError::Refused(reason));
         if n == 0 || n > MAX_AXES {
-            return refused("a device must have 1 to 16 keys");
+            return refusal("a device must have 1 to 16 keys");
         }
         let Ok(rate) = Rate::new(rate) else {
-            return refused("the rate must be a positive number of periods a second");
+            return refusal("the rate must be a positive number of periods a second");
         };
         let is_at_least = |x: f64, least: f64| x.is_finite() && x >= least;
         let is_tie_valid = is_at_least(key.stiffness, 0.0) && is_at_least(key.damping, 0.0);
         if !is_at_least(key.mass, f64::MIN_POSITIVE) || !is_tie_valid {
-            return refused("the mass of a key must be above zero, its stiffness and damping at least zero");
+            return refusal("the mass of a key must be above zero, its stiffness and damping at least zero");
         }
         let key_cell = Cell::new(key.mass, key.stiffness, key.damping);
         if key_cell.frequency() > 0.5 * rate.hertz() {
-            return refused("the resonance of this key is faster than half its rate");
+            return refusal("the resonance of this key is faster than half its rate");
         }
         let cell_ratios = key_cell.ratios(rate);
         hands.resize(n, EmulatedHand::Free);
@@ -203,7 +203,7 @@ impl EmulatedKeys {
     }
 
     /// Number of keys.
-    pub fn n(&self) -> usize {
+    pub fn n_keys(&self) -> usize {
         self.n_keys
     }
 
@@ -213,7 +213,7 @@ impl EmulatedKeys {
     }
 
     /// Whether a finger is on a key.
-    pub fn touched(&self, axis: usize) -> bool {
+    pub fn is_touched(&self, axis: usize) -> bool {
         self.hands[axis].touches(self.periods)
     }
 
@@ -228,7 +228,7 @@ impl EmulatedKeys {
     }
 
     /// The keys' own time [µs], wrapping.
-    pub fn t_us(&self) -> u32 {
+    pub fn time_us(&self) -> u32 {
         (self.periods as f64 * self.rate.step() * 1e6) as u64 as u32
     }
 

@@ -119,12 +119,12 @@ pub(super) struct UdpLine {
 }
 
 impl UdpLine {
-    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
+    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         // A timeout of zero is not allowed.
         self.socket.set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
-        let (byte_count, sender) = match self.socket.recv_from(into) {
+        let (byte_count, sender) = match self.socket.recv_from(buffer) {
             Ok(got) => got,
-            Err(error) => return quiet(error),
+            Err(error) => return ignore_transient(error),
         };
         let read_instant = Instant::now();
         match self.host {
@@ -162,7 +162,7 @@ impl WebSocketLine {
                 Ok(LineEvent::Disconnected)
             }
             Ok(_) => Ok(LineEvent::Nothing),
-            Err(tungstenite::Error::Io(error)) if is_quiet(&error) => Ok(LineEvent::Nothing),
+            Err(tungstenite::Error::Io(error)) if is_transient(&error) => Ok(LineEvent::Nothing),
             Err(_) => {
                 self.host = None;
                 Ok(LineEvent::Disconnected)
@@ -175,7 +175,7 @@ impl WebSocketLine {
             Ok((tcp_stream, _)) => tcp_stream,
             Err(error) => {
                 std::thread::sleep(wait.min(Duration::from_millis(1)));
-                return quiet(error);
+                return ignore_transient(error);
             }
         };
         tcp_stream.set_nonblocking(false)?;
@@ -193,7 +193,7 @@ impl WebSocketLine {
     }
 }
 
-pub(super) fn is_quiet(error: &io::Error) -> bool {
+pub(super) fn is_transient(error: &io::Error) -> bool {
     use io::ErrorKind::{ConnectionRefused, ConnectionReset, Interrupted, TimedOut, WouldBlock};
     matches!(
         error.kind(),
@@ -201,8 +201,8 @@ pub(super) fn is_quiet(error: &io::Error) -> bool {
     )
 }
 
-pub(super) fn quiet(error: io::Error) -> io::Result<LineEvent> {
-    if is_quiet(&error) {
+pub(super) fn ignore_transient(error: io::Error) -> io::Result<LineEvent> {
+    if is_transient(&error) {
         Ok(LineEvent::Nothing)
     } else {
         Err(error)

@@ -12,7 +12,7 @@ use super::line::{HostLine, LineEvent, Transport};
 use super::{EmulateError, EmulatedHand, EmulatedKeys, KeyConstants};
 
 /// Time between two calls of `should_continue`.
-const KEEP_INTERVAL: Duration = Duration::from_millis(50);
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 /// Longest message that is read [bytes].
 const MESSAGE_BYTES_MAX: usize = 64 * 1024;
 
@@ -38,7 +38,7 @@ pub struct EmulationOptions {
     /// Duration [s]: in lockstep in the keys' own time, else in wall time.
     pub seconds: Option<f64>,
     /// Whether it ends when the host has gone.
-    pub once: bool,
+    pub ends_with_host: bool,
 }
 
 impl EmulationOptions {
@@ -51,9 +51,9 @@ impl EmulationOptions {
         if let Some(model) = &self.model {
             emulated_keys = emulated_keys.with_model(model)?;
         }
-        if let Some((network, struck, motor)) = &self.network {
+        if let Some((network, struck_mat, motor)) = &self.network {
             let period_rate = Rate::new(self.rate)?;
-            emulated_keys = emulated_keys.with_network(EmulatedKey::new(network, *struck, period_rate, *motor)?);
+            emulated_keys = emulated_keys.with_network(EmulatedKey::new(network, *struck_mat, period_rate, *motor)?);
         }
         Ok(Firmware::new(self.board, emulated_keys))
     }
@@ -82,7 +82,7 @@ pub struct ServeSummary {
 }
 
 /// Serve until `seconds` are over, `should_continue` (called every 50 ms) returns false, or the host has gone and
-/// `once` is set.
+/// `ends_with_host` is set.
 ///
 /// # Errors
 /// [`EmulateError`] if the device is impossible, or no port could be opened.
@@ -98,29 +98,29 @@ pub fn serve(
     on_event(ServeEvent::Ready(host_line.address()?));
     let mut line_bytes = vec![0; MESSAGE_BYTES_MAX];
     let start_instant = Instant::now();
-    let mut last_asked = start_instant;
+    let mut last_check = start_instant;
     loop {
         let elapsed = start_instant.elapsed();
         if firmware.run_to(elapsed) {
             on_event(ServeEvent::LetGo);
             host_line.release_host();
         }
-        let time_past = if lockstep {
+        let elapsed_seconds = if lockstep {
             firmware.keys().periods() as f64 / period_rate
         } else {
             elapsed.as_secs_f64()
         };
-        if options.seconds.is_some_and(|seconds| time_past >= seconds) {
+        if options.seconds.is_some_and(|seconds| elapsed_seconds >= seconds) {
             break;
         }
-        if last_asked.elapsed() >= KEEP_INTERVAL {
-            last_asked = Instant::now();
+        if last_check.elapsed() >= CHECK_INTERVAL {
+            last_check = Instant::now();
             if !should_continue() {
                 break;
             }
         }
         let read_wait = if lockstep {
-            KEEP_INTERVAL
+            CHECK_INTERVAL
         } else {
             Duration::from_secs_f64((firmware.next_period_time() - elapsed.as_secs_f64()).clamp(0.0, 0.02))
         };
@@ -135,13 +135,13 @@ pub fn serve(
                 firmware.run_to(start_instant.elapsed());
                 let write_reply = &mut |line_bytes: &[u8]| host_line.write(line_bytes);
                 firmware.receive(&line_bytes[..n], start_instant.elapsed(), write_reply);
-                if !firmware.is_held() {
+                if !firmware.is_host_active() {
                     host_line.release_host();
                 }
             }
             LineEvent::Disconnected => {
                 on_event(ServeEvent::HostGone);
-                if options.once {
+                if options.ends_with_host {
                     break;
                 }
             }

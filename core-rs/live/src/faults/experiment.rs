@@ -69,11 +69,11 @@ impl SimulatedHost {
     pub(super) fn new(device: DefectiveDevice, world: SharedWorld) -> Self {
         let limits = SafetyLimits::from_spec(device.spec());
         let lockstep = device.in_lockstep();
-        let guarded_device = GuardedDevice::new(device, limits, PERIOD.as_secs_f64()).watched();
+        let guarded_device = GuardedDevice::new(device, limits, PERIOD.as_secs_f64()).with_plausibility();
         let guarded_device = if lockstep {
             guarded_device
         } else {
-            guarded_device.by_clock(world.lock().clock())
+            guarded_device.with_clock(world.lock().clock())
         };
         let is_weak = guarded_device.spec().force_max_peak < WEAK_FORCE;
         Self {
@@ -88,7 +88,7 @@ impl SimulatedHost {
     fn tick(&mut self) -> Result<(), DeviceLoss> {
         self.world.lock().advance(PERIOD);
         self.guarded_device.receive(&mut self.sample, Instant::now())?;
-        let asked_force = match self.requested_force {
+        let force = match self.requested_force {
             RequestedForce::Guide => {
                 let seconds = self.world.lock().now().as_secs_f64();
                 self.stiffness * (GUIDE_AMPLITUDE * wave(seconds) - self.sample.position[0])
@@ -98,11 +98,11 @@ impl SimulatedHost {
                 let seconds = self.world.lock().now().as_secs_f64();
                 written_force(seconds, self.sample.position[0])
             }
-            RequestedForce::Force(asked_force) => asked_force,
+            RequestedForce::Force(force) => force,
             #[cfg(test)]
             RequestedForce::Wall(stiffness) => -stiffness * self.sample.position[0],
         };
-        self.guarded_device.send(&[asked_force]).map(drop)
+        self.guarded_device.send(&[force]).map(drop)
     }
 
     pub(super) fn run(&mut self, time: Duration) -> Result<(), DeviceLoss> {
@@ -125,31 +125,31 @@ fn wave(seconds: f64) -> f64 {
 pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
     const STEP: f64 = 1e-3;
     let driven_key = KeyConstants::default();
-    let [place_before, place_now, place_after] =
+    let [position_before, position_now, position_after] =
         [-STEP, 0.0, STEP].map(|shift| DRIVEN_AMPLITUDE * wave(DRIVEN_FREQUENCY * (seconds + shift)));
-    let acceleration = (place_after - 2.0 * place_now + place_before) / (STEP * STEP);
-    let swing_speed = (place_after - place_before) / (2.0 * STEP);
+    let acceleration = (position_after - 2.0 * position_now + position_before) / (STEP * STEP);
+    let path_speed = (position_after - position_before) / (2.0 * STEP);
     let return_rate = std::f64::consts::TAU;
-    driven_key.mass * (acceleration + return_rate * return_rate * (place_now - x)) + driven_key.damping * swing_speed
+    driven_key.mass * (acceleration + return_rate * return_rate * (position_now - x)) + driven_key.damping * path_speed
 }
 
 /// Make a fault on a device while a piece asks for forces on a key that a hand holds or nobody, and measure its effect.
 pub(super) fn measure(
-    ask: RequestedForce,
+    requested_force: RequestedForce,
     is_held: bool,
     fault: Fault,
     emulator: Emulator,
 ) -> Result<FaultMeasurement, DeviceError> {
-    let measurement = |outcome, greatest, force_rises| FaultMeasurement {
+    let measurement = |outcome, peak_force, force_rises| FaultMeasurement {
         fault,
         emulator,
         outcome,
         time_limit: fault.time_limit(emulator),
-        peak_force_and_limit: greatest,
+        peak_force_and_limit: peak_force,
         force_rise_and_limit: force_rises,
         work_max: 0.0,
     };
-    if let Some(exclusion) = fault.excluded(emulator) {
+    if let Some(exclusion) = fault.exclusion_reason(emulator) {
         return Ok(measurement(FaultOutcome::Excluded(exclusion), [0.0; 2], [0.0; 2]));
     }
     let (mut device, world) = if is_held {
@@ -159,7 +159,7 @@ pub(super) fn measure(
     };
     let device_spec = device.spec().clone();
     let peak_max = device_spec.force_max_peak;
-    let allowed =
+    let rise_limit =
         |device_spec: &DeviceSpec| SafetyLimits::from_spec(device_spec).slew_rate_max + 2.0 * device_spec.force_lsb;
     if fault == Fault::OpenedTwice {
         let outcome = if device::second_opening_is_refused() {
@@ -167,7 +167,7 @@ pub(super) fn measure(
         } else {
             FaultOutcome::Persists
         };
-        return Ok(measurement(outcome, [0.0, peak_max], [0.0, allowed(&device_spec)]));
+        return Ok(measurement(outcome, [0.0, peak_max], [0.0, rise_limit(&device_spec)]));
     }
     if fault == Fault::WrongTravel {
         let is_weak_motor = peak_max < WEAK_FORCE;
@@ -180,7 +180,7 @@ pub(super) fn measure(
     let fault_time = if fault == Fault::Uncalibrated {
         test_direction(device, &world)
     } else {
-        run_fault(ask, fault, device, &world)
+        run_fault(requested_force, fault, device, &world)
     };
     let motor = world.lock().motor;
     let push_end = if fault.persists() {
@@ -203,7 +203,7 @@ pub(super) fn measure(
         _ => 1.0,
     };
     let peak_max = force_share * (peak_max + device_spec.force_lsb);
-    let force_rises = [motor.rise_max, allowed(&device_spec)];
+    let force_rises = [motor.rise_max, rise_limit(&device_spec)];
     let [_, work] = world.lock().work;
     Ok(FaultMeasurement {
         work_max: work,
@@ -212,25 +212,25 @@ pub(super) fn measure(
 }
 
 /// Play until the fault begins, then watch; returns when it began.
-fn run_fault(ask: RequestedForce, fault: Fault, device: DefectiveDevice, world: &SharedWorld) -> Duration {
+fn run_fault(requested_force: RequestedForce, fault: Fault, device: DefectiveDevice, world: &SharedWorld) -> Duration {
     let mut host = SimulatedHost::new(device, world.clone());
-    host.requested_force = ask;
+    host.requested_force = requested_force;
     let _ = host.run(FAULT_TIME);
     let fault_time = {
         let mut locked_world = world.lock();
         locked_world.begin_record();
         locked_world.now()
     };
-    let device_is_here = host.guarded_device.in_lockstep();
-    let line = |host: &SimulatedHost, make: fn(&mut LineFaults)| make(&mut host.world.lock().line_faults);
-    let device =
-        |host: &mut SimulatedHost, make: fn(&mut DeviceDefects)| make(&mut host.guarded_device.device_mut().defects);
+    let is_in_process = host.guarded_device.in_lockstep();
+    let set_line_fault = |host: &SimulatedHost, set: fn(&mut LineFaults)| set(&mut host.world.lock().line_faults);
+    let set_defect =
+        |host: &mut SimulatedHost, set: fn(&mut DeviceDefects)| set(&mut host.guarded_device.device_mut().defects);
     match fault {
         Fault::NotANumber => host.requested_force = RequestedForce::Force(f64::NAN),
         Fault::Infinite => host.requested_force = RequestedForce::Force(f64::INFINITY),
-        Fault::Huge => return let_go_of_a_huge_force(host),
-        Fault::NoReplies if device_is_here => device(&mut host, |defect| defect.loses_positions = true),
-        Fault::NoReplies => line(&host, |trouble| trouble.replies_lost = true),
+        Fault::Huge => return release_huge_force(host),
+        Fault::NoReplies if is_in_process => set_defect(&mut host, |defect| defect.loses_positions = true),
+        Fault::NoReplies => set_line_fault(&host, |trouble| trouble.replies_lost = true),
         Fault::HostStalled => {
             world.lock().advance(HOST_STALL);
             return fault_time;
@@ -245,21 +245,21 @@ fn run_fault(ask: RequestedForce, fault: Fault, device: DefectiveDevice, world: 
             return fault_time;
         }
         Fault::BoardStalled => {
-            line(&host, |trouble| trouble.board_stalled = true);
+            set_line_fault(&host, |trouble| trouble.board_stalled = true);
             let _ = host.run(BOARD_STALL);
-            line(&host, |trouble| trouble.board_stalled = false);
+            set_line_fault(&host, |trouble| trouble.board_stalled = false);
         }
-        Fault::WrongWay => device(&mut host, |defect| defect.wrong_way = true),
-        Fault::Frozen => device(&mut host, |defect| defect.frozen = true),
-        Fault::MotorStuck => device(&mut host, |defect| defect.motor_stuck = true),
-        Fault::SensorDrifts => device(&mut host, |defect| defect.position_drift = DRIFT_PER_TICK),
-        Fault::SensorScaled => device(&mut host, |defect| defect.position_scale = 10.0),
-        Fault::SensorOffset => device(&mut host, |defect| defect.position_offset = 0.02),
+        Fault::WrongWay => set_defect(&mut host, |defect| defect.is_reversed = true),
+        Fault::Frozen => set_defect(&mut host, |defect| defect.is_frozen = true),
+        Fault::MotorStuck => set_defect(&mut host, |defect| defect.is_motor_stuck = true),
+        Fault::SensorDrifts => set_defect(&mut host, |defect| defect.position_drift = DRIFT_PER_TICK),
+        Fault::SensorScaled => set_defect(&mut host, |defect| defect.position_scale = 10.0),
+        Fault::SensorOffset => set_defect(&mut host, |defect| defect.position_offset = 0.02),
         Fault::WrongTravel => host.requested_force = RequestedForce::Force(f64::MAX),
-        Fault::SharedLine => line(&host, |trouble| trouble.another_program = true),
-        Fault::Unplugged => line(&host, |trouble| trouble.unplugged = true),
-        Fault::GarbageReplies => line(&host, |trouble| trouble.replies_random = true),
-        Fault::GarbageRequests => line(&host, |trouble| trouble.requests_random = true),
+        Fault::SharedLine => set_line_fault(&host, |trouble| trouble.another_program = true),
+        Fault::Unplugged => set_line_fault(&host, |trouble| trouble.unplugged = true),
+        Fault::GarbageReplies => set_line_fault(&host, |trouble| trouble.replies_random = true),
+        Fault::GarbageRequests => set_line_fault(&host, |trouble| trouble.requests_random = true),
         Fault::Uncalibrated | Fault::OpenedTwice => unreachable!("made without a performance"),
     }
     if host.run(WATCH_TIME).is_err() {
@@ -271,7 +271,7 @@ fn run_fault(ask: RequestedForce, fault: Fault, device: DefectiveDevice, world: 
 }
 
 /// The piece asks for more than any motor gives, then for nothing; returns the time of the latter.
-fn let_go_of_a_huge_force(mut host: SimulatedHost) -> Duration {
+fn release_huge_force(mut host: SimulatedHost) -> Duration {
     host.requested_force = RequestedForce::Force(1e300);
     let _ = host.run(HUGE_FORCE_DURATION);
     host.requested_force = RequestedForce::Force(0.0);
@@ -282,7 +282,7 @@ fn let_go_of_a_huge_force(mut host: SimulatedHost) -> Duration {
 
 /// Test the direction of the motor before the first note, under a hand on the key; returns the beginning of the test.
 fn test_direction(mut device: DefectiveDevice, world: &SharedWorld) -> Duration {
-    device.defects.wrong_way = true;
+    device.defects.is_reversed = true;
     device.tick_world = Some(world.clone());
     let pulse = TestPulse::from_spec(device.spec());
     let fault_time = world.lock().now();
@@ -299,14 +299,14 @@ pub(super) fn held_device(
     emulator: Emulator,
     hands: impl Fn(usize) -> Vec<EmulatedHand>,
 ) -> Result<(DefectiveDevice, SharedWorld), DeviceError> {
-    let refused = |error| DeviceError::Closed {
+    let closed_error = |error| DeviceError::Closed {
         url: emulator.name().to_owned(),
         reason: format!("its emulator cannot be made: {error}"),
     };
     let (protocol, axis_count, force_max) = match emulator {
         Emulator::InProcess => {
             let emulated_keys = EmulatedKeys::new(1, KeyConstants::default(), 1.0 / PERIOD.as_secs_f64(), hands(1));
-            let device = EmulatedDevice::new(emulated_keys.map_err(refused)?, KeyConstants::default());
+            let device = EmulatedDevice::new(emulated_keys.map_err(closed_error)?, KeyConstants::default());
             let world = SharedWorld::new(SimulatedWorld::new(None, false));
             return Ok((DefectiveDevice::new(Box::new(device), Some(world.clone())), world));
         }
@@ -315,7 +315,8 @@ pub(super) fn held_device(
         Emulator::Board(Protocol::Haply) => (Protocol::Haply, 3, 10.0),
     };
     let plain_key = KeyConstants::default();
-    let emulated_keys = EmulatedKeys::new(axis_count, plain_key, BOARD_RATE, hands(axis_count)).map_err(refused)?;
+    let emulated_keys =
+        EmulatedKeys::new(axis_count, plain_key, BOARD_RATE, hands(axis_count)).map_err(closed_error)?;
     let is_haply = protocol == Protocol::Haply;
     let board = BoardConfig {
         protocol,

@@ -35,10 +35,10 @@ impl InProcessPort for SharedWorld {
 /// Defects of the device itself.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DeviceDefects {
-    pub(super) wrong_way: bool,
-    pub(super) frozen: bool,
+    pub(super) is_reversed: bool,
+    pub(super) is_frozen: bool,
     /// The motor keeps the force that it has, whatever is sent, until it is switched off.
-    pub(super) motor_stuck: bool,
+    pub(super) is_motor_stuck: bool,
     /// The reported positions grow by this every tick [m], are this many times too great, and are off by this [m].
     pub(super) position_drift: f64,
     pub(super) position_scale: f64,
@@ -49,9 +49,9 @@ pub(super) struct DeviceDefects {
 
 impl DeviceDefects {
     const NONE: Self = Self {
-        wrong_way: false,
-        frozen: false,
-        motor_stuck: false,
+        is_reversed: false,
+        is_frozen: false,
+        is_motor_stuck: false,
         position_drift: 0.0,
         position_scale: 1.0,
         position_offset: 0.0,
@@ -67,22 +67,22 @@ pub(super) struct DefectiveDevice {
     pub(super) motor_world: Option<SharedWorld>,
     /// Set for a test before a performance, which paces itself: every force sent is a tick of the host.
     pub(super) tick_world: Option<SharedWorld>,
-    frozen_at: Option<[f64; MAX_AXES]>,
+    frozen_position: Option<[f64; MAX_AXES]>,
     last_force: SafeForce,
     spec: DeviceSpec,
 }
 
 impl DefectiveDevice {
-    pub(super) fn new(device: Box<dyn Device>, direct: Option<SharedWorld>) -> Self {
+    pub(super) fn new(device: Box<dyn Device>, motor_world: Option<SharedWorld>) -> Self {
         let spec = device.spec().clone();
         Self {
             last_force: SafeForce::zero(spec.dof),
             spec,
             device,
             defects: DeviceDefects::NONE,
-            motor_world: direct,
+            motor_world,
             tick_world: None,
-            frozen_at: None,
+            frozen_position: None,
         }
     }
 
@@ -91,12 +91,12 @@ impl DefectiveDevice {
         self.spec.pos_range = self.spec.pos_range.map(|end| share * end);
     }
 
-    fn note_force(&mut self, force: f64) {
-        if let Some(shared) = &self.motor_world {
-            shared.lock().motor.force = force;
+    fn record_force(&mut self, force: f64) {
+        if let Some(world) = &self.motor_world {
+            world.lock().motor.force = force;
         }
-        if let Some(shared) = &self.tick_world {
-            shared.lock().advance(super::PERIOD);
+        if let Some(world) = &self.tick_world {
+            world.lock().advance(super::PERIOD);
         }
     }
 }
@@ -107,20 +107,20 @@ impl Device for DefectiveDevice {
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
-        let motor_gain = if self.defects.wrong_way { -1.0 } else { 1.0 };
+        let motor_gain = if self.defects.is_reversed { -1.0 } else { 1.0 };
         let mut force = force.with_gains(&[motor_gain; MAX_AXES]);
-        if self.defects.motor_stuck {
+        if self.defects.is_motor_stuck {
             force = self.last_force;
         }
         self.last_force = force;
         self.device.send(&force)?;
-        self.note_force(force.newtons()[0]);
+        self.record_force(force.newtons()[0]);
         Ok(())
     }
 
     fn switch_off(&mut self) -> Result<(), DeviceLoss> {
         self.device.switch_off()?;
-        self.note_force(0.0);
+        self.record_force(0.0);
         Ok(())
     }
 
@@ -130,8 +130,8 @@ impl Device for DefectiveDevice {
             return Ok(false);
         }
         let is_fresh = self.device.receive(sample, deadline)?;
-        if self.defects.frozen {
-            sample.position = *self.frozen_at.get_or_insert(sample.position);
+        if self.defects.is_frozen {
+            sample.position = *self.frozen_position.get_or_insert(sample.position);
         }
         let DeviceDefects {
             position_drift: drift,
@@ -152,7 +152,7 @@ impl Device for DefectiveDevice {
 
     fn zero(&mut self) {
         self.device.zero();
-        self.note_force(0.0);
+        self.record_force(0.0);
     }
 }
 
@@ -173,7 +173,7 @@ impl HaplyHost {
             last_number: u16::MAX,
             sample: DeviceSample {
                 is_touched: [true; MAX_AXES],
-                force_enabled: [true; MAX_AXES],
+                is_force_enabled: [true; MAX_AXES],
                 ..DeviceSample::default()
             },
             has_new_state: true,
@@ -183,7 +183,7 @@ impl HaplyHost {
     fn order(&mut self, force: [f64; 3]) {
         self.last_number = self.last_number.wrapping_add(1);
         let number = self.last_number;
-        self.world.lock().order(ForceCommand { number, force });
+        self.world.lock().pass_order(ForceCommand { number, force });
     }
 }
 
@@ -198,18 +198,18 @@ impl Device for HaplyHost {
         Ok(())
     }
 
-    fn receive(&mut self, into: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
-        let newest_state = self.world.lock().state()?;
-        let fresh = newest_state.is_some() || std::mem::take(&mut self.has_new_state);
+    fn receive(&mut self, sample: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
+        let newest_state = self.world.lock().take_state()?;
+        let is_fresh = newest_state.is_some() || std::mem::take(&mut self.has_new_state);
         if let Some((state_number, position, let_go)) = newest_state {
             self.sample.position[..3].copy_from_slice(&position);
-            (self.sample.seq, self.sample.let_go) = (u32::from(state_number), let_go);
+            (self.sample.seq, self.sample.has_let_go) = (u32::from(state_number), let_go);
         }
-        *into = DeviceSample {
-            is_fresh: fresh,
+        *sample = DeviceSample {
+            is_fresh,
             ..self.sample
         };
-        Ok(fresh)
+        Ok(is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {

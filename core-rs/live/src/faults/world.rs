@@ -77,13 +77,13 @@ pub(super) struct SimulatedWorld {
 }
 
 impl SimulatedWorld {
-    pub(super) fn new(firmware: Option<Firmware>, guarded_device: bool) -> Self {
+    pub(super) fn new(firmware: Option<Firmware>, has_guardian: bool) -> Self {
         let epoch = Instant::now();
         Self {
             clock: Arc::default(),
             epoch,
             firmware,
-            guardian: guarded_device.then(|| SimulatedGuardian {
+            guardian: has_guardian.then(|| SimulatedGuardian {
                 rules: GuardianRules::new(false, epoch),
                 newest_state: None,
                 loss: None,
@@ -136,7 +136,7 @@ impl SimulatedWorld {
                     self.to_host.extend(reply);
                 }
             }
-            self.guard();
+            self.run_guardian();
         }
         let force_growth = self.motor.force.abs() - self.previous_force.abs();
         self.motor.rise_max = self.motor.rise_max.max(force_growth);
@@ -179,7 +179,7 @@ impl SimulatedWorld {
         if self.line_faults.board_stalled {
             self.unread_packets.push(packet);
         } else if self.line_faults.jitter_steps > 0 {
-            if let Some(instant) = self.arrival() {
+            if let Some(instant) = self.arrival_time() {
                 self.requests.push((instant, packet));
             }
         } else {
@@ -206,7 +206,7 @@ impl SimulatedWorld {
             };
             match &mut self.guardian {
                 None if self.line_faults.jitter_steps > 0 => {
-                    if let Some(instant) = self.arrival() {
+                    if let Some(instant) = self.arrival_time() {
                         self.replies.push((instant, reply));
                     }
                 }
@@ -214,7 +214,7 @@ impl SimulatedWorld {
                 Some(guardian) => {
                     let reply_text = String::from_utf8_lossy(&reply);
                     if let Some(haply_state) = haply::parse_state(&reply_text, None) {
-                        let (state_number, let_go) = guardian.rules.state(self.epoch + delivery_time);
+                        let (state_number, let_go) = guardian.rules.take_state(self.epoch + delivery_time);
                         guardian.newest_state = Some((state_number, haply_state.position, let_go));
                     }
                 }
@@ -234,16 +234,16 @@ impl SimulatedWorld {
     }
 
     /// Pass a force command of the host to its guardian.
-    pub(super) fn order(&mut self, command: ForceCommand) {
+    pub(super) fn pass_order(&mut self, command: ForceCommand) {
         let instant = self.epoch + self.now();
         if let Some(guardian) = &mut self.guardian {
-            guardian.rules.order(command, instant);
+            guardian.rules.take_order(command, instant);
         }
-        self.guard();
+        self.run_guardian();
     }
 
     /// The newest state from the guardian, once; an error if the guardian has lost the service.
-    pub(super) fn state(&mut self) -> Result<Option<(u16, [f64; 3], bool)>, DeviceLoss> {
+    pub(super) fn take_state(&mut self) -> Result<Option<(u16, [f64; 3], bool)>, DeviceLoss> {
         let Some(guardian) = &mut self.guardian else {
             return Ok(None);
         };
@@ -254,10 +254,10 @@ impl SimulatedWorld {
     }
 
     /// Perform the due actions of the guardian.
-    fn guard(&mut self) {
+    fn run_guardian(&mut self) {
         let instant = self.epoch + self.now();
         while let Some(guardian) = &mut self.guardian {
-            match guardian.rules.next_deadline(instant) {
+            match guardian.rules.next_action(instant) {
                 GuardianAction::Nothing => return,
                 GuardianAction::Send(force) => {
                     let command_text = haply::force_message(crate::emulate::HAPLY_ID, force);
@@ -286,7 +286,7 @@ impl SimulatedWorld {
     }
 
     /// The time at which a packet that is sent now arrives; `None` if it is lost.
-    fn arrival(&mut self) -> Option<Duration> {
+    fn arrival_time(&mut self) -> Option<Duration> {
         let is_lost = self.random() % 100 < self.line_faults.loss_percent;
         let delay_steps = self.random() % (self.line_faults.jitter_steps + 1);
         (!is_lost).then(|| self.now() + TIME_STEP * delay_steps as u32)
@@ -306,8 +306,8 @@ impl SimulatedWorld {
 }
 
 /// Remove the packets that have arrived by `now`, in the order of arrival.
-fn take_arrived(under_way: &mut Vec<(Duration, Vec<u8>)>, now: Duration) -> Vec<(Duration, Vec<u8>)> {
-    let mut packets: Vec<_> = under_way
+fn take_arrived(packets_in_transit: &mut Vec<(Duration, Vec<u8>)>, now: Duration) -> Vec<(Duration, Vec<u8>)> {
+    let mut packets: Vec<_> = packets_in_transit
         .extract_if(.., |(arrival_time, _)| *arrival_time <= now)
         .collect();
     packets.sort_by_key(|(at, _)| *at);

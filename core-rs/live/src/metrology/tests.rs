@@ -54,7 +54,7 @@ impl Device for Faulty {
     fn receive(&mut self, into: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
         let is_fresh = self.keys.receive(into, deadline)?;
         into.is_touched[0] = self.is_on(Fault::Touch);
-        into.force_enabled[0] = !self.is_on(Fault::Gate);
+        into.is_force_enabled[0] = !self.is_on(Fault::Gate);
         if self.is_on(Fault::NotANumber) {
             into.position[0] = f64::NAN;
         }
@@ -155,7 +155,7 @@ fn excite_with_faults_ends_force_and_keeps_rows() {
         for (row, sample) in outcome.rows.iter().zip(&read_take.samples) {
             assert_eq!(row.position.to_bits(), sample.position.to_bits());
             assert_eq!(row.sent_force as f32, sample.sent_force);
-            assert_eq!(row.fresh, sample.flags & flag::FRESH != 0);
+            assert_eq!(row.is_fresh, sample.flags & flag::FRESH != 0);
         }
         assert_eq!(last_force.load(Ordering::Relaxed), 0, "{fault:?}");
     }

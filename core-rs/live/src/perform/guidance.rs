@@ -1,7 +1,7 @@
 //! Haptic guidance: a spring and a damper that pull a person's hand along a written part, faded in and out tick by
 //! tick. For a key that its part drives it holds what drifts, beside the force of the part.
 
-use crate::safety::unit;
+use crate::safety::clamp_to_unit;
 
 /// Time of a fade of the guidance, and of its crossfade to another path [s].
 const FADE_SECONDS: f64 = 0.2;
@@ -86,8 +86,8 @@ impl GuidanceShare {
 
     fn clamped(self) -> Self {
         Self {
-            k: unit(self.k),
-            z: unit(self.z),
+            k: clamp_to_unit(self.k),
+            z: clamp_to_unit(self.z),
         }
     }
 

@@ -44,10 +44,10 @@ pub struct HandKey {
 
 impl HandKey {
     /// The keys of all hands on a keyboard.
-    pub(super) fn all(keyboard: &Keyboard, hands: &[LiveHand]) -> Vec<Self> {
+    pub(super) fn from_keyboard(keyboard: &Keyboard, hands: &[LiveHand]) -> Vec<Self> {
         let hand_key = |&(_, hand): &(usize, usize)| Self {
             hand,
-            key: keyboard.key(hands[hand].measured_key),
+            key: keyboard.haptic_loop(hands[hand].measured_key),
             guidance: hands[hand].guidance,
         };
         keyboard.axes().iter().map(hand_key).collect()
@@ -56,20 +56,20 @@ impl HandKey {
     /// The limit for a piece with this response; see [`LiveHand::response`].
     pub fn limit(&self, response: &[f64]) -> HandLimit {
         let frequency_response = FrequencyResponse::new(response);
-        let (mut scale, mut stiffest) = (1.0_f64, 0.0_f64);
+        let (mut scale, mut stiffness_max) = (1.0_f64, 0.0_f64);
         for &share in Guidance::shares(self.guidance) {
             let (k, z) = self
                 .guidance
                 .map_or((0.0, 0.0), |guidance| (share.k * guidance.k, share.z * guidance.z));
             scale = scale.min(stiffness::safe_scale(frequency_response.gain_margin(self.key, k, z)));
             let summed_response = Guidance::total_response(self.guidance, response, self.key.tick_period, share);
-            stiffest = stiffest.max(stiffness::stiffness_max(&summed_response));
+            stiffness_max = stiffness_max.max(stiffness::stiffness_max(&summed_response));
         }
         HandLimit {
             hand: self.hand,
             force_scale: scale,
-            stiffness: stiffest,
-            stable_stiffness: scale * stiffest,
+            stiffness: stiffness_max,
+            stable_stiffness: scale * stiffness_max,
         }
     }
 }
@@ -87,7 +87,7 @@ pub(super) fn bare_key(
     lockstep: bool,
     period: f64,
 ) -> stiffness::HapticLoop {
-    let smallest_known = |reported: Option<f64>, measured: Option<f64>, default_value: f64| {
+    let least_stable_value = |reported: Option<f64>, measured: Option<f64>, default_value: f64| {
         let known_values = [reported, measured].into_iter().flatten().filter(|value| *value > 0.0);
         known_values.reduce(f64::min).unwrap_or(default_value)
     };
@@ -99,8 +99,8 @@ pub(super) fn bare_key(
         .flatten()
         .fold(0.0, f64::max) as usize;
     stiffness::HapticLoop {
-        mass: smallest_known(spec.inertia, measured.map(|key| key.mass), DEFAULT_MASS_AND_DAMPING.0),
-        damping: smallest_known(
+        mass: least_stable_value(spec.inertia, measured.map(|key| key.mass), DEFAULT_MASS_AND_DAMPING.0),
+        damping: least_stable_value(
             spec.damping,
             measured.map(|key| key.damping),
             DEFAULT_MASS_AND_DAMPING.1,

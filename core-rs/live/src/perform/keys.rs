@@ -61,12 +61,12 @@ impl DeviceConfig {
 /// A keyboard as the physics thread uses it.
 pub struct KeyboardSlot {
     guarded_device: Option<Box<GuardedDevice>>,
-    lockstep: bool,
+    in_lockstep: bool,
     pub(super) axes: Vec<(usize, usize)>,
     pub(super) sample: DeviceSample,
     forces: [f64; MAX_AXES],
     pub(super) sent_forces: [f64; MAX_AXES],
-    is_gone: Arc<AtomicBool>,
+    is_lost: Arc<AtomicBool>,
     lost_device_producer: Producer<Box<GuardedDevice>>,
     sample_wait: Duration,
     /// Range of plausible positions [m].
@@ -93,7 +93,7 @@ impl Keyboard {
         let device = config.open(false)?;
         let axis_count = device.spec().dof;
         if axes.iter().any(|(axis, _)| *axis >= axis_count) {
-            return Err(config.url.cannot(device::NO_SUCH_AXIS));
+            return Err(config.url.unsupported_error(device::NO_SUCH_AXIS));
         }
         Ok(Self::from_device(device, config, axes))
     }
@@ -113,7 +113,7 @@ impl Keyboard {
     }
 
     /// The key of the device, without hand or piece.
-    pub(super) fn key(&self, measured: Option<MeasuredKey>) -> stiffness::HapticLoop {
+    pub(super) fn haptic_loop(&self, measured: Option<MeasuredKey>) -> stiffness::HapticLoop {
         self.config.key(&self.guarded_device, measured)
     }
 
@@ -133,19 +133,19 @@ impl Keyboard {
         let (to_drop, lost_devices) = RingBuffer::new(4);
         let [range_start, range_end] = self.guarded_device.spec().pos_range;
         let tolerance = RANGE_TOLERANCE * (range_end - range_start).abs();
-        let key = self.key(None);
+        let key = self.haptic_loop(None);
         let slot = KeyboardSlot {
             range: [
                 range_start.min(range_end) - tolerance,
                 range_start.max(range_end) + tolerance,
             ],
-            lockstep: self.guarded_device.in_lockstep(),
+            in_lockstep: self.guarded_device.in_lockstep(),
             guarded_device: Some(self.guarded_device),
             axes: self.axes.clone(),
             sample: DeviceSample::default(),
             forces: [0.0; MAX_AXES],
             sent_forces: [0.0; MAX_AXES],
-            is_gone: Arc::clone(&is_gone),
+            is_lost: Arc::clone(&is_gone),
             lost_device_producer: to_drop,
             sample_wait: Duration::from_secs_f64(WAIT_SHARE * self.config.period),
             silent_ticks: 0,
@@ -153,12 +153,12 @@ impl Keyboard {
             earlier_counts: [0; 2],
         };
         let reconnect = ReconnectLoop {
-            key,
+            haptic_loop: key,
             axes: self.axes,
             identity: self.config.identity(),
             config: self.config,
             slot_index: index,
-            is_gone,
+            is_lost: is_gone,
             lost_devices,
             commands,
         };
@@ -173,14 +173,14 @@ impl Keyboard {
 impl DeviceConfig {
     fn open(&self, is_retry: bool) -> Result<Box<dyn Device>, device::DeviceError> {
         let opened_device = match self.url.kind {
-            DeviceKind::Led => device::open_led(&self.url, self.period, is_retry)?,
+            DeviceKind::Pointer => device::open_pointer(&self.url, self.period, is_retry)?,
             _ => device::open_until(&self.url, &self.canceller)?,
         };
         let opened_device = calibrate::with_calibration(opened_device, &self.calibration);
         if opened_device.spec().unit == Unit::Radian {
             return Err(self
                 .url
-                .cannot("the axis rotates (its unit is rad), and a key of a score needs metres; ?arm=0.05 says at which distance [m] from its axis a hand holds it"));
+                .unsupported_error("the axis rotates (its unit is rad), and a key of a score needs metres; ?arm=0.05 says at which distance [m] from its axis a hand holds it"));
         }
         Ok(opened_device)
     }
@@ -199,21 +199,21 @@ impl DeviceConfig {
             force_max: force,
             ..device_limits
         };
-        Box::new(GuardedDevice::new(device, capped_limits, self.period).watched())
+        Box::new(GuardedDevice::new(device, capped_limits, self.period).with_plausibility())
     }
 }
 
 impl KeyboardSlot {
     /// Whether the device has a clock of its own; in lockstep it waits for the host.
     pub fn has_clock(&self) -> bool {
-        !self.lockstep
+        !self.in_lockstep
     }
 
     pub(super) fn is_open(&self) -> bool {
         self.guarded_device.is_some()
     }
 
-    pub(super) fn tripped(&self, axis: usize) -> Option<TripCause> {
+    pub(super) fn trip_cause(&self, axis: usize) -> Option<TripCause> {
         self.guarded_device
             .as_ref()
             .and_then(|guarded_device| guarded_device.tripped(axis))
@@ -243,9 +243,9 @@ impl KeyboardSlot {
     }
 
     /// Stop the forces, or let them return.
-    pub(super) fn stop(&mut self, stopped: bool) {
+    pub(super) fn set_stopped(&mut self, is_stopped: bool) {
         if let Some(guarded_device) = &mut self.guarded_device {
-            guarded_device.stop(stopped);
+            guarded_device.stop(is_stopped);
         }
     }
 
@@ -305,7 +305,7 @@ impl KeyboardSlot {
             }
         }
         self.sent_forces = [0.0; MAX_AXES];
-        self.is_gone.store(true, Ordering::Release);
+        self.is_lost.store(true, Ordering::Release);
         false
     }
 
@@ -319,12 +319,12 @@ impl KeyboardSlot {
 
 struct ReconnectLoop {
     config: DeviceConfig,
-    key: stiffness::HapticLoop,
+    haptic_loop: stiffness::HapticLoop,
     axes: Vec<(usize, usize)>,
     /// Identity of the board that was opened first.
     identity: Option<String>,
     slot_index: usize,
-    is_gone: Arc<AtomicBool>,
+    is_lost: Arc<AtomicBool>,
     lost_devices: Consumer<Box<GuardedDevice>>,
     commands: Arc<Mutex<Producer<Command>>>,
 }
@@ -335,7 +335,7 @@ impl ReconnectLoop {
         let mut device_memory = None;
         while !self.config.canceller.is_cancelled() {
             std::thread::park_timeout(POLL_INTERVAL);
-            let is_detached = self.is_gone.load(Ordering::Acquire);
+            let is_detached = self.is_lost.load(Ordering::Acquire);
             // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
             // port.
             while let Ok(lost_device) = self.lost_devices.pop() {
@@ -358,13 +358,13 @@ impl ReconnectLoop {
                 continue;
             }
             let mut guarded_device = self.config.guard(opened_device);
-            if self.config.key(&guarded_device, None) != self.key {
+            if self.config.key(&guarded_device, None) != self.haptic_loop {
                 continue;
             }
             if let Some(device_memory) = &device_memory {
                 guarded_device.restore_memory(device_memory);
             }
-            self.is_gone.store(false, Ordering::Release);
+            self.is_lost.store(false, Ordering::Release);
             let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
             // The ring is full only after the end of the performance.
             let _ = commands.push(Command::ReopenedKeyboard(self.slot_index, guarded_device));

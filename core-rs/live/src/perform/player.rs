@@ -180,7 +180,7 @@ impl Player {
             }
         }
         for slot in &mut self.slots {
-            slot.stop(true);
+            slot.set_stopped(true);
         }
         self.send_event(EventKind::PieceEnded);
         self.connections.status.write(self.status);
@@ -221,7 +221,7 @@ impl Player {
             self.publish_picture();
         } else {
             // The last frames of fold and limiter are heard; the hands are stopped.
-            self.slots.iter_mut().for_each(|slot| slot.stop(true));
+            self.slots.iter_mut().for_each(|slot| slot.set_stopped(true));
             self.compute_sound(0);
         }
         self.update_load(tick_began.elapsed());
@@ -245,7 +245,7 @@ impl Player {
         };
         let wait_start = Instant::now();
         while !self.clock.is_paced_by_keys()
-            && sound_input.is_filled(self.connections.ring_writer.filled_frames())
+            && sound_input.has_enough(self.connections.ring_writer.filled_frames())
             && wait_start.elapsed() < RING_TIMEOUT
             && !self.connections.flags.stop.load(Ordering::Acquire)
         {
@@ -288,8 +288,8 @@ impl Player {
                 Command::Action(ticket, perform_acts) => self.actions.push((ticket, perform_acts)),
                 Command::ReopenedKeyboard(slot, guarded_device) => {
                     self.slots[slot].set_reopened(guarded_device);
-                    self.slots[slot].stop(self.is_panicking);
-                    self.return_ticks[slot] = Some(self.next_bar());
+                    self.slots[slot].set_stopped(self.is_panicking);
+                    self.return_ticks[slot] = Some(self.next_bar_tick());
                     self.send_event(EventKind::KeyboardReturned(slot));
                 }
             }
@@ -297,7 +297,7 @@ impl Player {
         let panicked = self.connections.flags.panic.load(Ordering::Acquire);
         if panicked != self.is_panicking {
             self.is_panicking = panicked;
-            self.slots.iter_mut().for_each(|slot| slot.stop(panicked));
+            self.slots.iter_mut().for_each(|slot| slot.set_stopped(panicked));
             self.record_note(format_args!("{{\"panic\":{panicked}}}"));
         }
         if self.connections.flags.release.swap(false, Ordering::AcqRel) {
@@ -308,7 +308,7 @@ impl Player {
     /// Publish a picture for pages.
     fn publish_picture(&mut self) {
         let simulation = &mut self.piece.simulation;
-        if (self.next_window.as_ref()).is_some_and(|pending_window| pending_window.is_of(simulation)) {
+        if (self.next_window.as_ref()).is_some_and(|pending_window| pending_window.shows_simulation(simulation)) {
             std::mem::swap(&mut self.window, &mut self.next_window);
             if let Some(replaced_window) = self.next_window.take() {
                 self.discard(Garbage::Window(replaced_window));

@@ -26,24 +26,24 @@ impl Performance {
     /// Open the output and the recording, and make the player, but not the thread that runs it.
     pub(super) fn prepare(
         mut piece: PreparedPiece,
-        boards: Vec<Keyboard>,
+        keyboards: Vec<Keyboard>,
         config: PlaybackConfig,
     ) -> Result<(Self, Player), PlayError> {
-        let (rate, start) = (piece.simulation.rate(), piece.simulation.frame());
+        let (rate, start_frame) = (piece.simulation.rate(), piece.simulation.frame());
         if piece.is_displayed {
             piece.simulation.start_watching();
         }
         let channels = piece.n_heard_channels();
         if !(1..=audio::CHANNELS_MAX).contains(&channels) {
-            let why = format!("an output has 1 to {}", audio::CHANNELS_MAX);
-            return Err(AudioError::Channels { channels, why }.into());
+            let reason = format!("an output has 1 to {}", audio::CHANNELS_MAX);
+            return Err(AudioError::Channels { channels, reason }.into());
         }
         if piece.hands.len() > HANDS_MAX {
             return Err(PlayError::Hands(piece.hands.len()));
         }
-        let hand_keys: Vec<HandKey> = boards
+        let hand_keys: Vec<HandKey> = keyboards
             .iter()
-            .flat_map(|board| HandKey::all(board, &piece.hands))
+            .flat_map(|keyboard| HandKey::from_keyboard(keyboard, &piece.hands))
             .collect();
         let hand_limit = |key: &HandKey| key.limit(&piece.hands[key.hand].piece_response);
         let hand_limits: Vec<HandLimit> = hand_keys.iter().map(hand_limit).collect();
@@ -71,13 +71,13 @@ impl Performance {
         };
         let output = audio::open(&config.audio, rate as u32, channels, ring_reader)?;
         let output_info = output.info();
-        if output_info.paced && output_info.block as usize > 2 * frames_ahead {
-            let why = format!(
+        if output_info.is_paced && output_info.block as usize > 2 * frames_ahead {
+            let error_text = format!(
                 "the output takes {} frames at a time: --ahead must be at least {}",
                 output_info.block,
                 2 * output_info.block
             );
-            return Err(AudioError::Broken(why).into());
+            return Err(AudioError::Broken(error_text).into());
         }
         let (sound_input, input) = sound_input::open(
             &config.input,
@@ -94,43 +94,43 @@ impl Performance {
             }
             None => (None, None),
         };
-        let (to_commands, from_commands) = RingBuffer::new(COMMANDS_MAX);
-        let (to_events, events) = RingBuffer::new(EVENTS_MAX);
-        let (to_garbage, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
-        let (to_status, status) = triple_buffer::triple_buffer(&PerformanceStatus::default());
-        let cancellers = boards.iter().map(Keyboard::canceller).collect();
+        let (command_producer, command_consumer) = RingBuffer::new(COMMANDS_MAX);
+        let (event_producer, events) = RingBuffer::new(EVENTS_MAX);
+        let (garbage_producer, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
+        let (status_input, status) = triple_buffer::triple_buffer(&PerformanceStatus::default());
+        let cancellers = keyboards.iter().map(Keyboard::canceller).collect();
         let flags = Arc::new(SharedFlags::new(cancellers));
-        let commands = Arc::new(Mutex::new(to_commands));
+        let commands = Arc::new(Mutex::new(command_producer));
         let mut reconnectors = Vec::new();
-        let slots: Vec<KeyboardSlot> = boards
+        let slots: Vec<KeyboardSlot> = keyboards
             .into_iter()
             .enumerate()
             .map(|(index, board)| {
-                let (board_slot, reconnector) = board.split(index, commands.clone());
+                let (keyboard_slot, reconnector) = board.split(index, commands.clone());
                 reconnectors.push(reconnector);
-                board_slot
+                keyboard_slot
             })
             .collect();
         let connections = player::Connections {
             flags: flags.clone(),
-            commands: from_commands,
-            events: to_events,
-            status: to_status,
+            commands: command_consumer,
+            events: event_producer,
+            status: status_input,
             ring_writer,
             row_sink,
             frozen,
             sound_input,
             stream_state: output.stream_state().clone(),
-            garbage: to_garbage,
+            garbage: garbage_producer,
         };
-        let clocked_by_keys = slots.iter().any(KeyboardSlot::has_clock);
+        let has_key_clock = slots.iter().any(KeyboardSlot::has_clock);
         let tick_clock = clock::TickClock::new(
             piece.tick_frames as f64 / rate,
             frames_ahead.max(2 * output_info.block as usize),
-            clocked_by_keys,
-            output_info.paced,
+            has_key_clock,
+            output_info.is_paced,
         );
-        let (tick_frames, mixed_channels) = (piece.tick_frames, piece.mixer.n_channels());
+        let (tick_frames, mixer_channels) = (piece.tick_frames, piece.mixer.n_channels());
         let is_displayed = piece.is_displayed;
         let frozen_outputs = reader.is_some().then(|| piece.simulation.n_out());
         let player = Player::new(
@@ -138,7 +138,7 @@ impl Performance {
             slots,
             connections,
             tick_clock,
-            output_info.paced || clocked_by_keys,
+            output_info.is_paced || has_key_clock,
             &hand_limits,
         );
         let performance = Self {
@@ -160,10 +160,10 @@ impl Performance {
             sound_events: SoundEvents::default(),
             tick_frames,
             channels,
-            mixed_channels,
+            mixed_channels: mixer_channels,
             frozen_outputs,
             rate,
-            start_frame: start,
+            start_frame,
             is_displayed,
         };
         Ok((performance, player))

@@ -14,7 +14,7 @@ pub struct InputConfig {
     /// The source; `None`: each input plays what the piece itself has for it.
     pub source: Option<AudioSpec>,
     /// The path of a new WAVE file for the input.
-    pub record: Option<PathBuf>,
+    pub record_path: Option<PathBuf>,
 }
 
 /// The input of a performance, as other threads see it.
@@ -38,7 +38,7 @@ pub(super) struct SoundInput {
     fill_target: usize,
 }
 
-/// Open the input of a piece that has inputs, for an output whose ring holds `ahead` frames.
+/// Open the input of a piece that has inputs, for an output whose ring holds `frames_ahead` frames.
 ///
 /// With the backend `auto` a missing input is no error; with a named backend it is.
 pub(super) fn open(
@@ -46,7 +46,7 @@ pub(super) fn open(
     simulation: &Simulation,
     output: &OutputInfo,
     tick_frames: usize,
-    ahead: usize,
+    frames_ahead: usize,
 ) -> Result<(Option<SoundInput>, InputStatus), PlayError> {
     let channels = simulation.n_channels_in();
     let mut input_status = InputStatus::default();
@@ -58,8 +58,8 @@ pub(super) fn open(
         input_status.description = format!("no input: {silence_sentence}");
         return Ok((None, input_status));
     };
-    let is_asked = input_spec.backend != Backend::Auto;
-    if is_asked && !output.paced {
+    let is_required = input_spec.backend != Backend::Auto;
+    if is_required && !output.is_paced {
         let error_text = format!(
             "the input {input_spec} delivers sound in real time, and the output does not take it so ({}: {}); \
              use --audio jack, pulse, null or clock:PATH",
@@ -69,7 +69,7 @@ pub(super) fn open(
     }
     let sample_rate = simulation.rate() as u32;
     let block_frames = (output.block as usize).max(tick_frames);
-    let input_spec = match (is_asked, output.backend.as_str()) {
+    let input_spec = match (is_required, output.backend.as_str()) {
         (true, _) => Ok(input_spec.clone()),
         (false, "jack") => Ok(AudioSpec::plain(Backend::Jack)),
         (false, "pulse") => Ok(AudioSpec::plain(Backend::Pulse)),
@@ -80,14 +80,14 @@ pub(super) fn open(
     });
     let (input, reader) = match opened_input {
         Ok(opened_input) => opened_input,
-        Err(error_text) if is_asked => return Err(AudioError::Broken(error_text).into()),
+        Err(error_text) if is_required => return Err(AudioError::Broken(error_text).into()),
         Err(error_text) => {
             input_status.description = format!("no input ({error_text}): {silence_sentence}");
             return Ok((None, input_status));
         }
     };
     let input_info = input.info();
-    let total_latency = input_info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
+    let total_latency = input_info.latency_s + frames_ahead as f64 / simulation.rate() + output.latency_s;
     input_status.description = format!(
         "{}, {:.1} ms to the loudspeaker",
         input_info.description,
@@ -95,7 +95,7 @@ pub(super) fn open(
     );
     input_status.input = Some(input);
     let mut tap = None;
-    if let Some(record_path) = &config.record {
+    if let Some(record_path) = &config.record_path {
         let (sound_tap, tap_handle) = audio::tap(record_path, sample_rate, channels)?;
         (tap, input_status.recording) = (Some(sound_tap), Some(tap_handle));
     }
@@ -104,22 +104,22 @@ pub(super) fn open(
         reader,
         samples,
         tap,
-        fill_target: ahead,
+        fill_target: frames_ahead,
     };
     Ok((Some(sound_input), input_status))
 }
 
 impl SoundInput {
-    /// Whether `filled` frames in the ring are enough.
-    pub(super) fn is_filled(&self, filled: usize) -> bool {
-        filled >= self.fill_target
+    /// Whether `ring_frames` frames in the ring are enough.
+    pub(super) fn has_enough(&self, ring_frames: usize) -> bool {
+        ring_frames >= self.fill_target
     }
 
     /// Pass the input of a tick, which begins at `frame`, to the simulation. Until the card `is_playing` the input is
     /// silence, because the frames before are computed without waiting.
-    pub(super) fn tick(&mut self, simulation: &mut Simulation, frame: u64, n: usize, is_playing: bool) {
+    pub(super) fn tick(&mut self, simulation: &mut Simulation, frame: u64, n_frames: usize, is_playing: bool) {
         let channels = self.reader.channels();
-        let samples = &mut self.samples[..n * channels];
+        let samples = &mut self.samples[..n_frames * channels];
         if is_playing {
             self.reader.read(samples);
         } else {

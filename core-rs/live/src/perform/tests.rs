@@ -48,11 +48,11 @@ fn taken(path: &Path, n: usize) -> Vec<u32> {
 }
 
 const OPTIONS: SimulationOptions = SimulationOptions {
-    ledger: false,
-    record: false,
+    keeps_ledger: false,
+    records_ergons: false,
     on_fault: OnFault::Mute,
     threads: 1,
-    unchecked: false,
+    is_unchecked: false,
 };
 
 fn keyboard(hand: usize, left: u32) -> Keyboard {

@@ -54,26 +54,26 @@ impl UnreportedStrikes {
 /// What the physics thread copies for pages.
 #[derive(Clone)]
 struct DisplayFrame {
-    glance: MotionSnapshot,
+    snapshot: MotionSnapshot,
     /// Strikes since the previous picture: the first `n_strikes` entries are valid   (STRIKES_MAX)
     strikes: Vec<LiveStrike>,
     n_strikes: usize,
-    /// Sum of the squares of `n_heard` frames, for each loudspeaker.
-    squares: Vec<f64>,
-    n_heard: u64,
+    /// Sum of the squares of `n_level_frames` frames, for each loudspeaker.
+    square_sums: Vec<f64>,
+    n_level_frames: u64,
     /// Number of frames that had been dropped by then, because the ring was full.
     dropped_frames: u64,
 }
 
 /// The physics thread's end of a window.
 pub struct DisplayWindow {
-    look: MotionLook,
+    motion_look: MotionLook,
     /// Pictures per audio frame.
-    display_frames_per_frame: f64,
+    display_frames_per_audio_frame: f64,
     /// Number of the last video frame for which a picture was due.
     last_display_frame: Option<u64>,
-    squares: Vec<f64>,
-    n_heard: u64,
+    square_sums: Vec<f64>,
+    n_level_frames: u64,
     display_frames: Input<DisplayFrame>,
     n_skipped: Arc<AtomicU64>,
 }
@@ -95,29 +95,29 @@ pub fn window_pair(
     look: MotionLook,
     setup: RecordingSetup,
 ) -> Result<(DisplayWindow, WindowReader), String> {
-    let picture = DisplayFrame {
-        glance: MotionSnapshot::new(simulation, &look),
+    let display_frame = DisplayFrame {
+        snapshot: MotionSnapshot::new(simulation, &look),
         strikes: vec![LiveStrike::default(); STRIKES_MAX],
         n_strikes: 0,
-        squares: vec![0.0; setup.n_speakers],
-        n_heard: 0,
+        square_sums: vec![0.0; setup.n_speakers],
+        n_level_frames: 0,
         dropped_frames: 0,
     };
-    let (picture_input, pictures) = triple_buffer(&picture);
-    let skipped = Arc::new(AtomicU64::new(0));
+    let (display_input, display_output) = triple_buffer(&display_frame);
+    let n_skipped = Arc::new(AtomicU64::new(0));
     let window = DisplayWindow {
-        display_frames_per_frame: setup.looks_per_second / simulation.rate(),
+        display_frames_per_audio_frame: setup.looks_per_second / simulation.rate(),
         last_display_frame: None,
-        squares: picture.squares,
-        n_heard: 0,
-        display_frames: picture_input,
-        n_skipped: skipped.clone(),
-        look: look.clone(),
+        square_sums: display_frame.square_sums,
+        n_level_frames: 0,
+        display_frames: display_input,
+        n_skipped: n_skipped.clone(),
+        motion_look: look.clone(),
     };
     let reader = WindowReader {
         recorder: Recorder::live(simulation, look, setup)?,
-        display_frames: pictures,
-        n_skipped: skipped,
+        display_frames: display_output,
+        n_skipped,
     };
     Ok((window, reader))
 }
@@ -127,38 +127,43 @@ impl DisplayWindow {
     /// (n_frames · n_speakers)
     pub(super) fn add_levels(&mut self, mixed: &[f64], is_heard: bool) {
         if is_heard {
-            self.n_heard += add_square_sums(&mut self.squares, mixed);
+            self.n_level_frames += add_square_sums(&mut self.square_sums, mixed);
         } else {
-            self.n_heard += (mixed.len() / self.squares.len().max(1)) as u64;
+            self.n_level_frames += (mixed.len() / self.square_sums.len().max(1)) as u64;
         }
     }
 
     /// Whether this is a window on `simulation`.
-    pub(super) fn is_of(&self, simulation: &Simulation) -> bool {
-        self.look.was_made_for(simulation)
+    pub(super) fn shows_simulation(&self, simulation: &Simulation) -> bool {
+        self.motion_look.was_made_for(simulation)
     }
 
     /// Publish a picture, with the strikes, if a new video frame has begun since the last call. Do nothing for a
     /// simulation that is not its own.
-    pub(super) fn publish(&mut self, simulation: &mut Simulation, strikes: &mut UnreportedStrikes, dropped: u64) {
-        let picture_number = (simulation.frame() as f64 * self.display_frames_per_frame) as u64;
-        if self.last_display_frame == Some(picture_number) || !self.is_of(simulation) {
+    pub(super) fn publish(
+        &mut self,
+        simulation: &mut Simulation,
+        strikes: &mut UnreportedStrikes,
+        dropped_frames: u64,
+    ) {
+        let display_number = (simulation.frame() as f64 * self.display_frames_per_audio_frame) as u64;
+        if self.last_display_frame == Some(display_number) || !self.shows_simulation(simulation) {
             return;
         }
-        self.last_display_frame = Some(picture_number);
+        self.last_display_frame = Some(display_number);
         if !self.display_frames.consumed() {
             self.n_skipped.fetch_add(1, Ordering::Relaxed);
             return;
         }
-        let picture = self.display_frames.input_buffer_mut();
-        simulation.fill_snapshot(&self.look, &mut picture.glance);
-        picture.n_strikes = strikes.0.len();
-        picture.strikes[..strikes.0.len()].copy_from_slice(&strikes.0);
+        let display_frame = self.display_frames.input_buffer_mut();
+        simulation.fill_snapshot(&self.motion_look, &mut display_frame.snapshot);
+        display_frame.n_strikes = strikes.0.len();
+        display_frame.strikes[..strikes.0.len()].copy_from_slice(&strikes.0);
         strikes.0.clear();
-        std::mem::swap(&mut picture.squares, &mut self.squares);
-        self.squares.fill(0.0);
-        picture.n_heard = std::mem::take(&mut self.n_heard);
-        picture.dropped_frames = dropped;
+        std::mem::swap(&mut display_frame.square_sums, &mut self.square_sums);
+        self.square_sums.fill(0.0);
+        display_frame.n_level_frames = std::mem::take(&mut self.n_level_frames);
+        display_frame.dropped_frames = dropped_frames;
         self.display_frames.publish();
     }
 }

@@ -37,35 +37,35 @@ impl TimeHistogram {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ArrivalTimes {
     /// From one time stamp to the next, while the pointer moves.
-    pub gap: f64,
+    pub interval: f64,
     /// From the time stamp to the arrival.
-    pub wait: f64,
+    pub transit: f64,
     /// From the time stamp before to the arrival: with a delay of this length the path did not wait.
-    pub need: f64,
+    pub needed_delay: f64,
 }
 
 /// What arrived.
 #[derive(Debug, Default)]
 pub(super) struct ArrivalHistograms {
-    gap_times: TimeHistogram,
-    wait_times: TimeHistogram,
-    need_times: TimeHistogram,
+    intervals: TimeHistogram,
+    transits: TimeHistogram,
+    needed_delays: TimeHistogram,
 }
 
 impl ArrivalHistograms {
     /// A position of the instant `time` [s] arrived at `arrival_time` [s], the one before was of `previous_time` [s].
     pub(super) fn count(&mut self, previous_time: f64, time: f64, arrival_time: f64) {
-        self.gap_times.count(time - previous_time);
-        self.wait_times.count(arrival_time - time);
-        self.need_times.count(arrival_time - previous_time);
+        self.intervals.count(time - previous_time);
+        self.transits.count(arrival_time - time);
+        self.needed_delays.count(arrival_time - previous_time);
     }
 
     /// The quantile `probability` of each time, to 0.25 ms upwards.
-    pub(super) fn quantile(&self, part: f64) -> ArrivalTimes {
+    pub(super) fn quantile(&self, probability: f64) -> ArrivalTimes {
         ArrivalTimes {
-            gap: self.gap_times.quantile(part),
-            wait: self.wait_times.quantile(part),
-            need: self.need_times.quantile(part),
+            interval: self.intervals.quantile(probability),
+            transit: self.transits.quantile(probability),
+            needed_delay: self.needed_delays.quantile(probability),
         }
     }
 }
@@ -85,10 +85,10 @@ mod tests {
             arrivals.count(event_time - 8.1e-3, event_time, event_time + travel_time);
         }
         let [median, longest] = [0.5, 1.0].map(|part| arrivals.quantile(part));
-        assert!((median.wait - 1.25e-3).abs() < 1e-12, "{median:?}");
-        assert!((median.gap - 8.25e-3).abs() < 1e-12, "{median:?}");
-        assert!((longest.need - 13.25e-3).abs() < 1e-12, "{longest:?}");
+        assert!((median.transit - 1.25e-3).abs() < 1e-12, "{median:?}");
+        assert!((median.interval - 8.25e-3).abs() < 1e-12, "{median:?}");
+        assert!((longest.needed_delay - 13.25e-3).abs() < 1e-12, "{longest:?}");
         arrivals.count(0.0, 0.05, 9.0);
-        assert!((arrivals.quantile(1.0).wait - 0.256).abs() < 1e-12);
+        assert!((arrivals.quantile(1.0).transit - 0.256).abs() < 1e-12);
     }
 }

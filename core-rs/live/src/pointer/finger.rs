@@ -102,7 +102,7 @@ impl HeldKey {
     }
 
     /// Force of its spring at `x` [N].
-    fn spring(&self, x: f64) -> f64 {
+    fn spring_force(&self, x: f64) -> f64 {
         -self.stiffness * (x - self.rest)
     }
 }
@@ -131,8 +131,8 @@ pub struct FingerMotion {
     /// Distance of the key from the pointer when the finger landed [m], and the time since then [s]; `None` while no
     /// finger is on the key.
     landing: Option<(f64, f64)>,
-    pointer: f64,
-    force: f64,
+    pointer_position: f64,
+    pointer_force: f64,
 }
 
 impl FingerMotion {
@@ -148,15 +148,15 @@ impl FingerMotion {
             x: [start_position; 2],
             v: [0.0; 2],
             landing: None,
-            pointer: start_position,
-            force: 0.0,
+            pointer_position: start_position,
+            pointer_force: 0.0,
         }
     }
 
     /// Advance by one tick under a force on the key [N]; `pull`: the pointer, if it leads the finger.
     pub fn advance(&mut self, force: f64, pull: Option<PointerPull>) {
         let substep = self.period / f64::from(self.steps);
-        self.force = 0.0;
+        self.pointer_force = 0.0;
         let Some(pull) = pull else {
             self.landing = None;
             for _ in 0..self.steps {
@@ -164,7 +164,7 @@ impl FingerMotion {
             }
             // A finger that is not on the key waits over it.
             (self.x[0], self.v[0]) = (self.x[1], self.v[1]);
-            self.pointer = self.x[1];
+            self.pointer_position = self.x[1];
             return;
         };
         let (landing_offset, landed_for) = *self.landing.get_or_insert((self.x[1] - pull.start_position, 0.0));
@@ -179,8 +179,9 @@ impl FingerMotion {
             let pointer = pointer_now + pointer_speed * substep * (f64::from(step) + 0.5);
             self.move_held_key(force, grip_stiffness, pointer, pointer_speed, substep);
         }
-        self.pointer = pointer_next;
-        self.force = grip_stiffness * (pointer_next - self.x[0]) + self.finger.damping * (pointer_speed - self.v[0]);
+        self.pointer_position = pointer_next;
+        self.pointer_force =
+            grip_stiffness * (pointer_next - self.x[0]) + self.finger.damping * (pointer_speed - self.v[0]);
     }
 
     /// One step of the key alone: half of the way, the change of speed in the middle of the step, and the other half. A
@@ -189,29 +190,29 @@ impl FingerMotion {
     fn move_free_key(&mut self, force: f64, h: f64) {
         let HeldKey { mass, damping, .. } = self.key;
         self.x[1] += 0.5 * h * self.v[1];
-        let force = force + self.key.spring(self.x[1]);
+        let force = force + self.key.spring_force(self.x[1]);
         self.v[1] += h * (force - damping * self.v[1]) / (mass + 0.5 * h * damping);
         self.x[1] += 0.5 * h * self.v[1];
         self.stop_at_ends();
     }
 
     /// One such step of finger and key, which the pulp couples; `pointer`: in the middle of the step.
-    fn move_held_key(&mut self, force: f64, k: f64, pointer: f64, speed: f64, h: f64) {
+    fn move_held_key(&mut self, force: f64, k: f64, pointer: f64, pointer_speed: f64, h: f64) {
         let (FingerConstants { damping: z, mass, .. }, held_key, (pulp_k, pulp_z)) = (self.finger, self.key, FINGERTIP);
         let half_step = 0.5 * h;
         self.drift(half_step);
         let ([x, x_key], [v, v_key]) = (self.x, self.v);
         let pulp_force = pulp_k * (x - x_key) + pulp_z * (v - v_key);
-        let pushed = [
-            h * (k * (pointer - x) + z * (speed - v) - pulp_force),
-            h * (force + pulp_force + held_key.spring(x_key) - held_key.damping * v_key),
+        let impulses = [
+            h * (k * (pointer - x) + z * (pointer_speed - v) - pulp_force),
+            h * (force + pulp_force + held_key.spring_force(x_key) - held_key.damping * v_key),
         ];
         // (mass + h/2 · damping) · change = pushed, a system of two equations.
         let (a, b) = (mass + half_step * (z + pulp_z), -half_step * pulp_z);
         let d = held_key.mass + half_step * (pulp_z + held_key.damping);
         let determinant = a * d - b * b;
-        self.v[0] += (d * pushed[0] - b * pushed[1]) / determinant;
-        self.v[1] += (a * pushed[1] - b * pushed[0]) / determinant;
+        self.v[0] += (d * impulses[0] - b * impulses[1]) / determinant;
+        self.v[1] += (a * impulses[1] - b * impulses[0]) / determinant;
         self.drift(half_step);
         self.stop_at_ends();
     }
@@ -231,23 +232,23 @@ impl FingerMotion {
     }
 
     /// Position of the key [m].
-    pub fn key(&self) -> f64 {
+    pub fn key_position(&self) -> f64 {
         self.x[1]
     }
 
     /// Position of the finger [m].
-    pub fn finger(&self) -> f64 {
+    pub fn finger_position(&self) -> f64 {
         self.x[0]
     }
 
     /// Position of the pointer as it pulls the finger [m].
-    pub fn pointer(&self) -> f64 {
-        self.pointer
+    pub fn pointer_position(&self) -> f64 {
+        self.pointer_position
     }
 
     /// Force of the pointer on the finger at the end of the tick [N].
-    pub fn force(&self) -> f64 {
-        self.force
+    pub fn pointer_force(&self) -> f64 {
+        self.pointer_force
     }
 
     /// Whether a finger is on the key.
@@ -290,19 +291,27 @@ mod tests {
         let mut motion = FingerMotion::new(FingerConstants::default(), KEY, 1e-3);
         (0..5_000).for_each(|_| motion.advance(1.0, pull(0.0)));
         // 1 N on the key: the finger's spring gives way by 1/400 m, its pulp by 1/2000 m.
-        assert!((motion.finger() - 2.5e-3).abs() < 1e-9, "{}", motion.finger());
-        assert!((motion.key() - 3e-3).abs() < 1e-9, "{}", motion.key());
-        assert!((motion.force() + 1.0).abs() < 1e-6, "{}", motion.force());
+        assert!(
+            (motion.finger_position() - 2.5e-3).abs() < 1e-9,
+            "{}",
+            motion.finger_position()
+        );
+        assert!((motion.key_position() - 3e-3).abs() < 1e-9, "{}", motion.key_position());
+        assert!(
+            (motion.pointer_force() + 1.0).abs() < 1e-6,
+            "{}",
+            motion.pointer_force()
+        );
     }
 
     #[test]
     fn finger_lands_without_a_jerk() {
         let mut motion = FingerMotion::new(FingerConstants::default(), KEY, 1e-3);
-        let mut last_position = motion.key();
+        let mut last_position = motion.key_position();
         for _ in 0..2_000 {
             motion.advance(0.0, pull(0.04));
-            assert!((motion.key() - last_position).abs() < 1e-3, "{last_position}");
-            last_position = motion.key();
+            assert!((motion.key_position() - last_position).abs() < 1e-3, "{last_position}");
+            last_position = motion.key_position();
         }
         assert!((last_position - 0.04).abs() < 1e-6, "{last_position}");
         motion.advance(0.0, None);
@@ -314,7 +323,7 @@ mod tests {
         let mut motion = FingerMotion::new(FingerConstants::default(), KEY, 1e-3);
         for tick in 0..3_000 {
             motion.advance(-20.0, (tick % 700 < 500).then_some(pull(0.05)).flatten());
-            assert!(motion.key().abs() <= 0.05, "{}", motion.key());
+            assert!(motion.key_position().abs() <= 0.05, "{}", motion.key_position());
         }
     }
 
@@ -376,7 +385,7 @@ mod tests {
                 };
                 motion.advance(0.0, Some(pull));
             }
-            motion.key()
+            motion.key_position()
         };
         let fine_end = end_position(4_096);
         let (coarse_error, half_error) = ((end_position(16) - fine_end).abs(), (end_position(32) - fine_end).abs());

@@ -40,16 +40,20 @@ impl PathReader {
     }
 
     /// The pointer already is somewhere: it led nothing so far.
-    pub fn begin_at(&mut self, placed: PointerPosition) {
-        self.previous_position = Some(placed);
+    pub fn begin_at(&mut self, position: PointerPosition) {
+        self.previous_position = Some(position);
     }
 
-    /// Position and firmness at `time` [s]; `None` while no finger is on the key. `next` gives the following positions
-    /// in the order of their time stamps.
-    pub fn read(&mut self, time: f64, next: &mut impl FnMut() -> Option<PointerPosition>) -> Option<(f64, f64)> {
+    /// Position and firmness at `time` [s]; `None` while no finger is on the key. `next_position` gives the following
+    /// positions in the order of their time stamps.
+    pub fn read(
+        &mut self,
+        time: f64,
+        next_position: &mut impl FnMut() -> Option<PointerPosition>,
+    ) -> Option<(f64, f64)> {
         loop {
             if self.next_line.is_none() {
-                self.next_line = next().map(|placed| self.line_to(placed));
+                self.next_line = next_position().map(|position| self.line_to(position));
             }
             match self.next_line {
                 Some((_, place_after)) if place_after.time <= time => {
@@ -59,33 +63,33 @@ impl PathReader {
             }
         }
         self.last_read_time = time;
-        let place_before = self.previous_position?;
-        let firmness = place_before.firmness?;
-        let Some((line_start, place_after)) = self.next_line else {
-            return Some((place_before.x, firmness));
+        let position_before = self.previous_position?;
+        let firmness = position_before.firmness?;
+        let Some((line_start, position_after)) = self.next_line else {
+            return Some((position_before.x, firmness));
         };
-        let line_share = ((time - line_start) / (place_after.time - line_start)).max(0.0);
-        let next_firmness = place_after.firmness.unwrap_or(firmness);
+        let line_share = ((time - line_start) / (position_after.time - line_start)).max(0.0);
+        let next_firmness = position_after.firmness.unwrap_or(firmness);
         Some((
-            place_before.x + line_share * (place_after.x - place_before.x),
+            position_before.x + line_share * (position_after.x - position_before.x),
             firmness + line_share * (next_firmness - firmness),
         ))
     }
 
     /// The line to a position: when it begins, and where it ends. It begins where the path stands now, so that a
     /// position that comes late makes no jump unless its own instant has passed.
-    fn line_to(&mut self, mut after: PointerPosition) -> (f64, PointerPosition) {
-        let Some(place_before) = self.previous_position else {
-            return (after.time, after);
+    fn line_to(&mut self, mut end_position: PointerPosition) -> (f64, PointerPosition) {
+        let Some(position_before) = self.previous_position else {
+            return (end_position.time, end_position);
         };
-        if after.firmness.is_none() {
-            after.x = place_before.x; // a finger is lifted where it was
+        if end_position.firmness.is_none() {
+            end_position.x = position_before.x; // a finger is lifted where it was
         }
-        let was_pause = after.time - place_before.time > self.delay;
-        let line_start = place_before.time.max(after.time - self.delay);
-        let was_awaited = self.last_read_time > line_start && !was_pause && place_before.firmness.is_some();
-        self.n_late += u64::from(was_awaited || self.last_read_time >= after.time);
-        (line_start.max(self.last_read_time), after)
+        let was_pause = end_position.time - position_before.time > self.delay;
+        let line_start = position_before.time.max(end_position.time - self.delay);
+        let was_awaited = self.last_read_time > line_start && !was_pause && position_before.firmness.is_some();
+        self.n_late += u64::from(was_awaited || self.last_read_time >= end_position.time);
+        (line_start.max(self.last_read_time), end_position)
     }
 
     /// Number of positions that came later than the path needed them.

@@ -39,7 +39,7 @@ pub struct PointerStreamOptions {
     /// The key that the finger holds.
     pub key: HeldKey,
     /// Whether time is that of the ticks; otherwise it is that of the wall.
-    pub lockstep: bool,
+    pub in_lockstep: bool,
     /// Number of ticks that are kept for measurements.
     pub traced_ticks: usize,
 }
@@ -48,7 +48,7 @@ pub struct PointerStreamOptions {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointerTally {
     /// Positions taken.
-    pub taken: u64,
+    pub accepted: u64,
     /// Positions refused: not finite, too many, or another's key.
     pub refused: u64,
     /// Positions whose time stamps were impossible; the time of their arrival counted.
@@ -56,9 +56,9 @@ pub struct PointerTally {
     /// Positions that came later than the path needed them.
     pub late: u64,
     /// Mean gap between positions while the pointer moved [s]; 0: none.
-    pub gap: f64,
+    pub mean_interval: f64,
     /// Standard deviation of these gaps [s].
-    pub deviation: f64,
+    pub interval_deviation: f64,
 }
 
 /// Why a position was refused.
@@ -100,16 +100,16 @@ struct PositionSlot {
 }
 
 impl PositionSlot {
-    fn store(&self, placed: PointerPosition) {
-        let firmness = placed.firmness.unwrap_or_default();
+    fn store(&self, position: PointerPosition) {
+        let firmness = position.firmness.unwrap_or_default();
         for (cell, number) in [
-            (&self.time, placed.time),
-            (&self.x, placed.x),
+            (&self.time, position.time),
+            (&self.x, position.x),
             (&self.firmness, firmness),
         ] {
             cell.store(number.to_bits(), Ordering::Relaxed);
         }
-        self.is_lifted.store(placed.firmness.is_none(), Ordering::Relaxed);
+        self.is_lifted.store(position.firmness.is_none(), Ordering::Relaxed);
     }
 
     fn load(&self) -> PointerPosition {
@@ -131,7 +131,7 @@ struct PointerFeeder {
     refill_time: f64,
     tally: PointerTally,
     /// Number, sum and sum of squares of gaps.
-    gaps: [f64; 3],
+    interval_moments: [f64; 3],
     arrivals: ArrivalHistograms,
 }
 
@@ -150,13 +150,13 @@ pub fn find(name: &str) -> Option<Arc<PointerStream>> {
 impl PointerStream {
     /// A new stream; `None` if there is one of this name. A page's key waits for its page, others are there at once.
     pub fn new(options: PointerStreamOptions, is_present: bool) -> Option<Arc<Self>> {
-        let mut known_leads = pointer_streams();
-        known_leads.retain(|_, lead| lead.strong_count() > 0);
-        if known_leads.contains_key(&options.address) {
+        let mut streams = pointer_streams();
+        streams.retain(|_, lead| lead.strong_count() > 0);
+        if streams.contains_key(&options.address) {
             return None;
         }
-        let lead_name = options.address.clone();
-        let lead = Arc::new(Self {
+        let stream_address = options.address.clone();
+        let stream = Arc::new(Self {
             trace: Trace::new(options.traced_ticks),
             options,
             epoch: Instant::now(),
@@ -172,16 +172,16 @@ impl PointerStream {
             n_late: AtomicU64::new(0),
             points: [f64::NAN, f64::NAN, 0.0, 0.0].map(|x| AtomicU64::new(x.to_bits())),
         });
-        known_leads.insert(lead_name, Arc::downgrade(&lead));
-        Some(lead)
+        streams.insert(stream_address, Arc::downgrade(&stream));
+        Some(stream)
     }
 
     /// Give the name back: another stream may have it.
     pub fn close(&self) {
-        let mut known_leads = pointer_streams();
-        let is_this_lead = |lead: &Weak<Self>| std::ptr::eq(lead.as_ptr(), self);
-        if known_leads.get(&self.options.address).is_some_and(is_this_lead) {
-            known_leads.remove(&self.options.address);
+        let mut streams = pointer_streams();
+        let is_this_stream = |lead: &Weak<Self>| std::ptr::eq(lead.as_ptr(), self);
+        if streams.get(&self.options.address).is_some_and(is_this_stream) {
+            streams.remove(&self.options.address);
         }
     }
 
@@ -203,14 +203,14 @@ impl PointerStream {
     ///
     /// # Errors
     /// [`PositionRefusal`] if it is not taken.
-    pub fn add_position(&self, placed: PointerPosition) -> Result<(), PositionRefusal> {
+    pub fn add_position(&self, position: PointerPosition) -> Result<(), PositionRefusal> {
         let mut feeder = self.feeder();
-        if !(placed.time.is_finite() && placed.x.is_finite() && placed.firmness.is_none_or(f64::is_finite)) {
+        if !(position.time.is_finite() && position.x.is_finite() && position.firmness.is_none_or(f64::is_finite)) {
             feeder.tally.refused += 1;
             return Err(PositionRefusal::NotFinite);
         }
-        let (mut stamp_time, mut arrival_time) = (placed.time, placed.time);
-        if !self.options.lockstep {
+        let (mut stamp_time, mut arrival_time) = (position.time, position.time);
+        if !self.options.in_lockstep {
             arrival_time = self.now();
             feeder.burst_tokens =
                 (feeder.burst_tokens + POSITION_RATE_MAX * (arrival_time - feeder.refill_time)).min(POSITION_BURST_MAX);
@@ -222,7 +222,7 @@ impl PointerStream {
         }
         let written_count = self.n_written.load(Ordering::Relaxed);
         let is_full = written_count - self.n_read.load(Ordering::Acquire) >= WAITING_POSITIONS_MAX as u64;
-        let is_flood = !self.options.lockstep && feeder.burst_tokens < 1.0;
+        let is_flood = !self.options.in_lockstep && feeder.burst_tokens < 1.0;
         if is_full || is_flood {
             feeder.tally.refused += 1;
             return Err(PositionRefusal::TooMany);
@@ -230,21 +230,25 @@ impl PointerStream {
         feeder.burst_tokens -= 1.0;
         let stamp_gap = stamp_time - feeder.last_time;
         if (STAMP_GAP_MIN..PAUSE_MIN).contains(&stamp_gap) {
-            for (sum, power) in feeder.gaps.iter_mut().zip([1.0, stamp_gap, stamp_gap * stamp_gap]) {
-                *sum += power;
+            for (sum, interval_power) in feeder
+                .interval_moments
+                .iter_mut()
+                .zip([1.0, stamp_gap, stamp_gap * stamp_gap])
+            {
+                *sum += interval_power;
             }
-            let last_stamp = feeder.last_time;
-            feeder.arrivals.count(last_stamp, stamp_time, arrival_time);
+            let last_time = feeder.last_time;
+            feeder.arrivals.count(last_time, stamp_time, arrival_time);
         }
         stamp_time = stamp_time.max(feeder.last_time + STAMP_GAP_MIN);
         feeder.last_time = stamp_time;
-        feeder.tally.taken += 1;
+        feeder.tally.accepted += 1;
         let [lower_limit, upper_limit] = self.options.key.range;
         let slot = &self.slots[(written_count % WAITING_POSITIONS_MAX as u64) as usize];
         slot.store(PointerPosition {
             time: stamp_time,
-            x: placed.x.clamp(lower_limit, upper_limit),
-            firmness: placed
+            x: position.x.clamp(lower_limit, upper_limit),
+            firmness: position
                 .firmness
                 .map(|firmness| firmness.clamp(FIRMNESS_RANGE.0, FIRMNESS_RANGE.1)),
         });
@@ -259,19 +263,19 @@ impl PointerStream {
             return None;
         }
         let next_slot = &self.slots[(read_count % WAITING_POSITIONS_MAX as u64) as usize];
-        let placed = next_slot.load();
+        let position = next_slot.load();
         self.n_read.store(read_count + 1, Ordering::Release);
-        Some(placed)
+        Some(position)
     }
 
     /// Forget the positions that wait; the key's driver is the one reader, so only where it does not run.
     /// Returns the last of them: the pointer is still there.
-    pub fn forget(&self) -> Option<PointerPosition> {
-        let mut last_placed = None;
-        while let Some(placed) = self.next() {
-            last_placed = Some(placed);
+    pub fn discard_positions(&self) -> Option<PointerPosition> {
+        let mut last_position = None;
+        while let Some(position) = self.next() {
+            last_position = Some(position);
         }
-        last_placed
+        last_position
     }
 
     /// Whether a player is there.
@@ -284,11 +288,11 @@ impl PointerStream {
         self.is_present.store(is_present, Ordering::Release);
     }
 
-    pub(crate) fn publish(&self, points: [f64; 4], late: u64) {
+    pub(crate) fn publish(&self, points: [f64; 4], n_late: u64) {
         for (stored_point, point) in self.points.iter().zip(points) {
             stored_point.store(point.to_bits(), Ordering::Relaxed);
         }
-        self.n_late.store(late, Ordering::Relaxed);
+        self.n_late.store(n_late, Ordering::Relaxed);
     }
 
     /// The quantile `probability` of the times in which positions arrived.
@@ -296,8 +300,8 @@ impl PointerStream {
         self.feeder().arrivals.quantile(probability)
     }
 
-    pub(crate) fn trace_tick(&self, numbers: [f64; TRACE_COLUMNS]) {
-        self.trace.push(numbers);
+    pub(crate) fn trace_tick(&self, row: [f64; TRACE_COLUMNS]) {
+        self.trace.push(row);
     }
 
     /// What happened in each tick: the pointer at its beginning and end [m] and the factor of stiffness (not numbers:
@@ -309,17 +313,17 @@ impl PointerStream {
     /// Counts so far.
     pub fn tally(&self) -> PointerTally {
         let feeder = self.feeder();
-        let [gap_count, gap_sum, square_sum] = feeder.gaps;
-        let gap = if gap_count > 0.0 { gap_sum / gap_count } else { 0.0 };
+        let [gap_count, gap_sum, square_sum] = feeder.interval_moments;
+        let mean_interval = if gap_count > 0.0 { gap_sum / gap_count } else { 0.0 };
         let variance = if gap_count > 0.0 {
-            square_sum / gap_count - gap * gap
+            square_sum / gap_count - mean_interval * mean_interval
         } else {
             0.0
         };
         PointerTally {
             late: self.n_late.load(Ordering::Relaxed),
-            gap,
-            deviation: ergon_engine::maths::sqrt(variance.max(0.0)),
+            mean_interval,
+            interval_deviation: ergon_engine::maths::sqrt(variance.max(0.0)),
             ..feeder.tally
         }
     }
@@ -327,14 +331,14 @@ impl PointerStream {
 
 impl PageKey for PointerStream {
     fn name(&self) -> &str {
-        let lead_name = self.options.address.as_str();
-        let lead_name = lead_name.split_once(':').map_or(lead_name, |(_, lead_name)| lead_name);
+        let address = self.options.address.as_str();
+        let lead_name = address.split_once(':').map_or(address, |(_, lead_name)| lead_name);
         lead_name.split_once('?').map_or(lead_name, |(lead_name, _)| lead_name)
     }
 
     fn input(&self) -> &str {
-        let lead_address = self.options.address.as_str();
-        lead_address.split_once(':').map_or(lead_address, |(kind, _)| kind)
+        let address = self.options.address.as_str();
+        address.split_once(':').map_or(address, |(kind, _)| kind)
     }
 
     fn range(&self) -> [f64; 2] {
@@ -389,7 +393,7 @@ mod tests {
             finger: FingerConstants::default(),
             delay: 0.02,
             key: HeldKey::default(),
-            lockstep,
+            in_lockstep: lockstep,
             traced_ticks: 0,
         };
         PointerStream::new(options, true).expect("a new name")
@@ -418,11 +422,11 @@ mod tests {
     #[test]
     fn stream_forgets_all_but_where_the_pointer_is() {
         let lead = lead("osc:/wait", true);
-        assert_eq!(lead.forget(), None);
+        assert_eq!(lead.discard_positions(), None);
         for (time, x) in [(0.0, 0.01), (0.1, 0.02), (0.2, 0.03)] {
             lead.add_position(placed(time, x)).unwrap();
         }
-        assert_eq!(lead.forget(), Some(placed(0.2, 0.03)));
+        assert_eq!(lead.discard_positions(), Some(placed(0.2, 0.03)));
         assert_eq!(lead.next(), None);
     }
 
@@ -438,7 +442,7 @@ mod tests {
         assert!(refused_count > 0);
         let lead_tally = lead.tally();
         assert_eq!(lead_tally.refused, refused_count as u64 + 2);
-        assert_eq!(lead_tally.taken, 20_000 - refused_count as u64);
+        assert_eq!(lead_tally.accepted, 20_000 - refused_count as u64);
     }
 
     #[test]

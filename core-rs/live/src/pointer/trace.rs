@@ -9,7 +9,7 @@ pub const TRACE_COLUMNS: usize = 6;
 #[derive(Debug)]
 pub(super) struct Trace {
     rows: Box<[[AtomicU64; TRACE_COLUMNS]]>,
-    written: AtomicU64,
+    n_written: AtomicU64,
 }
 
 impl Trace {
@@ -17,27 +17,27 @@ impl Trace {
     pub(super) fn new(ticks: usize) -> Self {
         Self {
             rows: (0..ticks).map(|_| Default::default()).collect(),
-            written: AtomicU64::new(0),
+            n_written: AtomicU64::new(0),
         }
     }
 
     /// Keep a tick, if there is room.
-    pub(super) fn push(&self, numbers: [f64; TRACE_COLUMNS]) {
-        let written = self.written.load(Ordering::Relaxed);
-        let Some(trace_row) = self.rows.get(written as usize) else {
+    pub(super) fn push(&self, row: [f64; TRACE_COLUMNS]) {
+        let n_written = self.n_written.load(Ordering::Relaxed);
+        let Some(trace_row) = self.rows.get(n_written as usize) else {
             return;
         };
-        for (cell, number) in trace_row.iter().zip(numbers) {
+        for (cell, number) in trace_row.iter().zip(row) {
             cell.store(number.to_bits(), Ordering::Relaxed);
         }
-        self.written.store(written + 1, Ordering::Release);
+        self.n_written.store(n_written + 1, Ordering::Release);
     }
 
     /// The ticks so far.
     pub(super) fn rows(&self) -> Vec<[f64; TRACE_COLUMNS]> {
-        let written = self.written.load(Ordering::Acquire) as usize;
+        let n_written = self.n_written.load(Ordering::Acquire) as usize;
         let load_number = |cell: &AtomicU64| f64::from_bits(cell.load(Ordering::Relaxed));
-        let written_rows = self.rows[..written].iter();
+        let written_rows = self.rows[..n_written].iter();
         written_rows.map(|row| row.each_ref().map(load_number)).collect()
     }
 }

@@ -23,13 +23,13 @@ fn checksum(length: u32, kind: u8, payload: &[u8]) -> u32 {
 }
 
 /// Append a chunk whose payload is at most [`PAYLOAD_MAX`].
-pub(super) fn append(out: &mut Vec<u8>, kind: u8, payload: &[u8]) {
+pub(super) fn append(bytes: &mut Vec<u8>, kind: u8, payload: &[u8]) {
     debug_assert!(payload.len() <= PAYLOAD_MAX);
     let payload_length = payload.len() as u32;
-    out.extend_from_slice(&payload_length.to_le_bytes());
-    out.push(kind);
-    out.extend_from_slice(&checksum(payload_length, kind, payload).to_le_bytes());
-    out.extend_from_slice(payload);
+    bytes.extend_from_slice(&payload_length.to_le_bytes());
+    bytes.push(kind);
+    bytes.extend_from_slice(&checksum(payload_length, kind, payload).to_le_bytes());
+    bytes.extend_from_slice(payload);
 }
 
 /// The state of the bytes where a chunk should begin.

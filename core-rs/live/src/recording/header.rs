@@ -80,8 +80,8 @@ impl Header {
                 (player, _) => player.to_owned(),
             })
             .collect();
-        let distinct: HashSet<&String> = axis_names.iter().collect();
-        if distinct.len() < axis_names.len() || axis_names.iter().any(String::is_empty) {
+        let distinct_names: HashSet<&String> = axis_names.iter().collect();
+        if distinct_names.len() < axis_names.len() || axis_names.iter().any(String::is_empty) {
             return (1..=axis_names.len()).map(|i| i.to_string()).collect();
         }
         axis_names

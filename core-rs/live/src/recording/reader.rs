@@ -29,7 +29,7 @@ pub struct Recording {
     /// Number of bytes that are not in a valid chunk.
     pub lost_bytes: u64,
     /// Whether the recorder ended normally; otherwise it was killed or is still at work.
-    pub finished: bool,
+    pub is_finished: bool,
 }
 
 impl Recording {
@@ -47,7 +47,7 @@ impl Recording {
             return Err(RecordingError::TooLong);
         }
         Ok(Self {
-            finished: true,
+            is_finished: true,
             ..Self::empty(header)
         }
         .with_rows(ticks, samples))
@@ -61,7 +61,7 @@ impl Recording {
             events: Vec::new(),
             dropped: 0,
             lost_bytes: 0,
-            finished: false,
+            is_finished: false,
         }
     }
 
@@ -90,7 +90,7 @@ impl Recording {
             Some(format!(
                 "{lost_bytes} bytes of this recording are damaged; what is left lasts {intact_seconds:.2} s"
             ))
-        } else if !self.finished {
+        } else if !self.is_finished {
             Some(format!(
                 "this recording was never finished, so its last half second may be missing; what is there lasts \
                  {intact_seconds:.2} s"
@@ -123,7 +123,7 @@ impl Recording {
 
     /// Write the recording as a whole, finished file.
     pub fn write(&self, writer: &mut impl Write) -> Result<(), RecordingError> {
-        let mut chunk_bytes = start(&self.header);
+        let mut file_bytes = encode_start(&self.header);
         let n_axes = self.header.axes.len();
         let row_size = row::row_bytes(n_axes);
         let rows_per_chunk = (ROWS_PAYLOAD_BYTES / row_size).max(1);
@@ -135,14 +135,14 @@ impl Recording {
             for (row_bytes, (&tick, samples)) in payload.chunks_exact_mut(row_size).zip(tick_rows) {
                 row::encode(row_bytes, tick, samples);
             }
-            chunk::append(&mut chunk_bytes, chunk::ROWS, &payload);
-            writer.write_all(&chunk_bytes)?;
-            chunk_bytes.clear();
+            chunk::append(&mut file_bytes, chunk::ROWS, &payload);
+            writer.write_all(&file_bytes)?;
+            file_bytes.clear();
         }
         payload.clear();
         for (tick, line) in &self.events {
             if payload.len() + EVENT_HEADER_SIZE + line.len() > chunk::PAYLOAD_MAX {
-                chunk::append(&mut chunk_bytes, chunk::EVENTS, &payload);
+                chunk::append(&mut file_bytes, chunk::EVENTS, &payload);
                 payload.clear();
             }
             payload.extend_from_slice(&tick.to_le_bytes());
@@ -150,16 +150,16 @@ impl Recording {
             payload.extend_from_slice(line.as_bytes());
         }
         if !payload.is_empty() {
-            chunk::append(&mut chunk_bytes, chunk::EVENTS, &payload);
+            chunk::append(&mut file_bytes, chunk::EVENTS, &payload);
         }
-        chunk::append(&mut chunk_bytes, chunk::END, &self.dropped.to_le_bytes());
-        writer.write_all(&chunk_bytes)?;
+        chunk::append(&mut file_bytes, chunk::END, &self.dropped.to_le_bytes());
+        writer.write_all(&file_bytes)?;
         Ok(())
     }
 }
 
 /// The bytes before the first row.
-pub(super) fn start(header: &Header) -> Vec<u8> {
+pub(super) fn encode_start(header: &Header) -> Vec<u8> {
     let mut start_bytes = MAGIC.to_vec();
     start_bytes.extend_from_slice(&VERSION.to_le_bytes());
     chunk::append(&mut start_bytes, chunk::HEADER, &header.encode());
@@ -174,14 +174,14 @@ pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, Recordi
     decode(&mut BufReader::new(recording_file), file_length, ticks)
 }
 
-/// Decode the recording in `length` bytes.
+/// Decode the recording in `file_length` bytes.
 pub(crate) fn decode(
     source: &mut impl Read,
-    length: u64,
+    file_length: u64,
     ticks: Option<Range<u64>>,
 ) -> Result<Recording, RecordingError> {
     let mut file_prefix = [0; MAGIC.len() + 4];
-    if length < file_prefix.len() as u64 {
+    if file_length < file_prefix.len() as u64 {
         return Err(RecordingError::NotARecording);
     }
     source.read_exact(&mut file_prefix)?;
@@ -195,38 +195,38 @@ pub(crate) fn decode(
     }
     let mut chunk_offset = file_prefix.len() as u64;
     let mut payload = Vec::new();
-    let header = match chunk::next_chunk(source, length - chunk_offset, &mut payload)? {
+    let header = match chunk::next_chunk(source, file_length - chunk_offset, &mut payload)? {
         ChunkState::Complete(chunk::HEADER) => Header::decode(&payload),
         _ => None,
     };
     let header = header.ok_or(RecordingError::NoHeader)?;
-    let mut collected = RecordingCollector::new(header, ticks);
+    let mut collector = RecordingCollector::new(header, ticks);
     chunk_offset += (chunk::CHUNK_OVERHEAD + payload.len()) as u64;
-    while chunk_offset < length {
-        let chunk_state = chunk::next_chunk(source, length - chunk_offset, &mut payload)?;
+    while chunk_offset < file_length {
+        let chunk_state = chunk::next_chunk(source, file_length - chunk_offset, &mut payload)?;
         let chunk_size = match chunk_state {
-            ChunkState::Cut => length - chunk_offset,
+            ChunkState::Cut => file_length - chunk_offset,
             _ => (chunk::CHUNK_OVERHEAD + payload.len()) as u64,
         };
         let is_valid_chunk = match chunk_state {
-            ChunkState::Complete(kind) => collected.add_chunk(kind, &payload)?,
+            ChunkState::Complete(kind) => collector.add_chunk(kind, &payload)?,
             _ => false,
         };
         if !is_valid_chunk {
-            collected.recording.lost_bytes += chunk_size;
+            collector.recording.lost_bytes += chunk_size;
         }
         chunk_offset += chunk_size;
         if chunk_state == ChunkState::Cut {
             break;
         }
     }
-    Ok(collected.recording)
+    Ok(collector.recording)
 }
 
 /// The parts that were read so far.
 struct RecordingCollector {
     recording: Recording,
-    ticks: Option<Range<u64>>,
+    wanted_ticks: Option<Range<u64>>,
     first_tick: Option<u64>,
     last_tick: Option<u64>,
     event_bytes: usize,
@@ -236,7 +236,7 @@ impl RecordingCollector {
     fn new(header: Header, ticks: Option<Range<u64>>) -> Self {
         Self {
             recording: Recording::empty(header),
-            ticks,
+            wanted_ticks: ticks,
             first_tick: None,
             last_tick: None,
             event_bytes: 0,
@@ -246,13 +246,13 @@ impl RecordingCollector {
     /// Take a payload; false if it is invalid or does not follow what came before.
     fn add_chunk(&mut self, kind: u8, payload: &[u8]) -> Result<bool, RecordingError> {
         match kind {
-            _ if self.recording.finished => Ok(false), // nothing follows the end
+            _ if self.recording.is_finished => Ok(false), // nothing follows the end
             chunk::HEADER => Ok(false),
-            chunk::ROWS => self.rows(payload),
-            chunk::EVENTS => self.events(payload),
+            chunk::ROWS => self.add_rows(payload),
+            chunk::EVENTS => self.add_events(payload),
             chunk::END => Ok(payload.first_chunk().is_some_and(|count_bytes| {
                 self.recording.dropped = u64::from_le_bytes(*count_bytes);
-                self.recording.finished = true;
+                self.recording.is_finished = true;
                 true
             })),
             _ => Ok(true), // a kind of a later version
@@ -262,17 +262,19 @@ impl RecordingCollector {
     /// Whether a tick is in the wanted range; events before the first row count as part of its tick.
     fn is_wanted(&self, tick: u64) -> bool {
         let tick_offset = tick.saturating_sub(self.first_tick.unwrap_or(tick));
-        self.ticks.as_ref().is_none_or(|ticks| ticks.contains(&tick_offset))
+        self.wanted_ticks
+            .as_ref()
+            .is_none_or(|ticks| ticks.contains(&tick_offset))
     }
 
-    fn rows(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
+    fn add_rows(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
         let n_axes = self.recording.header.axes.len();
         let payload_rows = payload.chunks_exact(row::row_bytes(n_axes));
         if !payload_rows.remainder().is_empty() {
             return Ok(false);
         }
         let (mut first_tick, mut previous_tick) = (self.first_tick, self.last_tick);
-        for row_tick in payload_rows.clone().map(row::tick) {
+        for row_tick in payload_rows.clone().map(row::decode_tick) {
             if previous_tick.is_some_and(|previous_tick| row_tick <= previous_tick) {
                 return Ok(false);
             }
@@ -281,20 +283,20 @@ impl RecordingCollector {
         }
         (self.first_tick, self.last_tick) = (first_tick, previous_tick);
         for row in payload_rows {
-            let row_tick = row::tick(row);
+            let row_tick = row::decode_tick(row);
             if self.is_wanted(row_tick) {
                 if self.recording.samples.len() + n_axes > MAX_SAMPLES {
                     return Err(RecordingError::TooLong);
                 }
                 self.recording.ticks.push(row_tick);
-                self.recording.samples.extend(row::samples(row));
+                self.recording.samples.extend(row::decode_samples(row));
             }
         }
         Ok(true)
     }
 
-    fn events(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
-        let Some(events) = events(payload) else {
+    fn add_events(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
+        let Some(events) = decode_events(payload) else {
             return Ok(false);
         };
         for (tick, line) in events {
@@ -311,14 +313,14 @@ impl RecordingCollector {
 }
 
 /// The events of a payload; `None` if it holds anything else.
-fn events(mut bytes_left: &[u8]) -> Option<Vec<(u64, &str)>> {
-    let mut read_events = Vec::new();
+fn decode_events(mut bytes_left: &[u8]) -> Option<Vec<(u64, &str)>> {
+    let mut events = Vec::new();
     while !bytes_left.is_empty() {
         let (tick_bytes, bytes_after) = bytes_left.split_first_chunk::<8>()?;
         let (length_bytes, bytes_after) = bytes_after.split_first_chunk::<4>()?;
         let (line_bytes, bytes_after) = bytes_after.split_at_checked(u32::from_le_bytes(*length_bytes) as usize)?;
-        read_events.push((u64::from_le_bytes(*tick_bytes), std::str::from_utf8(line_bytes).ok()?));
+        events.push((u64::from_le_bytes(*tick_bytes), std::str::from_utf8(line_bytes).ok()?));
         bytes_left = bytes_after;
     }
-    Some(read_events)
+    Some(events)
 }

@@ -37,39 +37,39 @@ pub(super) const fn row_bytes(n_axes: usize) -> usize {
     TICK_BYTES + n_axes * SAMPLE_BYTES
 }
 
-/// Fill `out`, of [`row_bytes`] bytes.
-pub(super) fn encode(out: &mut [u8], tick: u64, samples: &[RecordedSample]) {
-    let (tick_bytes, sample_bytes) = out.split_at_mut(TICK_BYTES);
+/// Fill `row_bytes`, of [`row_bytes`] bytes.
+pub(super) fn encode(row_bytes: &mut [u8], tick: u64, samples: &[RecordedSample]) {
+    let (tick_bytes, sample_bytes) = row_bytes.split_at_mut(TICK_BYTES);
     tick_bytes.copy_from_slice(&tick.to_le_bytes());
-    for (to, sample) in sample_bytes.chunks_exact_mut(SAMPLE_BYTES).zip(samples) {
-        to[0..8].copy_from_slice(&sample.position.to_le_bytes());
-        to[8..16].copy_from_slice(&sample.force.to_le_bytes());
-        to[16..20].copy_from_slice(&sample.sent_force.to_le_bytes());
-        to[20] = sample.flags;
-        to[21..25].copy_from_slice(&sample.clock.to_le_bytes());
+    for (bytes, sample) in sample_bytes.chunks_exact_mut(SAMPLE_BYTES).zip(samples) {
+        bytes[0..8].copy_from_slice(&sample.position.to_le_bytes());
+        bytes[8..16].copy_from_slice(&sample.force.to_le_bytes());
+        bytes[16..20].copy_from_slice(&sample.sent_force.to_le_bytes());
+        bytes[20] = sample.flags;
+        bytes[21..25].copy_from_slice(&sample.clock.to_le_bytes());
     }
 }
 
 /// The index of a row.
-pub(super) fn tick(row: &[u8]) -> u64 {
-    u64::from_le_bytes(eight(&row[..TICK_BYTES]))
+pub(super) fn decode_tick(row: &[u8]) -> u64 {
+    u64::from_le_bytes(to_array(&row[..TICK_BYTES]))
 }
 
 /// The axes of a row.
-pub(super) fn samples(row: &[u8]) -> impl Iterator<Item = RecordedSample> {
+pub(super) fn decode_samples(row: &[u8]) -> impl Iterator<Item = RecordedSample> {
     row[TICK_BYTES..]
         .chunks_exact(SAMPLE_BYTES)
         .map(|row_bytes| RecordedSample {
-            position: f64::from_le_bytes(eight(&row_bytes[0..8])),
-            force: f64::from_le_bytes(eight(&row_bytes[8..16])),
+            position: f64::from_le_bytes(to_array(&row_bytes[0..8])),
+            force: f64::from_le_bytes(to_array(&row_bytes[8..16])),
             sent_force: f32::from_le_bytes([row_bytes[16], row_bytes[17], row_bytes[18], row_bytes[19]]),
             flags: row_bytes[20],
             clock: u32::from_le_bytes([row_bytes[21], row_bytes[22], row_bytes[23], row_bytes[24]]),
         })
 }
 
-fn eight(bytes: &[u8]) -> [u8; 8] {
-    let mut eight_bytes = [0; 8];
-    eight_bytes.copy_from_slice(bytes);
-    eight_bytes
+fn to_array(bytes: &[u8]) -> [u8; 8] {
+    let mut array = [0; 8];
+    array.copy_from_slice(bytes);
+    array
 }

@@ -83,11 +83,11 @@ fn recording_is_read_back_to_the_bit() {
     let (mut row_sink, recorder_handle) = Recorder::start(&take_path, &header(3)).unwrap();
     let row_ticks: Vec<u64> = (7..20_007).filter(|tick| tick % 1_000 != 3).collect();
     for &tick in &row_ticks {
-        while !row_sink.row(tick, &samples(tick, 3)) {
+        while !row_sink.push_row(tick, &samples(tick, 3)) {
             std::thread::yield_now(); // faster than any hand
         }
         if tick % 5_000 == 0 {
-            assert!(row_sink.event(tick, format_args!(r#"{{"gain":{}}}"#, tick as f64 / 7.0)));
+            assert!(row_sink.push_event(tick, format_args!(r#"{{"gain":{}}}"#, tick as f64 / 7.0)));
         }
     }
     let recorder_status = recorder_handle.stop().unwrap();
@@ -117,11 +117,11 @@ fn recording_ends_with_a_dropped_sink() {
     let temp_folder = Folder::new();
     let take_path = temp_folder.file("a.take");
     let (mut row_sink, recorder_handle) = Recorder::start(&take_path, &header(1)).unwrap();
-    assert!(row_sink.row(5, &samples(5, 1)));
+    assert!(row_sink.push_row(5, &samples(5, 1)));
     drop(row_sink);
     drop(recorder_handle);
     let recording_read = read(&take_path, None).unwrap();
-    assert!(recording_read.finished);
+    assert!(recording_read.is_finished);
     assert_eq!(recording_read.ticks, [5]);
 }
 
@@ -178,7 +178,7 @@ fn reader_drops_rows_going_back() {
         recording_read.lost_bytes,
         2 * (chunk::CHUNK_OVERHEAD + row_bytes.len()) as u64
     );
-    assert!(!recording_read.finished);
+    assert!(!recording_read.is_finished);
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn recordings() -> impl Strategy<Value = (Vec<Vec<u64>>, usize)> {
 
 /// The bytes of the file, and the offsets at which chunks of rows end.
 fn laid_out(chunks: &[Vec<u64>], n_axes: usize) -> (Vec<u8>, Vec<usize>) {
-    let mut file_bytes = reader::start(&header(n_axes));
+    let mut file_bytes = reader::encode_start(&header(n_axes));
     let mut chunk_ends = Vec::new();
     for ticks in chunks {
         let mut payload = vec![0; ticks.len() * row::row_bytes(n_axes)];
@@ -264,14 +264,14 @@ proptest! {
         part in 0.0..1.0_f64,
     ) {
         let (mut bytes, ends) = laid_out(&chunks, n_axes);
-        let start = reader::start(&header(n_axes)).len();
+        let start = reader::encode_start(&header(n_axes)).len();
         let cut = start + ((bytes.len() - start) as f64 * part) as usize;
         bytes.truncate(cut);
         let found = reread(&bytes).unwrap();
         let n_whole = ends.iter().filter(|&&end| end <= cut).count();
         let whole = ends[..n_whole].last().copied().unwrap_or(start);
         let mut wanted = recording_of(&chunks[..n_whole].concat(), n_axes);
-        wanted.finished = false;
+        wanted.is_finished = false;
         wanted.lost_bytes = (cut - whole) as u64;
         prop_assert_eq!(found, wanted);
     }
@@ -284,7 +284,7 @@ proptest! {
         bits in 1_u8..,
     ) {
         let (mut bytes, ends) = laid_out(&chunks, n_axes);
-        let start = reader::start(&header(n_axes)).len();
+        let start = reader::encode_start(&header(n_axes)).len();
         let which = (chunks.len() as f64 * which) as usize;
         let begin = if which == 0 { start } else { ends[which - 1] };
         let payload = ends[which] - begin - chunk::CHUNK_OVERHEAD;
@@ -326,7 +326,7 @@ proptest! {
 
     #[test]
     fn random_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
-        let mut all = reader::start(&header(1));
+        let mut all = reader::encode_start(&header(1));
         all.extend(&bytes);
         if let Ok(found) = reread(&all) {
             prop_assert_eq!(found.ticks.len(), found.samples.len());

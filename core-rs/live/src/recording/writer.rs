@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::reader::start;
+use super::reader::encode_start;
 use super::row::{self, RecordedSample};
 use super::{Header, RecordingError, chunk};
 
@@ -41,7 +41,7 @@ impl Recorder {
         header.check()?;
         let mut options = OpenOptions::new();
         let mut recording_file = options.append(true).create_new(true).open(path)?;
-        let start_bytes = start(header);
+        let start_bytes = encode_start(header);
         if let Err(error) = recording_file
             .write_all(&start_bytes)
             .and_then(|()| recording_file.sync_all())
@@ -51,7 +51,7 @@ impl Recorder {
         }
         sync_folder(path);
 
-        let (row_sink, writer) = channel(header, recording_file, start_bytes.len() as u64);
+        let (row_sink, writer) = open_rings(header, recording_file, start_bytes.len() as u64);
         let writer_state = Arc::clone(&writer.writer_state);
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
@@ -62,28 +62,28 @@ impl Recorder {
 }
 
 /// Both ends of the rings: the sink that fills them, and the writer that empties them into a file of `valid_len` bytes.
-fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, RecordingWriter) {
+fn open_rings(header: &Header, file: File, valid_len: u64) -> (RowSink, RecordingWriter) {
     let n_axes = header.axes.len();
     let row_size = row::row_bytes(n_axes);
     let ring_rows = (header.tick_rate() * RING_SECONDS).ceil().max(ROWS_MIN) as usize;
-    let (to_rows, from_rows) = RingBuffer::new(row_size * ring_rows.min(RING_BYTES_MAX / row_size));
-    let (to_events, from_events) = RingBuffer::new(EVENT_RING_BYTES);
+    let (row_producer, row_consumer) = RingBuffer::new(row_size * ring_rows.min(RING_BYTES_MAX / row_size));
+    let (event_producer, event_consumer) = RingBuffer::new(EVENT_RING_BYTES);
     let writer_state = Arc::new(WriterState::default());
     let writer = RecordingWriter {
         file,
         valid_len,
-        rows: from_rows,
+        rows: row_consumer,
         row_size,
-        events: from_events,
+        events: event_consumer,
         payload: Vec::with_capacity(chunk::PAYLOAD_MAX),
         pending_chunks: Vec::new(),
         pending_rows: 0,
         writer_state: Arc::clone(&writer_state),
     };
     let row_sink = RowSink {
-        rows: to_rows,
-        events: to_events,
-        row: vec![0; row_size],
+        rows: row_producer,
+        events: event_producer,
+        row_bytes: vec![0; row_size],
         n_axes,
         last_tick: None,
         writer_state,
@@ -104,15 +104,15 @@ fn sync_folder(path: &Path) {
 
 #[derive(Default)]
 struct WriterState {
-    rows: AtomicU64,
-    dropped: AtomicU64,
-    stop: AtomicBool,
+    n_rows: AtomicU64,
+    n_dropped: AtomicU64,
+    is_stopping: AtomicBool,
     /// Shared by the writer and the handle; the sink never locks it.
     write_error: Mutex<Option<String>>,
 }
 
 impl WriterState {
-    fn trouble(&self, error: Option<String>) {
+    fn set_error(&self, error: Option<String>) {
         *self.write_error.lock().unwrap_or_else(PoisonError::into_inner) = error;
     }
 }
@@ -123,7 +123,7 @@ impl WriterState {
 pub struct RowSink {
     rows: Producer<u8>,
     events: Producer<u8>,
-    row: Vec<u8>,
+    row_bytes: Vec<u8>,
     n_axes: usize,
     last_tick: Option<u64>,
     writer_state: Arc<WriterState>,
@@ -132,13 +132,13 @@ pub struct RowSink {
 impl RowSink {
     /// Record a tick, (n_axes,); false if there is no room, if the number of axes differs, or if the tick does not
     /// follow the last one.
-    pub fn row(&mut self, tick: u64, samples: &[RecordedSample]) -> bool {
-        let follows = self.last_tick.is_none_or(|last| tick > last);
-        if !follows || samples.len() != self.n_axes {
+    pub fn push_row(&mut self, tick: u64, samples: &[RecordedSample]) -> bool {
+        let is_next = self.last_tick.is_none_or(|last| tick > last);
+        if !is_next || samples.len() != self.n_axes {
             return self.count_dropped(false);
         }
-        row::encode(&mut self.row, tick, samples);
-        let has_room = self.rows.push_entire_slice(&self.row).is_ok();
+        row::encode(&mut self.row_bytes, tick, samples);
+        let has_room = self.rows.push_entire_slice(&self.row_bytes).is_ok();
         if has_room {
             self.last_tick = Some(tick);
         }
@@ -146,7 +146,7 @@ impl RowSink {
     }
 
     /// Record another event of a tick as a JSON line of at most 1 KiB, such as `format_args!(r#"{{"late":{n}}}"#)`.
-    pub fn event(&mut self, tick: u64, line: fmt::Arguments<'_>) -> bool {
+    pub fn push_event(&mut self, tick: u64, line: fmt::Arguments<'_>) -> bool {
         let mut event_buffer = [0; EVENT_HEAD_BYTES + LINE_BYTES_MAX];
         let (event_head, line_buffer) = event_buffer.split_at_mut(EVENT_HEAD_BYTES);
         let mut space_left = &mut line_buffer[..];
@@ -161,17 +161,17 @@ impl RowSink {
 
     /// Whether there is room for a row now.
     pub fn has_room(&self) -> bool {
-        self.rows.slots() >= self.row.len()
+        self.rows.slots() >= self.row_bytes.len()
     }
 
     /// Rows and events that were dropped, mostly for lack of room.
     pub fn dropped(&self) -> u64 {
-        self.writer_state.dropped.load(Ordering::Relaxed)
+        self.writer_state.n_dropped.load(Ordering::Relaxed)
     }
 
     fn count_dropped(&self, is_stored: bool) -> bool {
         if !is_stored {
-            self.writer_state.dropped.fetch_add(1, Ordering::Relaxed);
+            self.writer_state.n_dropped.fetch_add(1, Ordering::Relaxed);
         }
         is_stored
     }
@@ -197,11 +197,11 @@ pub struct RecorderHandle {
 impl RecorderHandle {
     /// The present status.
     pub fn status(&self) -> RecordingStatus {
-        let trouble = self.writer_state.write_error.lock();
+        let write_error = self.writer_state.write_error.lock();
         RecordingStatus {
-            rows: self.writer_state.rows.load(Ordering::Relaxed),
-            dropped: self.writer_state.dropped.load(Ordering::Relaxed),
-            write_error: trouble.unwrap_or_else(PoisonError::into_inner).clone(),
+            rows: self.writer_state.n_rows.load(Ordering::Relaxed),
+            dropped: self.writer_state.n_dropped.load(Ordering::Relaxed),
+            write_error: write_error.unwrap_or_else(PoisonError::into_inner).clone(),
         }
     }
 
@@ -216,10 +216,10 @@ impl RecorderHandle {
         let Some(writer_thread) = self.thread.take() else {
             return Ok(());
         };
-        self.writer_state.stop.store(true, Ordering::Release);
+        self.writer_state.is_stopping.store(true, Ordering::Release);
         writer_thread.thread().unpark();
-        let panicked = |_| Err(io::Error::other("the thread that writes has panicked"));
-        writer_thread.join().unwrap_or_else(panicked)
+        let panic_error = |_| Err(io::Error::other("the thread that writes has panicked"));
+        writer_thread.join().unwrap_or_else(panic_error)
     }
 }
 
@@ -248,14 +248,14 @@ impl RecordingWriter {
         let mut last_sync = Instant::now();
         loop {
             // Read before the rings are emptied, so that nothing follows the last append.
-            let is_last = self.writer_state.stop.load(Ordering::Acquire) || self.rows.is_abandoned();
+            let is_last = self.writer_state.is_stopping.load(Ordering::Acquire) || self.rows.is_abandoned();
             let mut write_result = self.append_all(is_last);
             if last_sync.elapsed() >= SYNC_INTERVAL || is_last {
                 write_result = write_result.and_then(|()| self.file.sync_data());
                 last_sync = Instant::now();
             }
             self.writer_state
-                .trouble(write_result.as_ref().err().map(ToString::to_string));
+                .set_error(write_result.as_ref().err().map(ToString::to_string));
             if is_last {
                 return write_result;
             }
@@ -264,14 +264,14 @@ impl RecordingWriter {
     }
 
     /// Append the contents of the rings, and the end chunk if it is the last time.
-    fn append_all(&mut self, last: bool) -> io::Result<()> {
+    fn append_all(&mut self, is_last: bool) -> io::Result<()> {
         self.append()?;
         while self.rows.slots() >= self.row_size || self.events.slots() > 0 {
             self.next_payload();
             self.append()?;
         }
-        if last {
-            let dropped = self.writer_state.dropped.load(Ordering::Relaxed);
+        if is_last {
+            let dropped = self.writer_state.n_dropped.load(Ordering::Relaxed);
             chunk::append(&mut self.pending_chunks, chunk::END, &dropped.to_le_bytes());
             self.append()?;
         }
@@ -304,22 +304,22 @@ impl RecordingWriter {
             return Err(error);
         }
         self.valid_len += self.pending_chunks.len() as u64;
-        self.writer_state.rows.fetch_add(self.pending_rows, Ordering::Relaxed);
+        self.writer_state.n_rows.fetch_add(self.pending_rows, Ordering::Relaxed);
         self.pending_chunks.clear();
         self.pending_rows = 0;
         Ok(())
     }
 }
 
-/// Move `n` bytes into `out`; false if `n` is 0 or there are fewer.
-fn pop_bytes(consumer: &mut Consumer<u8>, n: usize, out: &mut Vec<u8>) -> bool {
-    out.clear();
+/// Move `n` bytes into `bytes`; false if `n` is 0 or there are fewer.
+fn pop_bytes(consumer: &mut Consumer<u8>, n: usize, bytes: &mut Vec<u8>) -> bool {
+    bytes.clear();
     let Ok(ring_chunk) = consumer.read_chunk(n) else {
         return false;
     };
     let (first_part, second_part) = ring_chunk.as_slices();
-    out.extend_from_slice(first_part);
-    out.extend_from_slice(second_part);
+    bytes.extend_from_slice(first_part);
+    bytes.extend_from_slice(second_part);
     ring_chunk.commit_all();
     n > 0
 }
@@ -341,7 +341,7 @@ mod tests {
             about: String::new(),
         };
         let take_path = std::env::temp_dir().join(format!("ergon-{name}-{}.take", std::process::id()));
-        let beginning = start(&header);
+        let beginning = encode_start(&header);
         std::fs::write(&take_path, &beginning).unwrap();
         (header, beginning, take_path)
     }
@@ -356,38 +356,45 @@ mod tests {
     fn writer_keeps_rows_on_a_full_disk() {
         let (header, beginning, take_path) = file("full");
         let full_file = OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let (mut row_sink, mut writer) = channel(&header, full_file, beginning.len() as u64);
+        let (mut row_sink, mut writer) = open_rings(&header, full_file, beginning.len() as u64);
         for tick in 0..3 {
-            assert!(row_sink.row(tick, &[RecordedSample::default()]));
+            assert!(row_sink.push_row(tick, &[RecordedSample::default()]));
             assert!(writer.append_all(false).is_err());
         }
-        assert_eq!(writer.writer_state.rows.load(Ordering::Relaxed), 0);
+        assert_eq!(writer.writer_state.n_rows.load(Ordering::Relaxed), 0);
         writer.file = OpenOptions::new().append(true).open(&take_path).unwrap();
         writer.append_all(true).unwrap();
-        assert_eq!(writer.writer_state.rows.load(Ordering::Relaxed), 3);
+        assert_eq!(writer.writer_state.n_rows.load(Ordering::Relaxed), 3);
         let recording = read_back(&take_path);
         assert_eq!(recording.ticks, [0, 1, 2]);
-        assert!(recording.is_complete() && recording.finished);
+        assert!(recording.is_complete() && recording.is_finished);
     }
 
     #[test]
     fn sink_without_room_counts_dropped_rows() {
         let (header, beginning, take_path) = file("room");
         let plain_file = OpenOptions::new().append(true).open(&take_path).unwrap();
-        let (mut row_sink, mut writer) = channel(&header, plain_file, beginning.len() as u64);
+        let (mut row_sink, mut writer) = open_rings(&header, plain_file, beginning.len() as u64);
         let row_samples = [RecordedSample::default()];
-        assert!(row_sink.row(5, &row_samples));
-        assert!(!row_sink.row(5, &row_samples), "a tick comes once");
-        assert!(!row_sink.row(6, &row_samples.repeat(2)), "every axis has its place");
-        assert!(!row_sink.event(6, format_args!("{:2000}", 1)), "a long line");
+        assert!(row_sink.push_row(5, &row_samples));
+        assert!(!row_sink.push_row(5, &row_samples), "a tick comes once");
+        assert!(
+            !row_sink.push_row(6, &row_samples.repeat(2)),
+            "every axis has its place"
+        );
+        assert!(!row_sink.push_event(6, format_args!("{:2000}", 1)), "a long line");
         // Nothing empties the ring in this test.
         let ring_rows = (header.rate * RING_SECONDS) as u64;
         for tick in 0..ring_rows + 2 {
-            assert_eq!(row_sink.row(10 + tick, &row_samples), tick < ring_rows - 1, "{tick}");
+            assert_eq!(
+                row_sink.push_row(10 + tick, &row_samples),
+                tick < ring_rows - 1,
+                "{tick}"
+            );
         }
         assert_eq!(row_sink.dropped(), 3 + 3);
         writer.append_all(true).unwrap();
-        assert_eq!(writer.writer_state.rows.load(Ordering::Relaxed), ring_rows);
+        assert_eq!(writer.writer_state.n_rows.load(Ordering::Relaxed), ring_rows);
         assert_eq!(read_back(&take_path).dropped, 6);
     }
 }

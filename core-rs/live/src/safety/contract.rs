@@ -49,7 +49,7 @@ pub struct DeviceSpec {
     /// Damping of the key itself [N·s/m].
     pub damping: Option<f64>,
     /// Whether the device gives no force without a finger on the key.
-    pub touch_gated: bool,
+    pub is_touch_gated: bool,
     /// Whether every packet is answered, so that the device can run in lockstep with the host.
     pub can_lockstep: bool,
     /// Whether forces and positions can be sent in full precision (f64).
@@ -64,11 +64,11 @@ pub struct DeviceSample {
     /// Whether a finger is on the axis; true for devices that cannot know.
     pub is_touched: [bool; MAX_AXES],
     /// Whether the device lets forces through to the motor.
-    pub force_enabled: [bool; MAX_AXES],
+    pub is_force_enabled: [bool; MAX_AXES],
     /// Whether the device reports that its motors are too hot.
     pub is_hot: bool,
     /// Whether the device reports that it had received nothing for too long and had set its forces to zero.
-    pub let_go: bool,
+    pub has_let_go: bool,
     /// Number of the reply, or of its request if the protocol echoes it.
     pub seq: u32,
     /// Number of requests that were sent after the one that this answers.
@@ -133,7 +133,7 @@ pub trait Device: Send {
     ///
     /// # Errors
     /// [`DeviceLoss`] if no reply will come any more.
-    fn receive(&mut self, into: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss>;
+    fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss>;
 
     /// Whether the driver waits for every reply, so that the device's time is the host's.
     fn in_lockstep(&self) -> bool;

@@ -5,30 +5,30 @@ use crate::wire::MAX_AXES;
 /// Forces that may be sent to a device: zero, or the result of the stages of this module.
 ///
 /// ```compile_fail
-/// let force = ergon_live::safety::SafeForce { newtons: [1.0; 16], n: 1 };
+/// let force = ergon_live::safety::SafeForce { newtons: [1.0; 16], n_axes: 1 };
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafeForce {
     newtons: [f64; MAX_AXES],
-    n: usize,
+    n_axes: usize,
 }
 
 impl SafeForce {
-    /// Zero force on each of `n` axes.
-    pub fn zero(n: usize) -> Self {
+    /// Zero force on each of `n_axes` axes.
+    pub fn zero(n_axes: usize) -> Self {
         Self {
             newtons: [0.0; MAX_AXES],
-            n: n.min(MAX_AXES),
+            n_axes: n_axes.min(MAX_AXES),
         }
     }
 
-    pub(super) fn new(newtons: [f64; MAX_AXES], n: usize) -> Self {
-        Self { newtons, n }
+    pub(super) fn new(newtons: [f64; MAX_AXES], n_axes: usize) -> Self {
+        Self { newtons, n_axes }
     }
 
     /// Forces [N] or [N·m]   (n_axes)
     pub fn newtons(&self) -> &[f64] {
-        &self.newtons[..self.n]
+        &self.newtons[..self.n_axes]
     }
 
     /// The same forces times a gain for each axis, for motors that pull the other way or less strongly; gains are

@@ -17,12 +17,12 @@ mod elsewhere {
 
     pub(in crate::safety) struct Armed;
 
-    pub(in crate::safety) fn arm(_: LastResort) -> Option<Armed> {
+    pub(in crate::safety) fn arm(_: ZeroForcePacket) -> Option<Armed> {
         None
     }
 
     /// Signals are not watched here.
-    pub fn watch(_: i32, _: Stop) {}
+    pub fn watch(_: i32, _: StopScope) {}
 
     /// Signals are not watched here.
     pub fn watch_termination() {}
@@ -44,7 +44,7 @@ mod unix {
     use crate::stop::{self, StopScope};
 
     /// Greatest number of open devices that are zeroed.
-    const SLOTS: usize = 16;
+    const SLOT_COUNT: usize = 16;
     /// Signals that end a program, but that it may handle and survive.
     const TERMINATION_SIGNALS: [i32; 11] = [
         libc::SIGINT,
@@ -61,9 +61,9 @@ mod unix {
     ];
     /// Those from SIGUSR1 on mean something else where a program handles them, and end it where it does not: only then
     /// they are watched.
-    const OTHERS: &[i32] = TERMINATION_SIGNALS.split_at(4).1;
+    const OPTIONAL_SIGNALS: &[i32] = TERMINATION_SIGNALS.split_at(4).1;
     /// Signals that a program does not survive; the former handler of each runs after ours.
-    const FAULTS: [i32; 7] = [
+    const FAULT_SIGNALS: [i32; 7] = [
         libc::SIGABRT,
         libc::SIGSEGV,
         libc::SIGBUS,
@@ -73,8 +73,8 @@ mod unix {
         libc::SIGTRAP,
     ];
 
-    const FREE: i32 = -1;
-    const TAKEN: i32 = -2;
+    const FREE_SLOT: i32 = -1;
+    const CLAIMED_SLOT: i32 = -2;
 
     struct Slot {
         fd: AtomicI32,
@@ -82,28 +82,29 @@ mod unix {
         bytes: [AtomicU8; 64],
     }
 
-    static ARMED: [Slot; SLOTS] = [const {
+    static ARMED_SLOTS: [Slot; SLOT_COUNT] = [const {
         Slot {
-            fd: AtomicI32::new(FREE),
+            fd: AtomicI32::new(FREE_SLOT),
             len: AtomicUsize::new(0),
             bytes: [const { AtomicU8::new(0) }; 64],
         }
-    }; SLOTS];
+    }; SLOT_COUNT];
 
-    static FORMER_HANDLERS: [OnceLock<libc::sigaction>; FAULTS.len()] = [const { OnceLock::new() }; FAULTS.len()];
+    static FORMER_HANDLERS: [OnceLock<libc::sigaction>; FAULT_SIGNALS.len()] =
+        [const { OnceLock::new() }; FAULT_SIGNALS.len()];
 
     /// A signal that may end the program: what it stops, and the handler that was set before ours.
     struct WatchedSignal {
-        stops: AtomicU8,
+        scope: AtomicU8,
         /// Whether our handler was set.
         is_watched: AtomicBool,
         handler: AtomicUsize,
         has_info: AtomicBool,
     }
 
-    static WATCHED: [WatchedSignal; TERMINATION_SIGNALS.len()] = [const {
+    static WATCHED_SIGNALS: [WatchedSignal; TERMINATION_SIGNALS.len()] = [const {
         WatchedSignal {
-            stops: AtomicU8::new(StopScope::All as u8),
+            scope: AtomicU8::new(StopScope::All as u8),
             is_watched: AtomicBool::new(false),
             handler: AtomicUsize::new(libc::SIG_DFL),
             has_info: AtomicBool::new(false),
@@ -115,12 +116,12 @@ mod unix {
 
     impl Drop for Armed {
         fn drop(&mut self) {
-            ARMED[self.0].fd.store(FREE, Ordering::Release);
+            ARMED_SLOTS[self.0].fd.store(FREE_SLOT, Ordering::Release);
         }
     }
 
     /// Register a device to be zeroed when the program panics or is ended.
-    pub(in crate::safety) fn arm(resort: ZeroForcePacket) -> Option<Armed> {
+    pub(in crate::safety) fn arm(packet: ZeroForcePacket) -> Option<Armed> {
         static HOOKS: Once = Once::new();
         HOOKS.call_once(|| {
             let former_hook = std::panic::take_hook();
@@ -128,7 +129,7 @@ mod unix {
                 zero_all();
                 former_hook(info);
             }));
-            for (signal, former_handler) in FAULTS.into_iter().zip(&FORMER_HANDLERS) {
+            for (signal, former_handler) in FAULT_SIGNALS.into_iter().zip(&FORMER_HANDLERS) {
                 watch_fault(signal, former_handler);
             }
         });
@@ -136,16 +137,16 @@ mod unix {
         let claim_slot = |slot: &Slot| {
             let claim_result = slot
                 .fd
-                .compare_exchange(FREE, TAKEN, Ordering::AcqRel, Ordering::Relaxed);
+                .compare_exchange(FREE_SLOT, CLAIMED_SLOT, Ordering::AcqRel, Ordering::Relaxed);
             claim_result.is_ok()
         };
-        let slot_index = ARMED.iter().position(claim_slot)?;
-        let slot = &ARMED[slot_index];
-        for (slot_byte, packet_byte) in slot.bytes.iter().zip(resort.bytes) {
+        let slot_index = ARMED_SLOTS.iter().position(claim_slot)?;
+        let slot = &ARMED_SLOTS[slot_index];
+        for (slot_byte, packet_byte) in slot.bytes.iter().zip(packet.bytes) {
             slot_byte.store(packet_byte, Ordering::Relaxed);
         }
-        slot.len.store(resort.len, Ordering::Relaxed);
-        slot.fd.store(resort.fd, Ordering::Release);
+        slot.len.store(packet.len, Ordering::Relaxed);
+        slot.fd.store(packet.fd, Ordering::Release);
         Some(Armed(slot_index))
     }
 
@@ -161,7 +162,7 @@ mod unix {
                 // SAFETY: a valid timespec; the remaining time is not requested.
                 unsafe { libc::nanosleep(&raw const wait_time, std::ptr::null_mut()) };
             }
-            for slot in &ARMED {
+            for slot in &ARMED_SLOTS {
                 let device_fd = slot.fd.load(Ordering::Acquire);
                 if device_fd < 0 {
                     continue;
@@ -196,8 +197,8 @@ mod unix {
     extern "C" fn on_fault(signal: i32) {
         stop::stop(StopScope::All);
         zero_all();
-        let known = FAULTS.iter().position(|&known| known == signal);
-        if let Some(former_action) = known.and_then(|index| FORMER_HANDLERS[index].get()) {
+        let fault_index = FAULT_SIGNALS.iter().position(|&known| known == signal);
+        if let Some(former_action) = fault_index.and_then(|index| FORMER_HANDLERS[index].get()) {
             // The signal is raised again, and the former handler gets it when this one returns.
             // SAFETY: `former_action` is what sigaction gave; both calls are allowed in a handler.
             unsafe {
@@ -213,8 +214,8 @@ mod unix {
         let Some(signal_index) = TERMINATION_SIGNALS.iter().position(|&known| known == signal) else {
             return;
         };
-        let watched = &WATCHED[signal_index];
-        let stop_scope = StopScope::from_bits(watched.stops.load(Ordering::SeqCst));
+        let watched = &WATCHED_SIGNALS[signal_index];
+        let stop_scope = StopScope::from_bits(watched.scope.load(Ordering::SeqCst));
         if stop_scope != StopScope::Nothing {
             let errno = errno();
             // SAFETY: not null, and owned by this thread. The interrupted code must find errno unchanged.
@@ -232,15 +233,15 @@ mod unix {
             libc::SIG_DFL => {
                 // SAFETY: zero is the default action; both calls are allowed in a handler.
                 unsafe {
-                    let default: libc::sigaction = std::mem::zeroed();
-                    libc::sigaction(signal, &raw const default, std::ptr::null_mut());
+                    let default_action: libc::sigaction = std::mem::zeroed();
+                    libc::sigaction(signal, &raw const default_action, std::ptr::null_mut());
                     libc::raise(signal);
                 }
             }
             _ if watched.has_info.load(Ordering::SeqCst) => {
-                type WithInfo = extern "C" fn(i32, *mut libc::siginfo_t, *mut libc::c_void);
+                type InfoHandler = extern "C" fn(i32, *mut libc::siginfo_t, *mut libc::c_void);
                 // SAFETY: sigaction gave this address for a handler of three arguments.
-                let handler = unsafe { std::mem::transmute::<usize, WithInfo>(handler) };
+                let handler = unsafe { std::mem::transmute::<usize, InfoHandler>(handler) };
                 handler(signal, info, context);
             }
             _ => {
@@ -254,9 +255,9 @@ mod unix {
     /// Set what a signal stops before its handler runs, until somebody else sets another handler.
     ///
     /// Signals that do not end programs, and ignored signals, are left alone.
-    pub fn watch(signal: i32, stops: StopScope) {
+    pub fn watch(signal: i32, scope: StopScope) {
         if let Some(signal_index) = TERMINATION_SIGNALS.iter().position(|&known| known == signal) {
-            WATCHED[signal_index].stops.store(stops as u8, Ordering::SeqCst);
+            WATCHED_SIGNALS[signal_index].scope.store(scope as u8, Ordering::SeqCst);
             watch_termination_signal(signal);
         }
     }
@@ -290,10 +291,10 @@ mod unix {
             if libc::sigpending(&raw mut signal_set) != 0 {
                 return;
             }
-            for (signal, watched) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
-                let ends_program = !OTHERS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
+            for (signal, watched) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED_SIGNALS) {
+                let ends_program = !OPTIONAL_SIGNALS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
                 if ends_program && libc::sigismember(&raw const signal_set, signal) == 1 {
-                    stop::stop(StopScope::from_bits(watched.stops.load(Ordering::SeqCst)));
+                    stop::stop(StopScope::from_bits(watched.scope.load(Ordering::SeqCst)));
                 }
             }
         }
@@ -306,8 +307,8 @@ mod unix {
 
     /// Install our handler in front of the present one.
     fn watch_termination_signal(signal: i32) {
-        static EXCLUSIVE: Mutex<()> = Mutex::new(());
-        let _guard = EXCLUSIVE.lock().unwrap_or_else(PoisonError::into_inner);
+        static INSTALLATION: Mutex<()> = Mutex::new(());
+        let _guard = INSTALLATION.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(signal_index) = TERMINATION_SIGNALS.iter().position(|&known| known == signal) else {
             return;
         };
@@ -319,10 +320,10 @@ mod unix {
             if [handler_address, libc::SIG_IGN].contains(&former_action.sa_sigaction) {
                 return;
             }
-            if OTHERS.contains(&signal) && former_action.sa_sigaction != libc::SIG_DFL {
+            if OPTIONAL_SIGNALS.contains(&signal) && former_action.sa_sigaction != libc::SIG_DFL {
                 return;
             }
-            let watched = &WATCHED[signal_index];
+            let watched = &WATCHED_SIGNALS[signal_index];
             watched.is_watched.store(true, Ordering::SeqCst);
             watched
                 .has_info

@@ -34,11 +34,11 @@ impl FrequencyResponse {
         let padded_length = response.len().next_power_of_two().max(LENGTH_MIN);
         let circle_points = unit_circle(2 * POINTS_PER_TICK * padded_length);
         let mut frequency_response = vec![(0.0, 0.0); circle_points.len()];
-        for (value, force) in frequency_response.iter_mut().zip(response) {
-            value.0 = *force;
+        for (sample, force) in frequency_response.iter_mut().zip(response) {
+            sample.0 = *force;
         }
         if is_nonzero {
-            transform(&mut frequency_response, &circle_points);
+            fourier_transform(&mut frequency_response, &circle_points);
         }
         let half_length = circle_points.len() / 2;
         // 0 is left out because a free key drifts.
@@ -59,24 +59,24 @@ impl FrequencyResponse {
         if !self.is_nonzero && (k, z) == (0.0, 0.0) {
             return f64::INFINITY;
         }
-        let hand_margins = HAND_SPRING_DAMPERS.map(|hand| self.margin_held_by(hand, key, k, z / key.tick_period));
+        let hand_margins = HAND_SPRING_DAMPERS.map(|hand| self.held_margin(hand, key, k, z / key.tick_period));
         hand_margins.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    fn margin_held_by(&self, hand: (f64, f64), key: HapticLoop, k: f64, z: f64) -> f64 {
+    fn held_margin(&self, hand: (f64, f64), key: HapticLoop, k: f64, z: f64) -> f64 {
         let key_motion = HeldKeyMotion::new(key, hand);
         let mut least_margin = f64::INFINITY;
         let mut previous_gain: Option<Complex> = None;
-        for &(z_point, piece_response) in &self.points {
+        for &(circle_point, piece_response) in &self.points {
             // The damper acts on the displacement since the previous tick.
-            let unit_delay = (z_point.0, -z_point.1);
+            let unit_delay = (circle_point.0, -circle_point.1);
             let stiffness = (
                 piece_response.0 + k + z * (1.0 - unit_delay.0),
                 piece_response.1 - z * unit_delay.1,
             );
-            let mut loop_gain = times(stiffness, key_motion.transfer(z_point));
+            let mut loop_gain = multiply(stiffness, key_motion.transfer(circle_point));
             for _ in 0..key.delay_ticks {
-                loop_gain = times(loop_gain, unit_delay);
+                loop_gain = multiply(loop_gain, unit_delay);
             }
             if let Some(previous_gain) = previous_gain
                 && (previous_gain.1 < 0.0) != (loop_gain.1 < 0.0)
@@ -150,15 +150,15 @@ impl HeldKeyMotion {
             input_vector: b,
         } = self;
         let numerator = (b[0] * (re - a[1][1]) + a[0][1] * b[1], b[0] * im);
-        let denominator = times((re - a[0][0], im), (re - a[1][1], im));
+        let denominator = multiply((re - a[0][0], im), (re - a[1][1], im));
         let denominator = (denominator.0 - a[0][1] * a[1][0], denominator.1);
         let squared_norm = denominator.0 * denominator.0 + denominator.1 * denominator.1;
-        let product = times(numerator, (denominator.0, -denominator.1));
+        let product = multiply(numerator, (denominator.0, -denominator.1));
         (product.0 / squared_norm, product.1 / squared_norm)
     }
 }
 
-fn times(a: Complex, b: Complex) -> Complex {
+fn multiply(a: Complex, b: Complex) -> Complex {
     (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
 }
 
@@ -171,7 +171,7 @@ fn unit_circle(n: usize) -> Vec<Complex> {
 }
 
 /// Σ x[j]·z⁻ʲ at all points, in their order: a radix-2 transform (Cooley & Tukey 1965).
-fn transform(x: &mut [Complex], circle: &[Complex]) {
+fn fourier_transform(x: &mut [Complex], circle: &[Complex]) {
     let point_count = x.len();
     let index_bits = point_count.trailing_zeros();
     for i in 0..point_count {
@@ -187,9 +187,9 @@ fn transform(x: &mut [Complex], circle: &[Complex]) {
             let (low, high) = block.split_at_mut(block_length / 2);
             for (k, (low, high)) in low.iter_mut().zip(high).enumerate() {
                 let (c, s) = circle[k * circle_step];
-                let twiddled = times(*high, (c, -s));
-                *high = (low.0 - twiddled.0, low.1 - twiddled.1);
-                *low = (low.0 + twiddled.0, low.1 + twiddled.1);
+                let rotated = multiply(*high, (c, -s));
+                *high = (low.0 - rotated.0, low.1 - rotated.1);
+                *low = (low.0 + rotated.0, low.1 + rotated.1);
             }
         }
         block_length *= 2;
@@ -205,7 +205,7 @@ mod tests {
         let circle_points = unit_circle(16);
         let x: Vec<f64> = (0..16).map(|i| f64::from(i * i % 7)).collect();
         let mut transformed: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
-        transform(&mut transformed, &circle_points);
+        fourier_transform(&mut transformed, &circle_points);
         for (point_index, transformed) in transformed.iter().enumerate() {
             let term = |(j, x): (usize, &f64)| {
                 let (c, s) = circle_points[point_index * j % 16];
@@ -282,7 +282,7 @@ mod tests {
                     tick_period: period,
                     delay_ticks: delay,
                 };
-                let stable_border = FrequencyResponse::new(&response).margin_held_by(hand, held_key, 0.0, 0.0);
+                let stable_border = FrequencyResponse::new(&response).held_margin(hand, held_key, 0.0, 0.0);
                 assert!(
                     grows(&response, held_key, hand, 1.1 * stable_border),
                     "{hand:?} {delay} {stable_border}"

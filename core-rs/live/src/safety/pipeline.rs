@@ -12,7 +12,7 @@ use std::time::Duration;
 use super::counts::StageCounts;
 use super::force::SafeForce;
 use super::limits::SafetyLimits;
-use super::stages::fade::{Fade, scaled};
+use super::stages::fade::{Fade, scale_force};
 use super::stages::heat::Heat;
 use super::stages::passivity::Passivity;
 use super::stages::slew::Slew;
@@ -101,7 +101,7 @@ impl Pipeline {
         self.counts.ticks += 1;
         self.n_unanswered_forces = self.n_unanswered_forces.saturating_add(1);
         let period_and_fade = [self.period, self.limits.fade_time];
-        let is_stale = self.ages.before_send(now, period_and_fade, &mut self.counts);
+        let is_stale = self.ages.update(now, period_and_fade, &mut self.counts);
         let mut force_output = [0.0; MAX_AXES];
         for (axis, force_output) in force_output[..self.n_axes].iter_mut().enumerate() {
             let requested_force = requested_forces.get(axis).copied().unwrap_or(0.0);
@@ -138,11 +138,11 @@ impl Pipeline {
             let trip_count = &mut counts.trips_speed;
             axis_state.trip.start(Reason::Speed, limits.trip_time, trip_count);
         }
-        let trip_holds = axis_state.trip.tick(period, limits.fade_time);
+        let is_held = axis_state.trip.tick(period, limits.fade_time);
         force = axis_state.trip.apply(force, &mut counts.tripped);
         force = self.ages.apply_fade(force, &mut counts.stale);
-        force = scaled(force, axis_state.force_gain, &mut counts.stiff);
-        let allowed_range = if trip_holds || is_stale || self.is_stopped {
+        force = scale_force(force, axis_state.force_gain, &mut counts.stiff);
+        let allowed_range = if is_held || is_stale || self.is_stopped {
             counts.stopped += u64::from(self.is_stopped);
             NO_FORCE_INTERVAL
         } else {
@@ -161,7 +161,7 @@ impl Pipeline {
 
     /// Take a reply of the device that came `now`.
     pub(super) fn observe(&mut self, sample: &DeviceSample, now: Duration) {
-        let elapsed = self.ages.note_position(now, sample.let_go, &mut self.counts);
+        let elapsed = self.ages.note_position(now, sample.has_let_go, &mut self.counts);
         // Replies may come late and then together; a stopped host sends nothing for a while.
         let reply_interval = (self.period * f64::from(self.n_unanswered_forces.max(1))).max(elapsed.unwrap_or(0.0));
         (self.n_unanswered_forces, self.is_hot) = (0, sample.is_hot);
@@ -216,25 +216,25 @@ impl Pipeline {
         }
     }
 
-    pub(super) fn stop(&mut self, stopped: bool) {
-        if self.is_stopped && !stopped {
+    pub(super) fn set_stopped(&mut self, is_stopped: bool) {
+        if self.is_stopped && !is_stopped {
             for axis in &mut self.axes {
                 axis.ramp = Fade::ZERO;
             }
         }
-        self.is_stopped = stopped;
+        self.is_stopped = is_stopped;
         self.reset_previous_force();
     }
 
     pub(super) fn set_gain(&mut self, axis: usize, gain: f64) {
         if let Some(axis) = self.axes.get_mut(axis) {
-            axis.force_gain = super::unit(gain);
+            axis.force_gain = super::clamp_to_unit(gain);
         }
     }
 
     /// Why a stage holds an axis at zero, if one does.
-    pub(super) fn tripped(&self, axis: usize) -> Option<Reason> {
-        self.axes.get(axis).and_then(|axis| axis.trip.why())
+    pub(super) fn trip_cause(&self, axis: usize) -> Option<Reason> {
+        self.axes.get(axis).and_then(|axis| axis.trip.held_cause())
     }
 
     /// Hold an axis at zero until `release`.
@@ -282,14 +282,14 @@ impl Pipeline {
 
     /// Continue with the heat and work of `memory`, after `elapsed` [s] without force.
     pub(super) fn restore(&mut self, memory: &SafetyMemory, elapsed: f64) {
-        let refilled_work = self.limits.power_max * elapsed;
+        let refill = self.limits.power_max * elapsed;
         for (axis_index, axis) in self.axes[..self.n_axes].iter_mut().enumerate() {
             let saved_heat = Heat {
                 coil_load: memory.heat[axis_index],
             };
             axis.heat = saved_heat.cooled(elapsed, self.limits.heat_time);
-            let work_left = (memory.work[axis_index] - refilled_work).max(0.0);
-            self.passivity.resume(axis_index, work_left);
+            let work_left = (memory.work[axis_index] - refill).max(0.0);
+            self.passivity.restore_work(axis_index, work_left);
         }
     }
 }

@@ -2,13 +2,13 @@
 //! stop, a sensor that freezes, and a force or a position that comes late.
 //!
 //! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So watching
-//! alone proves nothing: the force is changed for some milliseconds, and the answer of the key decides. There are two
-//! ways. [`confirmation`] asks faint questions all the time, which hold for every hand but take 56 ms; [`lateness`]
+//! alone proves nothing: the force is changed for some milliseconds, and the response of the key decides. There are two
+//! ways. [`confirmation`] makes faint pulse tests all the time, which hold for every hand but take 56 ms; [`lateness`]
 //! says how much depends on their being in time. [`observations`] watches for a key that runs away, or rests at a stop
-//! that the force pulls it away from, and a [`probe`] decides within 8 ms or 40 ms; only `WRONG_ANSWERS_MAX` wrong
-//! answers without a right one between them end the force, and questions without any other force then decide. Two
-//! observations count without an answer: a force of newtons that pushes a resting key further into its stop, and, where
-//! no questions are asked, a position that keeps its last bit while the force changes by newtons.
+//! that the force pulls it away from, and a [`probe`] decides within 8 ms or 40 ms; only `WRONG_RESPONSES_MAX` wrong
+//! responses without a right one between them end the force, and pulse tests without any other force then decide. Two
+//! observations count without a response: a force of newtons that pushes a resting key further into its stop, and,
+//! where no pulse tests are made, a position that keeps its last bit while the force changes by newtons.
 //!
 //! Time is counted in steps of about a millisecond, without a clock. But for pulses and probes the force is unchanged,
 //! to the last bit.
@@ -17,13 +17,13 @@ mod confirmation;
 mod lateness;
 mod observations;
 mod probe;
-mod question;
+mod pulse_test;
 
 use super::TripCause;
 use crate::wire::MAX_AXES;
 use confirmation::{Confirmation, JudgedStep, Phase, Verdict};
 use observations::{AxisObservations, AxisParameters, Suspicion};
-use probe::{Probe, ProbeAnswer};
+use probe::{Probe, ProbeResponse};
 
 /// Length of a step, if a tick is shorter [s].
 const STEP_SECONDS: f64 = 1e-3;
@@ -38,10 +38,10 @@ const ALIVE_SECONDS: f64 = 0.5;
 const PROBE_PAUSES_SECONDS: [[f64; 2]; 2] = [[1.0, 4.0], [0.02, 1.0]];
 /// After this time without a suspicion the pause starts again at its first value [s].
 const PAUSE_RESET_SECONDS: f64 = 5.0;
-/// Number of wrong answers to probes, without a right one between them, that end the force.
-const WRONG_ANSWERS_MAX: u32 = 4;
-/// Longest time without the piece's force until an answer decides [s].
-const DOUBT_SECONDS: f64 = 2.0;
+/// Number of wrong responses to probes, without a right one between them, that end the force.
+const WRONG_RESPONSES_MAX: u32 = 4;
+/// Longest time without the piece's force until a response decides [s].
+const VERIFICATION_SECONDS: f64 = 2.0;
 
 /// The properties of an axis, for [`Plausibility`].
 #[derive(Clone, Copy, Debug)]
@@ -65,12 +65,12 @@ pub(super) struct AxisSpec {
 enum CheckMode {
     Watching,
     Probing(Probe),
-    /// No force but that of questions, whose answers decide; steps since then.
-    Doubting(u32),
+    /// No force but that of pulse tests, whose responses decide; steps since then.
+    Verifying(u32),
     Tripped {
         trip: TripCause,
-        calm_steps: u32,
-        since_moved: u32,
+        faultless_steps: u32,
+        steps_since_motion: u32,
     },
 }
 
@@ -91,8 +91,8 @@ pub(super) struct Plausibility {
     fade_progress: f64,
     /// Whether a probe was ever answered the right way.
     is_confirmed: bool,
-    /// Wrong answers since the last right one.
-    wrong_answers: u32,
+    /// Wrong responses since the last right one.
+    wrong_responses: u32,
     /// For each kind of suspicion: steps until it may be probed again, and how often a probe had no finding.
     pauses: [(i32, u32); 2],
     /// Number of probes so far.
@@ -115,7 +115,7 @@ impl Plausibility {
             mode: CheckMode::Watching,
             fade_progress: 1.0,
             is_confirmed: false,
-            wrong_answers: 0,
+            wrong_responses: 0,
             pauses: [(0, 0); 2],
             probes: 0,
             confirmation: Confirmation::new(axis_spec, &parameters),
@@ -137,7 +137,7 @@ impl Plausibility {
             // A later stage trips.
             _ if !requested_force.is_finite() => requested_force,
             CheckMode::Tripped { .. } => 0.0,
-            CheckMode::Doubting(_) => self.confirmation.with_pulses(0.0),
+            CheckMode::Verifying(_) => self.confirmation.add_pulses(0.0),
             CheckMode::Probing(Probe {
                 force_offset: offset,
                 replaces_piece: true,
@@ -151,7 +151,7 @@ impl Plausibility {
                 force_offset: offset, ..
             }) => (requested_force.clamp(-self.force_max, self.force_max) + offset) * self.fade_progress,
             CheckMode::Watching => {
-                let force = self.confirmation.with_pulses(requested_force);
+                let force = self.confirmation.add_pulses(requested_force);
                 if self.fade_progress < 1.0 {
                     force * self.fade_progress
                 } else {
@@ -166,7 +166,7 @@ impl Plausibility {
     /// Why forces are off, if they are.
     pub(super) fn trip(&self) -> Option<TripCause> {
         match self.mode {
-            CheckMode::Tripped { trip: why, .. } => Some(why),
+            CheckMode::Tripped { trip, .. } => Some(trip),
             _ => None,
         }
     }
@@ -180,7 +180,7 @@ impl Plausibility {
     /// Let the axis push again, at the player's request, whatever was found.
     pub(super) fn release(&mut self) {
         if self.trip().is_some() {
-            self.push_again();
+            self.resume();
         }
     }
 
@@ -193,9 +193,9 @@ impl Plausibility {
         }
     }
 
-    fn push_again(&mut self) {
+    fn resume(&mut self) {
         self.mode = CheckMode::Watching;
-        (self.fade_progress, self.wrong_answers, self.is_confirmed) = (0.0, 0, false);
+        (self.fade_progress, self.wrong_responses, self.is_confirmed) = (0.0, 0, false);
         self.pauses = [(0, 0); 2];
         self.confirmation.reset();
         self.observations = AxisObservations::default();
@@ -213,7 +213,7 @@ impl Plausibility {
                 *fruitless_probes = 0;
             }
         }
-        let displacement = self.observations.moved_to(x);
+        let displacement = self.observations.displacement_to(x);
         self.observations.add_step(x, previous_force, &self.parameters);
         let verdict = self.confirmation.advance(JudgedStep {
             position: x,
@@ -222,7 +222,7 @@ impl Plausibility {
             phase: match self.mode {
                 CheckMode::Watching => Phase::Playing,
                 CheckMode::Probing(_) => Phase::Probing,
-                CheckMode::Doubting(_) => Phase::Doubting,
+                CheckMode::Verifying(_) => Phase::Verifying,
                 CheckMode::Tripped { .. } => Phase::Off,
             },
             is_at_stop: self.observations.is_at_stop(),
@@ -230,70 +230,70 @@ impl Plausibility {
         });
         match verdict {
             Verdict::Continue => {}
-            Verdict::Doubt => self.enter_doubt(),
+            Verdict::Verify => self.start_verification(),
             Verdict::Right => {
-                self.push_again();
+                self.resume();
                 self.confirmation.confirm();
             }
             Verdict::Fault(cause) => return self.trip_with(cause),
         }
         match &mut self.mode {
             CheckMode::Watching => self.watch(previous_force),
-            CheckMode::Doubting(steps) => {
+            CheckMode::Verifying(steps) => {
                 *steps += 1;
-                if *steps >= steps_in(DOUBT_SECONDS) {
-                    self.trip_with(self.confirmation.fault_of_doubt());
+                if *steps >= steps_in(VERIFICATION_SECONDS) {
+                    self.trip_with(self.confirmation.unverified_fault());
                 }
             }
             CheckMode::Probing(probe) => {
-                let probe_answer = probe.step(&self.observations, previous_force, &self.parameters);
+                let response = probe.step(&self.observations, previous_force, &self.parameters);
                 let probe = *probe;
-                self.apply_answer(probe, probe_answer);
+                self.apply_response(probe, response);
             }
             CheckMode::Tripped {
-                trip: why,
-                calm_steps: calm,
-                since_moved,
+                trip,
+                faultless_steps,
+                steps_since_motion,
             } => {
-                *since_moved = if self.observations.is_still() {
-                    since_moved.saturating_add(1)
+                *steps_since_motion = if self.observations.is_still() {
+                    steps_since_motion.saturating_add(1)
                 } else {
                     0
                 };
-                let fault_is_gone = match why {
-                    TripCause::Frozen => *since_moved < alive_steps,
+                let is_fault_over = match trip {
+                    TripCause::Frozen => *steps_since_motion < alive_steps,
                     TripCause::AtStop => self
                         .observations
                         .pushed_into_stop(requested_force, &self.parameters)
                         .is_none(),
                     _ => false,
                 };
-                *calm = if fault_is_gone { *calm + 1 } else { 0 };
-                if *calm >= retry_steps {
-                    self.push_again();
+                *faultless_steps = if is_fault_over { *faultless_steps + 1 } else { 0 };
+                if *faultless_steps >= retry_steps {
+                    self.resume();
                 }
             }
         }
     }
 
-    /// End the piece's force until an answer is right.
-    fn enter_doubt(&mut self) {
-        self.confirmation.begin_doubt();
-        self.mode = CheckMode::Doubting(0);
+    /// End the piece's force until a response is right.
+    fn start_verification(&mut self) {
+        self.confirmation.begin_verification();
+        self.mode = CheckMode::Verifying(0);
     }
 
     fn watch(&mut self, previous_force: f64) {
-        let asks_questions = self.confirmation.is_asking;
+        let has_pulse_tests = self.confirmation.has_pulse_tests;
         if let Some(evident_trip) = self
             .observations
-            .evident_fault(previous_force, asks_questions, &self.parameters)
+            .evident_fault(previous_force, has_pulse_tests, &self.parameters)
         {
             self.trip_with(evident_trip);
         } else if self.may_probe
-            && !self.confirmation.comes_first(self.observations.is_at_stop())
+            && !self.confirmation.precedes_probes(self.observations.is_at_stop())
             && let Some((suspicion_kind, direction)) =
                 self.observations
-                    .suspicion(previous_force, self.is_confirmed, asks_questions, &self.parameters)
+                    .suspicion(previous_force, self.is_confirmed, has_pulse_tests, &self.parameters)
             && self.pauses[suspicion_kind as usize].0 <= 0
         {
             self.probes += 1;
@@ -308,36 +308,36 @@ impl Plausibility {
         }
     }
 
-    fn apply_answer(&mut self, probe: Probe, answer: ProbeAnswer) {
-        self.mode = match answer {
-            ProbeAnswer::Waiting => CheckMode::Probing(probe),
-            ProbeAnswer::Wrong if self.wrong_answers + 1 >= WRONG_ANSWERS_MAX => {
-                return self.enter_doubt();
+    fn apply_response(&mut self, probe: Probe, response: ProbeResponse) {
+        self.mode = match response {
+            ProbeResponse::Waiting => CheckMode::Probing(probe),
+            ProbeResponse::Wrong if self.wrong_responses + 1 >= WRONG_RESPONSES_MAX => {
+                return self.start_verification();
             }
-            // A hand may leave the stop by chance: questions decide, where they are asked.
-            ProbeAnswer::Wrong
+            // A hand may leave the stop by chance: pulse tests decide, where they are made.
+            ProbeResponse::Wrong
                 if probe.suspicion == Suspicion::PulledFromStop
-                    && self.wrong_answers > 0
-                    && self.confirmation.is_asking =>
+                    && self.wrong_responses > 0
+                    && self.confirmation.has_pulse_tests =>
             {
-                return self.enter_doubt();
+                return self.start_verification();
             }
-            ProbeAnswer::Wrong => {
-                self.wrong_answers += 1;
-                CheckMode::Probing(probe.repeated_as_run())
+            ProbeResponse::Wrong => {
+                self.wrong_responses += 1;
+                CheckMode::Probing(probe.repeated_as_runaway())
             }
-            ProbeAnswer::Right | ProbeAnswer::Unclear => CheckMode::Watching,
+            ProbeResponse::Right | ProbeResponse::Unclear => CheckMode::Watching,
         };
         if matches!(self.mode, CheckMode::Watching) {
-            if answer == ProbeAnswer::Right {
+            if response == ProbeResponse::Right {
                 self.is_confirmed = true;
-                self.wrong_answers = 0;
+                self.wrong_responses = 0;
             }
             let (pause_left, fruitless_probes) = &mut self.pauses[probe.suspicion as usize];
             let [first_pause, longest] = PROBE_PAUSES_SECONDS[probe.suspicion as usize];
             let pause_time = (first_pause * f64::from(1 << (*fruitless_probes).min(8))).min(longest);
-            // After a wrong answer there is no pause: the next suspicion is probed at once.
-            if self.wrong_answers == 0 {
+            // After a wrong response there is no pause: the next suspicion is probed at once.
+            if self.wrong_responses == 0 {
                 (*pause_left, *fruitless_probes) = (
                     (pause_time / self.parameters.step_seconds) as i32,
                     *fruitless_probes + 1,
@@ -350,8 +350,8 @@ impl Plausibility {
     fn trip_with(&mut self, trip: TripCause) {
         self.mode = CheckMode::Tripped {
             trip,
-            calm_steps: 0,
-            since_moved: 0,
+            faultless_steps: 0,
+            steps_since_motion: 0,
         };
     }
 }
@@ -390,7 +390,7 @@ impl PlausibilityChecks {
     pub(super) fn disable_probes(&mut self) {
         for axis in &mut self.axes {
             axis.may_probe = false;
-            axis.confirmation.is_asking = false;
+            axis.confirmation.has_pulse_tests = false;
         }
     }
 

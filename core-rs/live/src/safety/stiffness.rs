@@ -32,7 +32,7 @@ pub struct HapticLoop {
 
 /// The factor of a force, 0 to 1, that keeps a loop of this gain margin stable with a reserve.
 pub fn safe_scale(gain_margin: f64) -> f64 {
-    super::unit(GAIN_RESERVE * gain_margin)
+    super::clamp_to_unit(GAIN_RESERVE * gain_margin)
 }
 
 /// The greatest stiffness that a hand meets if it moves once and stays there: the greatest partial sum of a response

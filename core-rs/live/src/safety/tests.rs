@@ -39,7 +39,7 @@ impl Bench {
                 loop_delay_s: None,
                 inertia: None,
                 damping: None,
-                touch_gated: false,
+                is_touch_gated: false,
                 can_lockstep: true,
                 can_send_wide: true,
             },

@@ -23,17 +23,17 @@ pub const REPLY_BYTES: usize = 7;
 
 /// The packet of two forces [N].
 pub fn request(force: [f64; 2]) -> [u8; 3] {
-    let [first_force, second_force] = force.map(|force| steps(force).cast_unsigned());
+    let [first_force, second_force] = force.map(|force| force_steps(force).cast_unsigned());
     [REQUEST_START, first_force, second_force]
 }
 
 /// The forces [N] as rounded by their packet.
 pub fn rounded_forces(force: [f64; 2]) -> [f64; 2] {
-    force.map(|force| f64::from(steps(force)) * FORCE_LSB)
+    force.map(|force| f64::from(force_steps(force)) * FORCE_LSB)
 }
 
 /// A force in steps. `as` makes a NaN 0; 127 is excluded because it is the first byte.
-fn steps(force: f64) -> i8 {
+fn force_steps(force: f64) -> i8 {
     (force / FORCE_LSB).round().clamp(-127.0, 126.0) as i8
 }
 

@@ -58,7 +58,7 @@ pub struct FrameRequest {
     /// Number of axes; 0 asks for the properties of the device.
     pub axis_count: usize,
     /// Whether forces and positions are f64.
-    pub wide: bool,
+    pub is_wide: bool,
     /// Bits of [`flag`].
     pub flags: u8,
     /// Force of each axis [N] or [N·m].
@@ -75,7 +75,7 @@ pub struct FrameReply {
     /// Number of axes.
     pub axis_count: usize,
     /// Whether positions are f64.
-    pub wide: bool,
+    pub is_wide: bool,
     /// Bits of [`status`].
     pub status: u8,
     /// Position of each axis [m] or [rad].
@@ -123,18 +123,18 @@ impl FrameBytes<'_> {
     }
 }
 
-fn count(n: usize, wide: bool) -> u8 {
-    n as u8 | if wide { WIDE_FLAG } else { 0 }
+fn count_byte(axis_count: usize, is_wide: bool) -> u8 {
+    axis_count as u8 | if is_wide { WIDE_FLAG } else { 0 }
 }
 
 /// A force in steps of a narrow frame, for a greatest force of `force_max` [N]. `as` saturates, and makes a NaN 0.
-fn steps(force: f64, force_max: f64) -> i16 {
+fn force_steps(force: f64, force_max: f64) -> i16 {
     ((force / force_max * FORCE_STEPS).round() as i16).max(-i16::MAX)
 }
 
 /// A force [N] as rounded by a narrow frame.
 pub fn rounded_force(force: f64, force_max: f64) -> f64 {
-    f64::from(steps(force, force_max)) * (force_max / FORCE_STEPS)
+    f64::from(force_steps(force, force_max)) * (force_max / FORCE_STEPS)
 }
 
 impl FrameRequest {
@@ -143,12 +143,12 @@ impl FrameRequest {
         let mut request_frame = FrameBytes { bytes, n_bytes: 0 };
         request_frame.append(&SYNC);
         request_frame.append(&self.seq.to_le_bytes());
-        request_frame.append(&[count(self.axis_count, self.wide)]);
+        request_frame.append(&[count_byte(self.axis_count, self.is_wide)]);
         for force in &self.force[..self.axis_count] {
-            if self.wide {
+            if self.is_wide {
                 request_frame.append(&force.to_le_bytes());
             } else {
-                request_frame.append(&steps(*force, force_max).to_le_bytes());
+                request_frame.append(&force_steps(*force, force_max).to_le_bytes());
             }
         }
         request_frame.append(&[self.flags]);
@@ -170,7 +170,7 @@ impl FrameRequest {
             are_finite.then(|| Self {
                 seq: u16::from_le_bytes(bytes_at(body, 0)),
                 axis_count: n,
-                wide,
+                is_wide: wide,
                 flags: body[body.len() - 1],
                 force,
             })
@@ -185,9 +185,9 @@ impl FrameReply {
         reply_frame.append(&SYNC);
         reply_frame.append(&self.seq.to_le_bytes());
         reply_frame.append(&self.t_us.to_le_bytes());
-        reply_frame.append(&[count(self.axis_count, self.wide)]);
+        reply_frame.append(&[count_byte(self.axis_count, self.is_wide)]);
         for position in &self.position[..self.axis_count] {
-            if self.wide {
+            if self.is_wide {
                 reply_frame.append(&position.to_le_bytes());
             } else {
                 reply_frame.append(&((position / POS_LSB).round() as i32).to_le_bytes());
@@ -213,7 +213,7 @@ impl FrameReply {
                 seq: u16::from_le_bytes(bytes_at(body, 0)),
                 t_us: u32::from_le_bytes(bytes_at(body, 2)),
                 axis_count: n,
-                wide,
+                is_wide: wide,
                 status: body[body.len() - 1],
                 position,
             })

@@ -13,7 +13,7 @@ pub struct HaplyState {
     /// Position of its cursor [m].
     pub position: [f64; 3],
     /// Whether each command advances the device by one period; only an emulated service reports this.
-    pub lockstep: bool,
+    pub in_lockstep: bool,
 }
 
 /// The command that sets a device's force [N].
@@ -35,7 +35,7 @@ pub fn parse_state(text: &str, id: Option<&str>) -> Option<HaplyState> {
     Some(HaplyState {
         id: device.get("device_id")?.as_str()?.to_owned(),
         position: parse_vector(device.get("state")?.get("cursor_position")?)?,
-        lockstep: device.get("lockstep").and_then(Value::as_bool) == Some(true),
+        in_lockstep: device.get("lockstep").and_then(Value::as_bool) == Some(true),
     })
 }
 
@@ -68,8 +68,8 @@ fn parse_json(text: &str) -> Option<Value> {
 
 fn parse_vector(value: &Value) -> Option<[f64; 3]> {
     let mut components = [0.0; 3];
-    for (number, axis) in components.iter_mut().zip(["x", "y", "z"]) {
-        *number = value.get(axis)?.as_f64().filter(|x: &f64| x.is_finite())?;
+    for (component, axis) in components.iter_mut().zip(["x", "y", "z"]) {
+        *component = value.get(axis)?.as_f64().filter(|x: &f64| x.is_finite())?;
     }
     Some(components)
 }

@@ -36,7 +36,7 @@ fn firefader_reply_bytes_of_positions() {
 
 #[test]
 fn firefader_inbox_finds_the_next_packet() {
-    let mut inbox = PacketBuffer::<64>::new_bytes();
+    let mut inbox = PacketBuffer::<64>::empty();
     let mut seen_replies = Vec::new();
     // The end of a packet, a packet that is cut by the next one, and a packet in two pieces.
     for bytes in [&[3, 4, 0xFF, 9, 9, 0xFF, 130, 1][..], &[2, 3, 4, 5], &[0xFF, 7]] {
@@ -61,7 +61,7 @@ fn forces(n: usize) -> frame::FrameRequest {
     frame::FrameRequest {
         seq: 0x0102,
         axis_count: n,
-        wide: false,
+        is_wide: false,
         flags: frame::flag::ENABLE,
         force,
     }
@@ -122,12 +122,12 @@ fn haply_messages_of_the_service() {
         r#"{"inverse3":[{"commands":{"set_cursor_force":{"execute":true,"vector":{"x":0.5,"y":0.0,"z":-1.0}}},"device_id":"A14"}]}"#
     );
     assert_eq!(haply::parse_command(&command, "A14"), Some([0.5, 0.0, -1.0]));
-    assert!(!device_state.lockstep, "no real service has the host's time");
+    assert!(!device_state.in_lockstep, "no real service has the host's time");
     for lockstep in [false, true] {
         let state_message = haply::state_message("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
         let listened = haply::parse_state(&state_message, Some("A14")).unwrap();
         assert_eq!(listened.position, [0.1, 0.2, 0.3]);
-        assert_eq!(listened.lockstep, lockstep);
+        assert_eq!(listened.in_lockstep, lockstep);
     }
 }
 
@@ -143,7 +143,7 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
         stream_bytes.extend(noise.get(i).into_iter().flatten());
         stream_bytes.extend(packet);
     }
-    let (mut inbox, mut seen_packets) = (PacketBuffer::<512>::new_bytes(), Vec::new());
+    let (mut inbox, mut seen_packets) = (PacketBuffer::<512>::empty(), Vec::new());
     for piece in stream_bytes.chunks(piece) {
         inbox.add_bytes(piece, parse, |packet| seen_packets.push(packet));
     }
@@ -154,9 +154,9 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
 proptest! {
     #[test]
     fn parsers_accept_random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..600), piece in 1_usize..80) {
-        let mut firefader_in = PacketBuffer::<64>::new_bytes();
-        let mut frame_in = PacketBuffer::<512>::new_bytes();
-        let mut who_in = PacketBuffer::<512>::new_bytes();
+        let mut firefader_in = PacketBuffer::<64>::empty();
+        let mut frame_in = PacketBuffer::<512>::empty();
+        let mut who_in = PacketBuffer::<512>::empty();
         for piece in bytes.chunks(piece) {
             firefader_in.add_bytes(piece, firefader::parse_reply, |reply| {
                 assert!((0..2).all(|axis| reply.metres(axis).abs() < 0.05));
@@ -206,14 +206,14 @@ proptest! {
         let packets: Vec<_> = positions
             .into_iter()
             .enumerate()
-            .map(|(i, (positions, wide, status))| {
+            .map(|(i, (positions, is_wide, status))| {
                 let mut position = [0.0; MAX_AXES];
                 for (to, from) in position.iter_mut().zip(&positions) {
                     // Round the position to a narrow frame's step.
-                    *to = if wide { *from } else { (from / frame::POS_LSB).round() * frame::POS_LSB };
+                    *to = if is_wide { *from } else { (from / frame::POS_LSB).round() * frame::POS_LSB };
                 }
                 let n = positions.len();
-                let reply = frame::FrameReply { seq: i as u16, t_us: 9, axis_count: n, wide, status, position };
+                let reply = frame::FrameReply { seq: i as u16, t_us: 9, axis_count: n, is_wide, status, position };
                 let mut bytes = [0; frame::FRAME_BYTES_MAX];
                 let len = reply.write(&mut bytes);
                 (bytes[..len].to_vec(), reply)
@@ -243,7 +243,7 @@ proptest! {
     #[test]
     fn wide_frame_with_non_finite_force_is_garbage(axis in 0_usize..3, infinite in any::<bool>()) {
         let mut request = forces(3);
-        request.wide = true;
+        request.is_wide = true;
         request.force[axis] = if infinite { f64::INFINITY } else { f64::NAN };
         let mut bytes = [0; frame::FRAME_BYTES_MAX];
         let len = request.write(2.0, &mut bytes);

@@ -50,7 +50,7 @@ pub(crate) fn options(
         rate: RATE,
         hands,
         seconds: None,
-        once: false,
+        ends_with_host: false,
     }
 }
 

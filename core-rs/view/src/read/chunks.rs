@@ -25,9 +25,9 @@ pub struct ChunkRef {
 pub(super) struct Chunks {
     bytes: Vec<u8>,
     /// Payloads out of bundles, one after the other.
-    unpacked: Vec<u8>,
+    unpacked_payloads: Vec<u8>,
     /// End of the last complete chunk in the file.
-    end: usize,
+    chunks_end: usize,
     pub(super) refs: Vec<ChunkRef>,
 }
 
@@ -42,7 +42,7 @@ impl Chunks {
             _ => return Err(ReadError::Magic),
         }
         let (mut chunks, mut unpacked, mut end) = (Vec::new(), Vec::new(), MAGIC.len());
-        let mut unpacked_so_far = UnpackedTotal::default();
+        let mut unpacked_total = UnpackedTotal::default();
         // As after a cut, nothing after a damaged chunk can be trusted.
         while let Ok((chunk, chunk_length)) = motion::read_chunk(&bytes[end..]) {
             let is_known = (kind::MANIFEST..=kind::LAST).contains(&chunk.kind);
@@ -63,7 +63,7 @@ impl Chunks {
             }
             let position = chunk_ref.offset;
             let bundled_chunks =
-                bundle::unpack(chunk.payload, end as u64, &mut unpacked_so_far).map_err(|error| match error {
+                bundle::unpack(chunk.payload, end as u64, &mut unpacked_total).map_err(|error| match error {
                     BundleError::TooLong(length) => ReadError::Bundle(position, length),
                     BundleError::Damaged => ReadError::Payload(kind::BUNDLE, position),
                 })?;
@@ -80,15 +80,15 @@ impl Chunks {
         }
         Ok(Self {
             bytes,
-            unpacked,
-            end,
+            unpacked_payloads: unpacked,
+            chunks_end: end,
             refs: chunks,
         })
     }
 
     pub(super) fn payload(&self, chunk: &ChunkRef) -> &[u8] {
         match chunk.unpacked_offset {
-            Some(start) => &self.unpacked[start..start + chunk.n_bytes],
+            Some(start) => &self.unpacked_payloads[start..start + chunk.n_bytes],
             None => &self.bytes[chunk.offset..chunk.offset + chunk.n_bytes],
         }
     }
@@ -96,11 +96,12 @@ impl Chunks {
     /// Whether the file ends with its index.
     pub(super) fn is_complete(&self) -> bool {
         let is_index = |last: &ChunkRef| last.kind == kind::INDEX && last.unpacked_offset.is_none();
-        self.refs.last().is_some_and(is_index) && self.end == self.bytes.len()
+        self.refs.last().is_some_and(is_index) && self.chunks_end == self.bytes.len()
     }
 
     /// Whether the bytes after the last complete chunk are the beginning of a chunk.
     pub(super) fn is_truncated(&self) -> bool {
-        self.end < self.bytes.len() && motion::read_chunk(&self.bytes[self.end..]) == Err(ChunkError::Truncated)
+        self.chunks_end < self.bytes.len()
+            && motion::read_chunk(&self.bytes[self.chunks_end..]) == Err(ChunkError::Truncated)
     }
 }

@@ -25,7 +25,7 @@ impl Recorder {
         let (track_count, frame_period) = (self.look.n_tracks(), 1.0 / self.rate);
         let mut flights: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
-            let actual_phase = (track.oscillation).coefficients(
+            let actual = (track.oscillation).coefficients(
                 tracks[track.track_number],
                 tracks[track_count + track.track_number],
                 frame_period,
@@ -41,23 +41,23 @@ impl Recorder {
                 1.0
             };
             let amplitude_of = |(a, b): (f64, f64)| amplitude(a, b * velocity_scale);
-            let difference = amplitude_of((actual_phase.0 - predicted.0, actual_phase.1 - predicted.1));
-            let largest = amplitude_of(actual_phase).max(amplitude_of(predicted));
+            let difference = amplitude_of((actual.0 - predicted.0, actual.1 - predicted.1));
+            let largest = amplitude_of(actual).max(amplitude_of(predicted));
             let run_peak = &mut self.output_peaks[track.run_index];
             if track.track_number < self.look.points.len() {
                 *run_peak = run_peak.max(if track.oscillation.omega == 0.0 {
-                    actual_phase.0.abs()
+                    actual.0.abs()
                 } else {
-                    amplitude_of(actual_phase)
+                    amplitude_of(actual)
                 });
             }
             if difference.is_nan() || difference <= ERROR_BOUNDS.flight_share * largest + INVISIBLE_METRES {
                 continue;
             }
             // A strike at the instant of a look acts after it.
-            let strike_times = &self.strike_times[track.strike_list];
+            let strike_times = &self.strike_times[track.strike_list_index];
             let last_strike = strike_times[..strike_times.partition_point(|time| *time < now)].last();
-            let since = match last_strike {
+            let start_time = match last_strike {
                 Some(&last_strike)
                     if last_strike >= self.last_look
                         && track.oscillation.sigma * (now - last_strike) < DECAY_EXPONENT_MAX =>
@@ -66,15 +66,15 @@ impl Recorder {
                 }
                 _ => now,
             };
-            let (a, b) = track.oscillation.coefficients_after(actual_phase, since - now);
+            let (a, b) = track.oscillation.coefficients_after(actual, start_time - now);
             let (a, b) = (f64::from(a as f32), f64::from(b as f32));
             flights.push((
-                since,
+                start_time,
                 track.track_number,
                 Flight {
                     cosine_amplitude: a,
                     sine_amplitude: b,
-                    start_time: since,
+                    start_time,
                 },
             ));
         }
@@ -83,7 +83,7 @@ impl Recorder {
             self.flights[number] = flight;
             // A flight that begins now is in the key state.
             if !(is_first && since == now) {
-                write_flight(self.event(since, kind::FLIGHTS), number, &flight);
+                write_flight(self.event_bytes(since, kind::FLIGHTS), number, &flight);
             }
         }
         if self.look_number.is_multiple_of(SHAPE_INTERVAL_LOOKS) {
@@ -116,10 +116,10 @@ impl Recorder {
                 now - track_flight.start_time,
             );
             let is_faint = amplitude(a, b) <= INVISIBLE_METRES;
-            let value_or_zero = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
+            let rounded = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
             *track_flight = Flight {
-                cosine_amplitude: value_or_zero(a),
-                sine_amplitude: value_or_zero(b),
+                cosine_amplitude: rounded(a),
+                sine_amplitude: rounded(b),
                 start_time: now,
             };
             if !is_faint {
@@ -129,8 +129,8 @@ impl Recorder {
     }
 }
 
-fn write_flight(out: &mut ByteWriter, number: usize, flight: &Flight) {
-    out.u32(number as u32);
+fn write_flight(out: &mut ByteWriter, track_number: usize, flight: &Flight) {
+    out.u32(track_number as u32);
     out.f32(flight.cosine_amplitude);
     out.f32(flight.sine_amplitude);
 }

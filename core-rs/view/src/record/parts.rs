@@ -55,7 +55,7 @@ pub(super) struct OscillatingTrack {
     pub(super) track_number: usize,
     pub(super) oscillation: Oscillation,
     /// Index in the strike lists: its point, or its body.
-    pub(super) strike_list: usize,
+    pub(super) strike_list_index: usize,
     pub(super) run_index: usize,
 }
 
@@ -68,7 +68,7 @@ pub(super) fn oscillating_tracks(look: &MotionLook, runs: &[PointRun]) -> Vec<Os
                 all_tracks.push(OscillatingTrack {
                     track_number: number,
                     oscillation: run_tracks,
-                    strike_list: number,
+                    strike_list_index: number,
                     run_index: run,
                 });
             }
@@ -76,11 +76,11 @@ pub(super) fn oscillating_tracks(look: &MotionLook, runs: &[PointRun]) -> Vec<Os
         if let Some(body_index) = run_tracks.body {
             let body_modes = look.bodies[body_index].modes.iter();
             for (number, run_tracks) in (look.points.len() + look.bodies[body_index].first_mode..).zip(body_modes) {
-                let struck = look.points.len() + body_index;
+                let strike_list_index = look.points.len() + body_index;
                 all_tracks.push(OscillatingTrack {
                     track_number: number,
                     oscillation: *run_tracks,
-                    strike_list: struck,
+                    strike_list_index,
                     run_index: run,
                 });
             }
@@ -93,14 +93,14 @@ pub(super) fn oscillating_tracks(look: &MotionLook, runs: &[PointRun]) -> Vec<Os
 pub(super) fn strike_times(
     look: &MotionLook,
     network: &Network,
-    points: &HashMap<usize, usize>,
+    point_by_mat: &HashMap<usize, usize>,
     ergons: &[ErgonRecord],
     rate: f64,
 ) -> Vec<Vec<f64>> {
     let point_count = look.points.len();
     let mut all_times = vec![Vec::new(); point_count + look.bodies.len()];
     for ergon in ergons {
-        let Some(&point_index) = points.get(&(ergon.mat as usize)) else {
+        let Some(&point_index) = point_by_mat.get(&(ergon.mat as usize)) else {
             continue;
         };
         let struck_point = &look.points[point_index];

@@ -49,16 +49,16 @@ pub(super) fn check<'a>(request: &'a Request, key: &AccessKey, address: SocketAd
     if !is_server_host(request_host, address) {
         return Err(RefusalStatus::WrongHost);
     }
-    let from_here = |origin: &str| origin.strip_prefix("http://") == Some(request_host);
+    let is_own_origin = |origin: &str| origin.strip_prefix("http://") == Some(request_host);
     match request.origin.as_deref() {
-        Some(origin) if !from_here(origin) => return Err(RefusalStatus::WrongOrigin),
+        Some(origin) if !is_own_origin(origin) => return Err(RefusalStatus::WrongOrigin),
         // A browser always sends the origin of a WebSocket.
-        None if request.upgrade.is_some() => return Err(RefusalStatus::WrongOrigin),
+        None if request.upgrade_key.is_some() => return Err(RefusalStatus::WrongOrigin),
         _ => {}
     }
     let path = request.path.strip_prefix('/').ok_or(RefusalStatus::Malformed)?;
     match path.split_once('/') {
-        Some((given, path)) if key.matches(given) => Ok(path),
+        Some((key_text, path)) if key.matches(key_text) => Ok(path),
         _ => Err(RefusalStatus::NotFound),
     }
 }

@@ -90,24 +90,24 @@ pub(super) fn send_file(
     kind: &str,
     file: &mut File,
     length: u64,
-    (first, n): (u64, u64),
-    is_part: bool,
+    (first_byte, n_bytes): (u64, u64),
+    is_partial: bool,
 ) -> io::Result<()> {
-    let status_line = if is_part {
+    let status_line = if is_partial {
         format!(
-            "206 Partial Content\r\nContent-Range: bytes {first}-{}/{length}",
-            first + n - 1
+            "206 Partial Content\r\nContent-Range: bytes {first_byte}-{}/{length}",
+            first_byte + n_bytes - 1
         )
     } else {
         "200 OK".into()
     };
     let response_head = format!(
-        "HTTP/1.1 {status_line}\r\n{SECURITY_HEADERS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n}\r\n\r\n"
+        "HTTP/1.1 {status_line}\r\n{SECURITY_HEADERS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n_bytes}\r\n\r\n"
     );
     out.write_all(response_head.as_bytes())?;
-    file.seek(SeekFrom::Start(first))?;
+    file.seek(SeekFrom::Start(first_byte))?;
     let mut piece_buffer = vec![0; 64 << 10];
-    let mut bytes_left = n;
+    let mut bytes_left = n_bytes;
     while bytes_left > 0 {
         let piece_len = piece_buffer
             .len()

@@ -17,19 +17,19 @@ use super::{ConnectionSlot, ServerState, access, assets, keys, player, viewer};
 const DRAIN_BYTES_MAX: usize = 64 << 10;
 
 /// Serves a connection. It keeps the `pending_place` of a stranger until it is admitted, also while a refusal is sent.
-pub(super) fn serve_connection(stream: &TcpStream, pending_place: PendingPlace, shared: &ServerState) {
-    let admission = match request::read(stream, shared.options.limits.head_timeout) {
-        Ok(request) => admit(request, shared),
+pub(super) fn serve_connection(stream: &TcpStream, pending_place: PendingPlace, state: &ServerState) {
+    let admission = match request::read(stream, state.options.limits.head_timeout) {
+        Ok(request) => admit(request, state),
         Err(RequestError::Refused(status)) => Err(status.into()),
-        Err(RequestError::Gone) if pending_place.is_evicted() => Err(RefusalStatus::Full.into()),
-        Err(RequestError::Gone) => Err(ReplyError::Gone),
+        Err(RequestError::Closed) if pending_place.is_evicted() => Err(RefusalStatus::Full.into()),
+        Err(RequestError::Closed) => Err(ReplyError::Closed),
     };
     match admission {
         Ok(admitted) => {
             drop(pending_place);
-            count_and_refuse(reply(stream, &admitted, shared), stream, shared);
+            count_and_refuse(reply(stream, &admitted, state), stream, state);
         }
-        Err(error) => count_and_refuse(Err(error), stream, shared),
+        Err(error) => count_and_refuse(Err(error), stream, state),
     }
 }
 
@@ -41,10 +41,10 @@ struct AdmittedRequest<'a> {
     _slot: ConnectionSlot<'a>,
 }
 
-fn admit(request: Request, shared: &ServerState) -> Result<AdmittedRequest<'_>, ReplyError> {
-    let options = &shared.options;
-    let name = access::check(&request, &options.access_key, shared.address)?.to_owned();
-    let connection_slot = ConnectionSlot::take(&shared.counts.connections, options.limits.connections);
+fn admit(request: Request, state: &ServerState) -> Result<AdmittedRequest<'_>, ReplyError> {
+    let options = &state.options;
+    let name = access::check(&request, &options.access_key, state.address)?.to_owned();
+    let connection_slot = ConnectionSlot::take(&state.counts.connections, options.limits.connections);
     Ok(AdmittedRequest {
         request,
         name,
@@ -53,12 +53,12 @@ fn admit(request: Request, shared: &ServerState) -> Result<AdmittedRequest<'_>, 
 }
 
 /// Counts how a connection ended, and sends the refusal if it was refused.
-fn count_and_refuse(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &ServerState) {
-    let (server_tally, server_limits) = (&shared.counts, shared.options.limits);
+fn count_and_refuse(outcome: Result<(), ReplyError>, stream: &TcpStream, state: &ServerState) {
+    let (counts, server_limits) = (&state.counts, state.options.limits);
     let counter = match &outcome {
-        Ok(()) => &server_tally.served,
-        Err(ReplyError::Slow) => &server_tally.dropped,
-        Err(ReplyError::Gone | ReplyError::Refused(_)) => &server_tally.refused,
+        Ok(()) => &counts.served,
+        Err(ReplyError::Slow) => &counts.dropped,
+        Err(ReplyError::Closed | ReplyError::Refused(_)) => &counts.refused,
     };
     counter.fetch_add(1, Ordering::Relaxed);
     if let Err(ReplyError::Refused(refusal_status)) = outcome
@@ -72,7 +72,7 @@ fn count_and_refuse(outcome: Result<(), ReplyError>, stream: &TcpStream, shared:
 /// Why a request did not get what it asked for.
 enum ReplyError {
     /// The connection is closed: nobody can be answered.
-    Gone,
+    Closed,
     Refused(RefusalStatus),
     Slow,
 }
@@ -89,20 +89,20 @@ impl From<io::Error> for ReplyError {
     }
 }
 
-fn reply(stream: &TcpStream, admitted: &AdmittedRequest, shared: &ServerState) -> Result<(), ReplyError> {
-    let options = &shared.options;
+fn reply(stream: &TcpStream, admitted: &AdmittedRequest, state: &ServerState) -> Result<(), ReplyError> {
+    let options = &state.options;
     let AdmittedRequest { request, name, .. } = admitted;
-    if let Some(upgrade_key) = &request.upgrade {
+    if let Some(upgrade_key) = &request.upgrade_key {
         let serve = match name.as_str() {
             "live" => viewer::serve_viewer,
             "hands" if !options.page_keys.is_empty() => player::serve_player,
             _ => return Err(RefusalStatus::NotFound.into()),
         };
-        let viewer_slot = ConnectionSlot::take(&shared.counts.viewers, options.limits.viewers);
+        let viewer_slot = ConnectionSlot::take(&state.counts.viewers, options.limits.viewers);
         let viewer_slot = viewer_slot.ok_or(RefusalStatus::Full)?;
         answer::switch_protocols(&mut PacedStream::new(stream, options.limits)?, upgrade_key)?;
-        let remaining = request.unread_bytes.clone();
-        serve(stream.try_clone()?, remaining, shared, viewer_slot);
+        let unread_bytes = request.unread_bytes.clone();
+        serve(stream.try_clone()?, unread_bytes, state, viewer_slot);
         return Ok(());
     }
     let mut paced_stream = PacedStream::new(stream, options.limits)?;

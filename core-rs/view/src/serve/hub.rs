@@ -21,8 +21,8 @@ const STORED_BYTES_MAX: usize = 16 << 20;
 /// Numbered messages; their total size is bounded, whatever viewers do.
 #[derive(Default)]
 pub struct MessageHub {
-    shared_state: Mutex<HubState>,
-    changed: Condvar,
+    state: Mutex<HubState>,
+    state_change: Condvar,
 }
 
 #[derive(Default)]
@@ -44,7 +44,7 @@ struct HubState {
 
 impl HubState {
     /// Where a new viewer can begin: the newest key state, if it is still stored.
-    fn restart_point(&self) -> Option<u64> {
+    fn restart_number(&self) -> Option<u64> {
         self.newest_key_state.filter(|key| *key >= self.first_number)
     }
 }
@@ -72,55 +72,55 @@ pub enum NextMessage {
 
 impl MessageHub {
     fn lock_state(&self) -> MutexGuard<'_, HubState> {
-        self.shared_state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Sets what every viewer is sent first: the manifest and its tables. Messages from before the greeting are
     /// dropped.
     pub fn set_greeting(&self, bytes: &[u8]) {
-        let mut inner = self.lock_state();
-        inner.greeting = Some(bytes.into());
-        inner.n_greetings += 1;
-        inner.first_number += inner.messages.len() as u64;
-        inner.greeting_number = inner.first_number;
-        inner.messages.clear();
-        inner.stored_bytes = 0;
-        (inner.latest_frame, inner.newest_key_state) = (None, None);
-        drop(inner);
-        self.changed.notify_all();
+        let mut state = self.lock_state();
+        state.greeting = Some(bytes.into());
+        state.n_greetings += 1;
+        state.first_number += state.messages.len() as u64;
+        state.greeting_number = state.first_number;
+        state.messages.clear();
+        state.stored_bytes = 0;
+        (state.latest_frame, state.newest_key_state) = (None, None);
+        drop(state);
+        self.state_change.notify_all();
     }
 
     /// Sends a message to all viewers.
     pub fn publish(&self, bytes: &[u8], retention: Retention) {
-        let mut inner = self.lock_state();
-        let message_number = inner.first_number + inner.messages.len() as u64;
+        let mut state = self.lock_state();
+        let message_number = state.first_number + state.messages.len() as u64;
         if retention == Retention::Latest
-            && let Some(latest_before) = inner.latest_frame.replace(message_number)
-            && let Some(latest_offset) = latest_before.checked_sub(inner.first_number)
-            && let Some(stale_frame) = inner.messages[latest_offset as usize].take()
+            && let Some(previous_frame) = state.latest_frame.replace(message_number)
+            && let Some(latest_offset) = previous_frame.checked_sub(state.first_number)
+            && let Some(stale_frame) = state.messages[latest_offset as usize].take()
         {
-            inner.stored_bytes -= stale_frame.len();
+            state.stored_bytes -= stale_frame.len();
         }
         if retention == Retention::KeyState {
-            inner.newest_key_state = Some(message_number);
+            state.newest_key_state = Some(message_number);
         }
-        inner.stored_bytes += bytes.len();
-        inner.messages.push_back(Some(bytes.into()));
-        while inner.stored_bytes > STORED_BYTES_MAX || inner.messages.len() > STORED_BYTES_MAX / 64 {
-            let oldest_message = inner.messages.pop_front().flatten();
-            inner.stored_bytes -= oldest_message.map_or(0, |bytes| bytes.len());
-            inner.first_number += 1;
+        state.stored_bytes += bytes.len();
+        state.messages.push_back(Some(bytes.into()));
+        while state.stored_bytes > STORED_BYTES_MAX || state.messages.len() > STORED_BYTES_MAX / 64 {
+            let oldest_message = state.messages.pop_front().flatten();
+            state.stored_bytes -= oldest_message.map_or(0, |bytes| bytes.len());
+            state.first_number += 1;
         }
-        drop(inner);
-        self.changed.notify_all();
+        drop(state);
+        self.state_change.notify_all();
     }
 
     /// The cursor of a new viewer.
     pub fn new_cursor(&self) -> ViewerCursor {
-        let inner = self.lock_state();
-        let end_number = inner.first_number + inner.messages.len() as u64;
+        let state = self.lock_state();
+        let end_number = state.first_number + state.messages.len() as u64;
         ViewerCursor {
-            next_number: inner.restart_point().unwrap_or(end_number),
+            next_number: state.restart_number().unwrap_or(end_number),
             n_greetings: 0,
         }
     }
@@ -132,29 +132,29 @@ impl MessageHub {
                 && inner.first_number + inner.messages.len() as u64 == cursor.next_number
                 && cursor.n_greetings == inner.n_greetings
         };
-        let (inner, _) = self
-            .changed
+        let (state, _) = self
+            .state_change
             .wait_timeout_while(self.lock_state(), timeout, must_wait)
             .unwrap_or_else(PoisonError::into_inner);
-        if inner.is_closed {
+        if state.is_closed {
             return NextMessage::Closed;
         }
-        if cursor.n_greetings != inner.n_greetings
-            && let Some(greeting) = &inner.greeting
+        if cursor.n_greetings != state.n_greetings
+            && let Some(greeting) = &state.greeting
         {
-            cursor.n_greetings = inner.n_greetings;
-            cursor.next_number = cursor.next_number.max(inner.greeting_number);
+            cursor.n_greetings = state.n_greetings;
+            cursor.next_number = cursor.next_number.max(state.greeting_number);
             return NextMessage::Message(greeting.clone());
         }
-        if cursor.next_number < inner.first_number {
+        if cursor.next_number < state.first_number {
             // From the newest key state on, the viewer has a complete state again.
-            let next_number = inner.restart_point().unwrap_or(inner.first_number);
+            let next_number = state.restart_number().unwrap_or(state.first_number);
             let lost_messages = next_number - cursor.next_number;
             cursor.next_number = next_number;
             return NextMessage::Lost(lost_messages);
         }
-        let message_offset = (cursor.next_number - inner.first_number) as usize;
-        for message in inner.messages.iter().skip(message_offset) {
+        let message_offset = (cursor.next_number - state.first_number) as usize;
+        for message in state.messages.iter().skip(message_offset) {
             cursor.next_number += 1;
             if let Some(message_bytes) = message {
                 return NextMessage::Message(message_bytes.clone());
@@ -166,7 +166,7 @@ impl MessageHub {
     /// Ends the connections of all viewers.
     pub fn close(&self) {
         self.lock_state().is_closed = true;
-        self.changed.notify_all();
+        self.state_change.notify_all();
     }
 
     /// Total size of the stored messages.

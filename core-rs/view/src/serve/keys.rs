@@ -88,7 +88,7 @@ pub(super) fn key_list_json(keys: &[Arc<dyn PageKey>]) -> String {
     let key_rows: Vec<_> = keys
         .iter()
         .map(|key| {
-            let (key_name, input_kind, [range_low, range_high]) = (escaped(key.name()), key.input(), key.range());
+            let (key_name, input_kind, [range_low, range_high]) = (escape_json(key.name()), key.input(), key.range());
             format!(
                 "{{\"name\": \"{key_name}\", \"input\": \"{input_kind}\", \"low\": {range_low}, \"high\": {range_high}}}"
             )
@@ -98,7 +98,7 @@ pub(super) fn key_list_json(keys: &[Arc<dyn PageKey>]) -> String {
 }
 
 /// Text as it stands inside a string of JSON.
-fn escaped(text: &str) -> String {
+fn escape_json(text: &str) -> String {
     text.chars()
         .filter(|c| !c.is_control())
         .flat_map(|c| matches!(c, '"' | '\\').then_some('\\').into_iter().chain([c]))

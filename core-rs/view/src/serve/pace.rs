@@ -30,8 +30,8 @@ impl Write for PacedStream<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let bytes_written = self.stream.write(bytes)?;
         self.bytes_taken += bytes_written as u64;
-        let time_beyond = self.start_instant.elapsed().saturating_sub(self.limits.stall_timeout);
-        if self.bytes_taken < time_beyond.as_secs() * self.limits.byte_rate_min {
+        let paced_time = self.start_instant.elapsed().saturating_sub(self.limits.stall_timeout);
+        if self.bytes_taken < paced_time.as_secs() * self.limits.byte_rate_min {
             return Err(ErrorKind::TimedOut.into());
         }
         Ok(bytes_written)

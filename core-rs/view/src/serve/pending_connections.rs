@@ -23,7 +23,7 @@ struct PendingConnection {
 
 /// The place of a stranger; dropping it frees the place.
 pub(super) struct PendingPlace {
-    strangers: Arc<PendingConnections>,
+    connections: Arc<PendingConnections>,
     number: u64,
     is_evicted: Arc<AtomicBool>,
 }
@@ -36,32 +36,32 @@ impl PendingConnections {
     /// A place for a new connection. If `limit` places are taken, the oldest connection of the address that has most
     /// of them is sent away: whoever has the key sends it at once, and so is looked at before others fill the places.
     pub(super) fn admit(self: &Arc<Self>, stream: &Arc<TcpStream>, ip: IpAddr, limit: usize) -> PendingPlace {
-        let sent_away = Arc::new(AtomicBool::new(false));
-        let mut waiting = self.lock_state();
-        if waiting.connections.len() >= limit.max(1) {
-            let taken_places = &waiting.connections;
-            let count_from = |ip| taken_places.iter().filter(|other| other.ip == ip).count();
-            let largest = taken_places.iter().map(|stranger| count_from(stranger.ip)).max();
-            let oldest_index = taken_places
+        let is_evicted = Arc::new(AtomicBool::new(false));
+        let mut state = self.lock_state();
+        if state.connections.len() >= limit.max(1) {
+            let connections = &state.connections;
+            let count_of_ip = |ip| connections.iter().filter(|other| other.ip == ip).count();
+            let max_count = connections.iter().map(|connection| count_of_ip(connection.ip)).max();
+            let oldest_index = connections
                 .iter()
-                .position(|stranger| Some(count_from(stranger.ip)) == largest);
-            let dismissed = waiting.connections.remove(oldest_index.unwrap_or(0));
-            dismissed.is_evicted.store(true, Ordering::Release);
+                .position(|stranger| Some(count_of_ip(stranger.ip)) == max_count);
+            let evicted = state.connections.remove(oldest_index.unwrap_or(0));
+            evicted.is_evicted.store(true, Ordering::Release);
             // Ends the wait for the rest of its request.
-            let _ = dismissed.stream.shutdown(Shutdown::Read);
+            let _ = evicted.stream.shutdown(Shutdown::Read);
         }
-        let number = waiting.n_accepted;
-        waiting.n_accepted += 1;
-        waiting.connections.push(PendingConnection {
+        let number = state.n_accepted;
+        state.n_accepted += 1;
+        state.connections.push(PendingConnection {
             number,
             ip,
             stream: stream.clone(),
-            is_evicted: sent_away.clone(),
+            is_evicted: is_evicted.clone(),
         });
         PendingPlace {
-            strangers: self.clone(),
+            connections: self.clone(),
             number,
-            is_evicted: sent_away,
+            is_evicted,
         }
     }
 }
@@ -75,8 +75,8 @@ impl PendingPlace {
 
 impl Drop for PendingPlace {
     fn drop(&mut self) {
-        let mut waiting = self.strangers.lock_state();
-        waiting.connections.retain(|stranger| stranger.number != self.number);
+        let mut state = self.connections.lock_state();
+        state.connections.retain(|connection| connection.number != self.number);
     }
 }
 

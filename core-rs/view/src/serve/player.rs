@@ -22,9 +22,9 @@ const SILENCE_TIMEOUT: Duration = Duration::from_millis(2_500);
 const REFUSED_MAX: usize = 10_000;
 
 /// Takes positions from a page until the connection ends.
-pub(super) fn serve_player(stream: TcpStream, unread_bytes: Vec<u8>, shared: &ServerState, _slot: ConnectionSlot<'_>) {
-    let page_limits = shared.options.limits;
-    let stream_ready = stream.set_write_timeout(Some(page_limits.stall_timeout)).is_ok()
+pub(super) fn serve_player(stream: TcpStream, unread_bytes: Vec<u8>, state: &ServerState, _slot: ConnectionSlot<'_>) {
+    let page_limits = state.options.limits;
+    let is_stream_ready = stream.set_write_timeout(Some(page_limits.stall_timeout)).is_ok()
         && stream.set_read_timeout(Some(READ_TIMEOUT)).is_ok()
         && stream.set_nodelay(true).is_ok();
     let socket_config = WebSocketConfig::default()
@@ -34,18 +34,18 @@ pub(super) fn serve_player(stream: TcpStream, unread_bytes: Vec<u8>, shared: &Se
         .max_frame_size(Some(MESSAGE_MAX));
     let mut page = PlayerPage {
         socket: WebSocket::from_partially_read(stream, unread_bytes, Role::Server, Some(socket_config)),
-        shared,
-        held_keys: vec![false; shared.options.page_keys.len()],
+        state,
+        held_keys: vec![false; state.options.page_keys.len()],
         n_refused: 0,
     };
-    if stream_ready && let ConnectionEnd::Dropped = page.exchange_until_closed() {
-        shared.counts.dropped.fetch_add(1, Ordering::Relaxed);
+    if is_stream_ready && let ConnectionEnd::Dropped = page.exchange_until_closed() {
+        state.counts.dropped.fetch_add(1, Ordering::Relaxed);
     }
 }
 
 struct PlayerPage<'a> {
     socket: WebSocket<TcpStream>,
-    shared: &'a ServerState,
+    state: &'a ServerState,
     /// Which keys this page holds.
     held_keys: Vec<bool>,
     n_refused: usize,
@@ -55,9 +55,9 @@ impl PlayerPage<'_> {
     fn exchange_until_closed(&mut self) -> ConnectionEnd {
         let (mut last_sent, mut last_message) = (None::<Instant>, Instant::now());
         loop {
-            if self.shared.is_stopping() {
+            if self.state.is_stopping() {
                 let _ = self.socket.close(None);
-                return ConnectionEnd::Left;
+                return ConnectionEnd::Closed;
             }
             match self.socket.read() {
                 Ok(message) => {
@@ -90,7 +90,7 @@ impl PlayerPage<'_> {
                 self.apply_input(&played_key)
             }
             Message::Ping(_) | Message::Pong(_) => Ok(()),
-            Message::Close(_) => Err(ConnectionEnd::Left),
+            Message::Close(_) => Err(ConnectionEnd::Closed),
             Message::Frame(_) => Err(ConnectionEnd::Dropped),
         }
     }
@@ -99,11 +99,11 @@ impl PlayerPage<'_> {
         let (message_verb, argument) = text.split_once(' ').ok_or(ConnectionEnd::Dropped)?;
         if message_verb == "ping" {
             let sent_time: f64 = argument.parse().map_err(|_| ConnectionEnd::Dropped)?;
-            return self.send_text(format!("pong {sent_time} {}", self.shared.now()));
+            return self.send_text(format!("pong {sent_time} {}", self.state.now()));
         }
         let key_number: usize = argument.parse().map_err(|_| ConnectionEnd::Dropped)?;
         let page_key = self
-            .shared
+            .state
             .options
             .page_keys
             .get(key_number)
@@ -126,16 +126,16 @@ impl PlayerPage<'_> {
     }
 
     /// Moves a key by the positions of a pointer, if this page holds it.
-    fn apply_input(&mut self, played: &KeyInput) -> Result<(), ConnectionEnd> {
+    fn apply_input(&mut self, input: &KeyInput) -> Result<(), ConnectionEnd> {
         let page_key = self
-            .shared
+            .state
             .options
             .page_keys
-            .get(played.key)
+            .get(input.key)
             .ok_or(ConnectionEnd::Dropped)?;
-        let time_now = self.shared.now();
-        for &(time, x, pressure) in &played.positions {
-            let is_taken = if self.held_keys[played.key] {
+        let time_now = self.state.now();
+        for &(time, x, pressure) in &input.positions {
+            let is_taken = if self.held_keys[input.key] {
                 page_key.add_position(time_now - time, x, pressure)
             } else {
                 page_key.count_refused();
@@ -156,24 +156,24 @@ impl PlayerPage<'_> {
 
     /// For each key: whether this page (1), another (2) or none (0) holds it; pointer, finger, key [m] and force [N].
     fn key_state_bytes(&self) -> Bytes {
-        let mut picture_bytes = Vec::with_capacity(17 * self.held_keys.len());
-        for (key, &holds) in self.shared.options.page_keys.iter().zip(&self.held_keys) {
-            picture_bytes.push(match (holds, key.is_held()) {
+        let mut state_bytes = Vec::with_capacity(17 * self.held_keys.len());
+        for (key, &is_held) in self.state.options.page_keys.iter().zip(&self.held_keys) {
+            state_bytes.push(match (is_held, key.is_held()) {
                 (true, _) => 1,
                 (false, true) => 2,
                 (false, false) => 0,
             });
             let key_points = key.points();
             for point in [key_points.pointer, key_points.finger, key_points.key, key_points.force] {
-                picture_bytes.extend((point as f32).to_le_bytes());
+                state_bytes.extend((point as f32).to_le_bytes());
             }
         }
-        picture_bytes.into()
+        state_bytes.into()
     }
 
     fn release_all(&mut self) {
-        for (key, holds) in self.shared.options.page_keys.iter().zip(&mut self.held_keys) {
-            if std::mem::take(holds) {
+        for (key, is_held) in self.state.options.page_keys.iter().zip(&mut self.held_keys) {
+            if std::mem::take(is_held) {
                 key.release();
             }
         }

@@ -20,7 +20,7 @@ pub(super) struct Request {
     /// `bytes=a-b`: the first byte, and the last one if it is given.
     pub(super) range: Option<(u64, Option<u64>)>,
     /// The key of a WebSocket upgrade, from which the answer is derived.
-    pub(super) upgrade: Option<String>,
+    pub(super) upgrade_key: Option<String>,
     /// Bytes that came after the head.
     pub(super) unread_bytes: Vec<u8>,
 }
@@ -28,7 +28,7 @@ pub(super) struct Request {
 /// Why there is no request.
 pub(super) enum RequestError {
     /// The connection is closed: nobody can be answered.
-    Gone,
+    Closed,
     Refused(RefusalStatus),
 }
 
@@ -43,13 +43,13 @@ pub(super) fn read(mut stream: &TcpStream, time_limit: Duration) -> Result<Reque
             return Err(RequestError::Refused(RefusalStatus::TimedOut));
         }
         match stream.read(&mut head_bytes[bytes_read..]) {
-            Ok(0) => return Err(RequestError::Gone),
+            Ok(0) => return Err(RequestError::Closed),
             Ok(read_count) => bytes_read += read_count,
             Err(error) if error.kind() == ErrorKind::Interrupted => continue,
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 return Err(RequestError::Refused(RefusalStatus::TimedOut));
             }
-            Err(_) => return Err(RequestError::Gone),
+            Err(_) => return Err(RequestError::Closed),
         }
         if let Some(request) = parse(&head_bytes[..bytes_read]).map_err(RequestError::Refused)? {
             return Ok(request);
@@ -94,32 +94,32 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, RefusalStatus> {
         path: request_target.split('?').next().unwrap_or_default().to_owned(),
         host: single_header("host")?.map(str::to_owned),
         origin: single_header("origin")?.map(str::to_owned),
-        range: single_header("range")?.map(range).transpose()?,
-        upgrade: upgrade(&single_header, request_head.version)?,
+        range: single_header("range")?.map(parse_range).transpose()?,
+        upgrade_key: parse_upgrade(&single_header, request_head.version)?,
         unread_bytes: bytes[head_length..].to_vec(),
     }))
 }
 
 /// The key of a WebSocket upgrade by RFC 6455; `None` if no upgrade is requested.
-fn upgrade<'a>(
+fn parse_upgrade<'a>(
     single_header: &impl Fn(&str) -> Result<Option<&'a str>, RefusalStatus>,
     version: Option<u8>,
 ) -> Result<Option<String>, RefusalStatus> {
-    let Some(upgrade_to) = single_header("upgrade")? else {
+    let Some(upgrade_header) = single_header("upgrade")? else {
         return Ok(None);
     };
-    let connection = single_header("connection")?.unwrap_or_default();
-    let requests_upgrade = connection
+    let connection_header = single_header("connection")?.unwrap_or_default();
+    let is_upgrade = connection_header
         .split(',')
         .any(|word| word.trim().eq_ignore_ascii_case("upgrade"));
     let socket_key = single_header("sec-websocket-key")?.unwrap_or_default();
     // The form of 16 bytes in base64.
     let is_valid_key = socket_key.len() == 24 && socket_key.ends_with("==") && socket_key.is_ascii();
-    let is_known = single_header("sec-websocket-version")? == Some("13");
-    if upgrade_to.eq_ignore_ascii_case("websocket")
-        && requests_upgrade
+    let is_known_version = single_header("sec-websocket-version")? == Some("13");
+    if upgrade_header.eq_ignore_ascii_case("websocket")
+        && is_upgrade
         && is_valid_key
-        && is_known
+        && is_known_version
         && version == Some(1)
     {
         Ok(Some(socket_key.to_owned()))
@@ -128,7 +128,7 @@ fn upgrade<'a>(
     }
 }
 
-fn range(text: &str) -> Result<(u64, Option<u64>), RefusalStatus> {
+fn parse_range(text: &str) -> Result<(u64, Option<u64>), RefusalStatus> {
     let (first_byte, last_byte) = text
         .strip_prefix("bytes=")
         .and_then(|text| text.split_once('-'))

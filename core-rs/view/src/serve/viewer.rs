@@ -15,21 +15,21 @@ const MESSAGE_BYTES_MAX: usize = 64;
 /// Messages that are read before the next one is sent: a page may send without end.
 const READS_PER_SEND: usize = 16;
 /// Longest wait for news, during which messages from the page are not read; and longest wait for such a message.
-const NEWS_TIMEOUT: Duration = Duration::from_millis(10);
+const HUB_TIMEOUT: Duration = Duration::from_millis(10);
 const READ_TIMEOUT: Duration = Duration::from_millis(1);
 
 /// How the connection to a viewer ended.
 pub(super) enum ConnectionEnd {
     /// The page was closed, or the server.
-    Left,
+    Closed,
     /// The client read too slowly, or sent a message that the protocol does not have.
     Dropped,
 }
 
 /// Sends messages to a page until the connection ends.
-pub(super) fn serve_viewer(stream: TcpStream, unread_bytes: Vec<u8>, shared: &ServerState, _slot: ConnectionSlot<'_>) {
-    let page_limits = shared.options.limits;
-    let stream_ready = stream.set_write_timeout(Some(page_limits.stall_timeout)).is_ok()
+pub(super) fn serve_viewer(stream: TcpStream, unread_bytes: Vec<u8>, state: &ServerState, _slot: ConnectionSlot<'_>) {
+    let page_limits = state.options.limits;
+    let is_stream_ready = stream.set_write_timeout(Some(page_limits.stall_timeout)).is_ok()
         && stream.set_read_timeout(Some(READ_TIMEOUT)).is_ok()
         && stream.set_nodelay(true).is_ok();
     let socket_config = WebSocketConfig::default()
@@ -38,21 +38,21 @@ pub(super) fn serve_viewer(stream: TcpStream, unread_bytes: Vec<u8>, shared: &Se
         .max_message_size(Some(MESSAGE_BYTES_MAX))
         .max_frame_size(Some(MESSAGE_BYTES_MAX));
     let mut page_socket = WebSocket::from_partially_read(stream, unread_bytes, Role::Server, Some(socket_config));
-    if stream_ready && let ConnectionEnd::Dropped = send_until_closed(&mut page_socket, shared) {
-        shared.counts.dropped.fetch_add(1, Ordering::Relaxed);
+    if is_stream_ready && let ConnectionEnd::Dropped = send_until_closed(&mut page_socket, state) {
+        state.counts.dropped.fetch_add(1, Ordering::Relaxed);
     }
 }
 
-fn send_until_closed(socket: &mut WebSocket<TcpStream>, shared: &ServerState) -> ConnectionEnd {
-    let mut viewer_cursor = shared.hub.new_cursor();
+fn send_until_closed(socket: &mut WebSocket<TcpStream>, state: &ServerState) -> ConnectionEnd {
+    let mut viewer_cursor = state.hub.new_cursor();
     loop {
-        let message = match shared.hub.next_message(&mut viewer_cursor, NEWS_TIMEOUT) {
+        let message = match state.hub.next_message(&mut viewer_cursor, HUB_TIMEOUT) {
             NextMessage::Message(bytes) => Some(Message::binary(tungstenite::Bytes::from_owner(bytes))),
             NextMessage::Lost(n) => Some(Message::text(format!("lost {n}"))),
             NextMessage::Nothing => None,
             NextMessage::Closed => {
                 let _ = socket.close(None);
-                return ConnectionEnd::Left;
+                return ConnectionEnd::Closed;
             }
         };
         // If the reader takes nothing, this times out. A message that was sent in part cannot be taken back, so the
@@ -62,14 +62,14 @@ fn send_until_closed(socket: &mut WebSocket<TcpStream>, shared: &ServerState) ->
         {
             return connection_end(&error);
         }
-        if let Err(end) = answer_messages(socket, shared) {
+        if let Err(end) = answer_messages(socket, state) {
             return end;
         }
     }
 }
 
 /// Reads and answers messages of the page.
-fn answer_messages(socket: &mut WebSocket<TcpStream>, shared: &ServerState) -> Result<(), ConnectionEnd> {
+fn answer_messages(socket: &mut WebSocket<TcpStream>, state: &ServerState) -> Result<(), ConnectionEnd> {
     for _ in 0..READS_PER_SEND {
         let message = match socket.read() {
             Ok(message) => message,
@@ -80,13 +80,13 @@ fn answer_messages(socket: &mut WebSocket<TcpStream>, shared: &ServerState) -> R
             Message::Text(text) => {
                 let ping_time = text.strip_prefix("ping ").and_then(|t| t.parse().ok());
                 let ping_time: f64 = ping_time.ok_or(ConnectionEnd::Dropped)?;
-                let pong_text = format!("pong {ping_time} {}", shared.now());
+                let pong_text = format!("pong {ping_time} {}", state.now());
                 socket
                     .send(Message::text(pong_text))
                     .map_err(|error| connection_end(&error))?;
             }
             Message::Ping(_) | Message::Pong(_) => {}
-            Message::Close(_) => return Err(ConnectionEnd::Left),
+            Message::Close(_) => return Err(ConnectionEnd::Closed),
             Message::Binary(_) | Message::Frame(_) => return Err(ConnectionEnd::Dropped),
         }
     }
@@ -100,8 +100,8 @@ pub(super) fn is_timeout(error: &std::io::Error) -> bool {
 
 pub(super) fn connection_end(error: &Error) -> ConnectionEnd {
     match error {
-        Error::ConnectionClosed | Error::AlreadyClosed => ConnectionEnd::Left,
-        Error::Io(error) if !is_timeout(error) => ConnectionEnd::Left,
+        Error::ConnectionClosed | Error::AlreadyClosed => ConnectionEnd::Closed,
+        Error::Io(error) if !is_timeout(error) => ConnectionEnd::Closed,
         _ => ConnectionEnd::Dropped,
     }
 }

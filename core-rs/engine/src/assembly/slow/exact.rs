@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::{Solution, moving_mats, resolves_turn};
+use super::{Solution, moving_mats, resolves_phase};
 use crate::assembly::constants::{FLOW_MASSES_MAX, LOOSE_STIFFNESS_RATIO};
 use crate::assembly::wiring::WiredBody;
 use crate::integrate::flow::{Flow, frame_map};
@@ -48,27 +48,28 @@ pub(super) fn slow_body_of_springs(
     } else {
         lambda_max.sqrt()
     };
-    let too_fast = || {
+    let rate_error = || {
         let mode_hertz = angle_max * rate.hertz() / (2.0 * PI);
         format!("its highest mode is at {mode_hertz:.0} Hz, too high for the audio rate")
     };
-    if !resolves_turn(angle_max) {
-        return Err(too_fast());
+    if !resolves_phase(angle_max) {
+        return Err(rate_error());
     }
-    let frame = frame_map(&matrices.stiffness, &matrices.viscosity, is_discrete);
-    let frame_flow = Flow::new(&frame).ok_or_else(too_fast)?;
+    let frame_matrix = frame_map(&matrices.stiffness, &matrices.viscosity, is_discrete);
+    let frame_flow = Flow::new(&frame_matrix).ok_or_else(rate_error)?;
     let solution = Solution {
-        turn_radians: angle_max,
-        kick_every: 1,
+        kick_phase: angle_max,
+        kick_interval: 1,
         rest_positions: matrices.equilibrium(&eigenmodes.eigenvalues, &eigenmodes.eigenvectors),
         moving_mats: matrices.moving_mats,
         inverse_masses: matrices.inverse_masses.clone(),
         is_discrete,
     };
     let springs = |ports: &[(usize, usize)], outputs: &[Weights]| {
-        let missing = |local: usize| frame_flow.push_deficit(local, &state_after_strike(&frame, local, is_discrete));
+        let deficit_at =
+            |local: usize| frame_flow.push_deficit(local, &state_after_strike(&frame_matrix, local, is_discrete));
         let ports = ports.iter();
-        let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| missing(local))));
+        let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| deficit_at(local))));
         let interface = BodyInterface {
             inverse_masses: &matrices.inverse_masses,
             ports: ports.collect(),
@@ -83,15 +84,15 @@ pub(super) fn slow_body_of_springs(
 
 /// Positions and velocities one frame after a push by a metre a frame: in a CA network only the pushed mass has moved;
 /// continuous motion follows the flow of a frame.
-fn state_after_strike(frame: &SquareMatrix, port: usize, is_discrete: bool) -> Vec<f64> {
-    let mass_count = frame.n / 2;
-    let mut moved_state = vec![0.0; 2 * mass_count];
-    moved_state[mass_count + port] = 1.0;
+fn state_after_strike(frame_matrix: &SquareMatrix, port: usize, is_discrete: bool) -> Vec<f64> {
+    let mass_count = frame_matrix.n / 2;
+    let mut state = vec![0.0; 2 * mass_count];
+    state[mass_count + port] = 1.0;
     if is_discrete {
-        moved_state[port] = 1.0;
-        return moved_state;
+        state[port] = 1.0;
+        return state;
     }
-    frame.times_vector(&moved_state)
+    frame_matrix.times_vector(&state)
 }
 
 /// Springs and dampers of the body as matrices, in units of a frame.
@@ -109,46 +110,46 @@ struct Matrices {
 impl Matrices {
     fn new(subset: &Subset, scheme: &Scheme, body: &WiredBody) -> Self {
         let mats = subset.network.mats();
-        let free = moving_mats(body, subset);
-        let free_count = free.len();
-        let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
-        let inverse_masses: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
-        let (mut stiffness, mut z, mut force) = (
-            SquareMatrix::zero(free_count),
-            SquareMatrix::zero(free_count),
-            vec![0.0; free_count],
+        let moving_mats = moving_mats(body, subset);
+        let mass_count = moving_mats.len();
+        let slot_of_mat = |mat: usize| moving_mats.binary_search(&mat).ok();
+        let inverse_masses: Vec<f64> = moving_mats.iter().map(|&i| scheme.w[i]).collect();
+        let (mut stiffness, mut viscosity, mut force_at_origin) = (
+            SquareMatrix::zero(mass_count),
+            SquareMatrix::zero(mass_count),
+            vec![0.0; mass_count],
         );
-        for (local, &i) in free.iter().enumerate() {
+        for (local, &i) in moving_mats.iter().enumerate() {
             *stiffness.entry_mut(local, local) += scheme.kappa[i];
-            *z.entry_mut(local, local) += scheme.zeta[i];
-            force[local] += scheme.kappa[i] / inverse_masses[local] * scheme.rest[i];
+            *viscosity.entry_mut(local, local) += scheme.zeta[i];
+            force_at_origin[local] += scheme.kappa[i] / inverse_masses[local] * scheme.rest[i];
         }
         for run in &scheme.runs {
             for i in 0..run.len {
                 let end_pairs = [(run.a + i, run.b + i, 1.0), (run.b + i, run.a + i, -1.0)];
-                for (mat, other, sign) in end_pairs {
+                for (mat, neighbour, sign) in end_pairs {
                     let Some(row) = slot_of_mat(mat) else {
                         continue;
                     };
                     *stiffness.entry_mut(row, row) += inverse_masses[row] * run.k;
-                    *z.entry_mut(row, row) += inverse_masses[row] * run.z;
-                    force[row] -= sign * run.k * run.rest;
-                    match slot_of_mat(other) {
+                    *viscosity.entry_mut(row, row) += inverse_masses[row] * run.z;
+                    force_at_origin[row] -= sign * run.k * run.rest;
+                    match slot_of_mat(neighbour) {
                         Some(column) => {
                             *stiffness.entry_mut(row, column) -= inverse_masses[row] * run.k;
-                            *z.entry_mut(row, column) -= inverse_masses[row] * run.z;
+                            *viscosity.entry_mut(row, column) -= inverse_masses[row] * run.z;
                         }
-                        None => force[row] += run.k * mats.x0[other],
+                        None => force_at_origin[row] += run.k * mats.x0[neighbour],
                     }
                 }
             }
         }
         Self {
-            moving_mats: free,
+            moving_mats,
             inverse_masses,
             stiffness,
-            viscosity: z,
-            force_at_origin: force,
+            viscosity,
+            force_at_origin,
         }
     }
 

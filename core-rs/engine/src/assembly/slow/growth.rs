@@ -27,9 +27,9 @@ pub(crate) struct Growth {
     /// Largest magnitude of an eigenvalue, for one kick; 0 if none is known.
     pub(crate) growth_per_kick: f64,
     /// The island was only simulated for a while, or part of it was left out.
-    pub(crate) is_tried: bool,
+    pub(crate) is_estimated: bool,
     /// It grows only where contacts are closed.
-    pub(crate) is_by_contacts: bool,
+    pub(crate) is_from_contacts: bool,
     /// Work of the test [s].
     pub(crate) test_seconds: f64,
 }
@@ -38,7 +38,7 @@ impl Growth {
     pub(crate) fn is_stable(self) -> bool {
         self.growth_per_kick
             <= 1.0
-                + if self.is_tried {
+                + if self.is_estimated {
                     GROWTH_TOLERANCE
                 } else {
                     UNIT_CIRCLE_TOLERANCE
@@ -50,13 +50,13 @@ impl Growth {
 pub(crate) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
     let mut growth = Growth {
         growth_per_kick: 0.0,
-        is_tried: false,
-        is_by_contacts: false,
+        is_estimated: false,
+        is_from_contacts: false,
         test_seconds: 0.0,
     };
-    for closed in [false, true] {
-        let Some(mut linear_map) = KickMap::new(island_plan, closed) else {
-            growth.is_tried = true;
+    for are_contacts_closed in [false, true] {
+        let Some(mut linear_map) = KickMap::new(island_plan, are_contacts_closed) else {
+            growth.is_estimated = true;
             continue;
         };
         let is_dense = linear_map.len() <= DENSE_STATE_MAX && linear_map.eigenvalue_seconds() <= TRIAL_WORK_MAX;
@@ -75,8 +75,8 @@ pub(crate) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
         };
         let was_stable = growth.is_stable();
         growth.growth_per_kick = growth.growth_per_kick.max(radius);
-        growth.is_tried |= !is_dense || linear_map.is_partial;
-        growth.is_by_contacts = closed && was_stable && !growth.is_stable();
+        growth.is_estimated |= !is_dense || linear_map.is_partial;
+        growth.is_from_contacts = are_contacts_closed && was_stable && !growth.is_stable();
         growth.test_seconds += trial_work;
     }
     Some(growth)
@@ -115,12 +115,12 @@ struct KickMap<'a> {
 }
 
 impl<'a> KickMap<'a> {
-    fn new(island_plan: &'a IslandPlan, closed: bool) -> Option<Self> {
+    fn new(island_plan: &'a IslandPlan, are_contacts_closed: bool) -> Option<Self> {
         let scheme = Scheme::new(&island_plan.network, island_plan.timeline.rate).ok()?;
         let links = scheme
             .runs
             .iter()
-            .filter_map(|run| linear_links(run, closed, island_plan.contact_substeps > 1))
+            .filter_map(|run| linear_links(run, are_contacts_closed, island_plan.contact_substeps > 1))
             .flatten()
             .collect();
         let mat_count = scheme.n_mat();
@@ -135,9 +135,9 @@ impl<'a> KickMap<'a> {
             BodyPlan::Slow(slow) if slow.is_linear() => Some(slow),
             _ => None,
         };
-        let slow: Vec<&Slow> = body_plans().filter_map(linear_slow).collect();
-        let kick_periods: Vec<u64> = slow.iter().map(|slow| slow.kick_interval.into()).collect();
-        let frames = kick_periods.iter().copied().fold(1, lcm);
+        let slow_plans: Vec<&Slow> = body_plans().filter_map(linear_slow).collect();
+        let kick_periods: Vec<u64> = slow_plans.iter().map(|slow| slow.kick_interval.into()).collect();
+        let period_frames = kick_periods.iter().copied().fold(1, lcm);
         let shortest_period = kick_periods.iter().copied().min()?;
         // A body without a linear map is replaced by the masses of its ports.
         let has_no_map = |inside: &&BodyPlan| match inside {
@@ -150,8 +150,8 @@ impl<'a> KickMap<'a> {
             is_port_mat[mat] = false;
         }
         let start_slow = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().layer_body(), &modules);
-        let running_slow: Vec<RunningSlow> = slow.iter().map(start_slow).collect();
-        (frames <= COMMON_FRAMES_MAX).then(|| Self {
+        let running_slow: Vec<RunningSlow> = slow_plans.iter().map(start_slow).collect();
+        (period_frames <= COMMON_FRAMES_MAX).then(|| Self {
             slow_bodies: running_slow,
             modes: body_plans()
                 .filter_map(|inside| match inside {
@@ -166,9 +166,9 @@ impl<'a> KickMap<'a> {
             stepped_mats: (0..mat_count)
                 .filter(|&i| scheme.w[i] > 0.0 && !is_port_mat[i])
                 .collect(),
-            kicks_per_period: frames as f64 / shortest_period as f64,
+            kicks_per_period: period_frames as f64 / shortest_period as f64,
             is_partial,
-            period_frames: frames,
+            period_frames,
             links,
             modules,
             scheme,
@@ -316,14 +316,14 @@ impl<'a> KickMap<'a> {
             let (re, im) = (value.re, value.im);
             (re * re + im * im).sqrt()
         });
-        let largest = magnitudes.fold(0.0, f64::max);
-        crate::maths::pow(largest, 1.0 / self.kicks_per_period)
+        let radius = magnitudes.fold(0.0, f64::max);
+        crate::maths::pow(radius, 1.0 / self.kicks_per_period)
     }
 
     /// Growth at each kick of a motion that excites everything: from the largest energy in the second quarter of the
     /// simulated time to that in the last.
     fn simulated_growth(&mut self) -> f64 {
-        self.excite();
+        self.randomise_state();
         let n_applications = self.n_applications();
         let mut quarters = [0.0_f64; 4];
         for application in 0..n_applications {
@@ -348,7 +348,7 @@ impl<'a> KickMap<'a> {
     }
 
     /// Sets all positions to 0 and random speeds of about equal energy.
-    fn excite(&mut self) {
+    fn randomise_state(&mut self) {
         let mut draw_count = 0_u64;
         let mut next_random = || {
             draw_count += 1;

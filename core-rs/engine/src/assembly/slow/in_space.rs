@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Solution, moving_mats, resolves_turn};
+use super::{Solution, moving_mats, resolves_phase};
 use crate::assembly::wiring::WiredBody;
 use crate::island::slow::{Slow, SpringMethod};
 use crate::maths;
@@ -25,20 +25,20 @@ pub(super) fn slow_body_in_space(
         Error::Unstable { .. } => stiff_message(),
         other_error => other_error.to_string(),
     })?;
-    let turn = 2.0 * maths::asin((0.5 * certificate.lambda_max.sqrt()).min(1.0));
-    if !resolves_turn(turn) {
+    let kick_phase = 2.0 * maths::asin((0.5 * certificate.lambda_max.sqrt()).min(1.0));
+    if !resolves_phase(kick_phase) {
         return Err(stiff_message());
     }
-    let free = moving_mats(body, &subset);
+    let moving_mats = moving_mats(body, &subset);
     let solution = Solution {
-        turn_radians: turn,
-        kick_every: macrostep,
-        rest_positions: vec![0.0; free.len()],
-        inverse_masses: free
+        kick_phase,
+        kick_interval: macrostep,
+        rest_positions: vec![0.0; moving_mats.len()],
+        inverse_masses: moving_mats
             .iter()
             .map(|&mat| macro_scheme.w[mat] / (macro_frames * macro_frames))
             .collect(),
-        moving_mats: free,
+        moving_mats,
         is_discrete: false,
     };
     let springs = SpringMethod::Stepped(Arc::new(macro_scheme));

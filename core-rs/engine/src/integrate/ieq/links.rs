@@ -146,7 +146,7 @@ impl IeqLinks {
                 let e = e - 0.5 * de;
                 state.psi[run_start + i] = match run_index.checked_sub(mesh.springs.len()) {
                     None => sqrt(0.5 * run.q) * (e * e),
-                    Some(other) => psi(&mesh.other_runs[other], e),
+                    Some(other) => psi_of_run(&mesh.other_runs[other], e),
                 };
                 state.matrix_terms[run_start + i] = 0.5 * run.z + self.beta * run.k;
             }
@@ -174,15 +174,15 @@ impl IeqLinks {
         start_state.matrix_terms
     }
 
-    /// Sets g and c of every link for the current frame; adds its explicit force to `right`, and c to the diagonal at
-    /// both ends.
+    /// Sets g and c of every link for the current frame; adds its explicit force to `right_side`, and c to the diagonal
+    /// at both ends.
     pub(super) fn add_explicit_forces(
         &self,
         mesh: &Mesh,
         [x, d]: [&[f64]; 2],
         state: &mut LinkStates,
         forces: &mut [f64],
-        [right, diagonal]: [&mut [f64]; 2],
+        [right_side, diagonal]: [&mut [f64]; 2],
     ) {
         let mut run_start = 0;
         for (run_index, run) in self.runs.iter().enumerate() {
@@ -196,14 +196,14 @@ impl IeqLinks {
                     let other = &mesh.other_runs[other];
                     for i in 0..run.len {
                         let (e, de) = elongation(run, x, d, i);
-                        let (psi_slope, drag_factor, push_force) = slope_and_damping(other, e, de, psi[i]);
+                        let (psi_slope, drag_factor, explicit_force) = slope_and_damping(other, e, de, psi[i]);
                         g[i] = psi_slope;
                         c[i] = 0.25 * psi_slope * psi_slope + 0.5 * drag_factor;
-                        run_forces[i] = psi_slope * psi[i] + push_force;
+                        run_forces[i] = psi_slope * psi[i] + explicit_force;
                     }
                 }
             }
-            passes::add_to_ends(run_forces, run.a, run.b, right);
+            passes::add_to_ends(run_forces, run.a, run.b, right_side);
             add_at_ends(c, run.a, run.b, diagonal);
             run_start += run.len;
         }
@@ -261,7 +261,7 @@ fn elongation(run: &Spring, x: &[f64], d: &[f64], i: usize) -> (f64, f64) {
 }
 
 /// ψ of a contact or a law: √(2V), with the sign of e for a law that acts on both sides.
-fn psi(run: &LinkRun, e: f64) -> f64 {
+fn psi_of_run(run: &LinkRun, e: f64) -> f64 {
     match &run.kind {
         LinkRunKind::Lnl { law, .. } => copysign(sqrt(2.0 * law.potential(e)), e),
         LinkRunKind::But(but) => {
@@ -282,7 +282,7 @@ fn psi(run: &LinkRun, e: f64) -> f64 {
 fn slope_and_damping(run: &LinkRun, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
     match &run.kind {
         LinkRunKind::Lnl { law, rate, .. } => {
-            let potential_root = psi(run, e);
+            let potential_root = psi_of_run(run, e);
             let psi_slope = if potential_root == 0.0 {
                 sqrt(law.slope(e).max(0.0))
             } else {

@@ -42,11 +42,11 @@ fn integrator_by_ca_equals_the_scheme_of_islands() {
             .expect("a strike");
     }
     let options = SimulationOptions {
-        ledger: false,
-        record: false,
+        keeps_ledger: false,
+        records_ergons: false,
         on_fault: OnFault::Stop,
         threads: 1,
-        unchecked: false,
+        is_unchecked: false,
     };
     let mut simulation = Simulation::new(network.clone(), &timeline, options).expect("it plays");
     let mesh_path = play(by(&network, MeshMethod::Ca, 1), 600, &strikes);
@@ -100,8 +100,8 @@ fn thread_team_steps_the_same_bits() {
     ] {
         let last_state = |threads: usize| {
             let mut integrator = by(&network, method, 1);
-            integrator.partition_for(threads);
-            assert_eq!(integrator.is_shared(), threads > 1);
+            integrator.partition(threads);
+            assert_eq!(integrator.can_share_work(), threads > 1);
             crate::kernel::thread_team::with_denormals_flushed(|| {
                 ThreadTeam::with(threads, |team| {
                     integrator.step(&[(700, 0.02), (1584, 0.03), (1585, -0.01)], team);

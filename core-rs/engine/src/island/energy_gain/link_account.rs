@@ -16,7 +16,7 @@ pub(super) struct LinkAccount {
     previous_force: f64,
     pub(super) energy_account: EnergyAccount,
     /// The same along each axis, for a link in space.
-    space_work: Option<SpaceWork>,
+    axis_history: Option<AxisHistory>,
     /// A spring that is computed in one pass with others: its force is not known apart from theirs.
     fused_spring: Option<Spring>,
     /// For a link whose strength changes in time, by a gate or a lead: its strength in the step before, as a factor.
@@ -27,27 +27,27 @@ crate::archive::state!(LinkAccount {
     previous_stretch,
     previous_force,
     energy_account,
-    space_work,
+    axis_history,
     strength_factor
 });
 
 /// What a link in space did in the step before, along each axis.
 #[derive(Clone, Debug)]
-struct SpaceWork {
+struct AxisHistory {
     link: SpaceLink,
     /// [m a step], and the force that pulls its ends together [N].
     previous_stretches: [f64; AXES_MAX],
     previous_forces: [f64; AXES_MAX],
 }
 
-crate::archive::option!(SpaceWork, fixed);
+crate::archive::option!(AxisHistory, fixed);
 
-crate::archive::state!(SpaceWork {
+crate::archive::state!(AxisHistory {
     previous_stretches,
     previous_forces
 });
 
-impl SpaceWork {
+impl AxisHistory {
     fn new(link: SpaceLink) -> Self {
         let (previous_stretches, previous_forces) = ([0.0; AXES_MAX], [0.0; AXES_MAX]);
         Self {
@@ -110,7 +110,7 @@ impl CheckedLink {
     ) -> Option<EnergyGain> {
         if link_account.energy_account.is_overdrawn() && !self.includes_start_energy {
             let start_energy = link_account.start_energy(self);
-            link_account.energy_account.add_start(start_energy);
+            link_account.energy_account.add_start_energy(start_energy);
             self.includes_start_energy = true;
         }
         if !link_account.energy_account.is_overdrawn() {
@@ -138,8 +138,8 @@ impl LinkAccount {
             previous_stretch: 0.0,
             previous_force: 0.0,
             energy_account: EnergyAccount::default(),
-            space_work: match &run.kind {
-                LinkRunKind::Space(link) => Some(SpaceWork::new(link.clone())),
+            axis_history: match &run.kind {
+                LinkRunKind::Space(link) => Some(AxisHistory::new(link.clone())),
                 _ => None,
             },
             fused_spring: is_fused.then(|| run.spring()).flatten(),
@@ -160,8 +160,8 @@ impl LinkAccount {
         if self.strength_factor.is_some() {
             self.strength_factor = Some(strength_factor(&link.run, scheme, gates));
         }
-        if let Some(space_work) = &mut self.space_work {
-            space_work.step((self.a, self.b), self.previous_force, modules);
+        if let Some(axis_history) = &mut self.axis_history {
+            axis_history.step((self.a, self.b), self.previous_force, modules);
         }
         (link.start_elongations, link.includes_start_energy) = (elongations(&link.run, modules), false);
     }
@@ -182,9 +182,9 @@ impl LinkAccount {
             return;
         }
         let link_ends = (self.a, self.b);
-        let (step_work, kinetic) = if let Some(space_work) = &mut self.space_work {
-            let step_work = space_work.step(link_ends, link_force, modules);
-            let axis_pairs = (0..space_work.link.n_axes).map(|axis| space_work.link.pair(link_ends, axis));
+        let (step_work, kinetic_energy) = if let Some(axis_history) = &mut self.axis_history {
+            let step_work = axis_history.step(link_ends, link_force, modules);
+            let axis_pairs = (0..axis_history.link.n_axes).map(|axis| axis_history.link.pair(link_ends, axis));
             (
                 step_work,
                 axis_pairs
@@ -197,7 +197,7 @@ impl LinkAccount {
             self.previous_stretch = stretch;
             (step_work, kinetic_energy(link_ends, scheme, modules))
         };
-        self.energy_account.add_work_of_masses(step_work, kinetic);
+        self.energy_account.add_work_of_masses(step_work, kinetic_energy);
         self.previous_force = link_force;
     }
 
@@ -212,7 +212,7 @@ impl LinkAccount {
     ) -> EnergyGain {
         let mut account = self.energy_account;
         if !link.includes_start_energy {
-            account.add_start(self.start_energy(link));
+            account.add_start_energy(self.start_energy(link));
         }
         let stored_energy = self.stored_energy(&link.run, modules);
         account

@@ -26,8 +26,8 @@ pub(super) struct Basis {
 pub(super) struct Instant {
     /// 0 to 1.
     pub(super) s: f64,
-    pub(super) value: [f64; POLYNOMIALS_MAX],
-    pub(super) slope: [f64; POLYNOMIALS_MAX],
+    pub(super) values: [f64; POLYNOMIALS_MAX],
+    pub(super) slopes: [f64; POLYNOMIALS_MAX],
 }
 
 impl Basis {
@@ -66,7 +66,7 @@ impl Basis {
     }
 
     /// Replace the values of a function of two instants by its coefficients   (n·n)
-    pub(super) fn fit_both(&self, pair_values: &mut [f64]) {
+    pub(super) fn fit_pair_values(&self, pair_values: &mut [f64]) {
         let n_instants = self.n_polynomials();
         let (mut column_values, mut coefficients) = ([0.0; POLYNOMIALS_MAX], [0.0; POLYNOMIALS_MAX]);
         for row in pair_values.chunks_mut(n_instants) {
@@ -94,13 +94,13 @@ fn relative_error(reach: f64, n: usize) -> f64 {
 pub(super) fn add_rows(rows: &[f64], factors: &[f64], sum: &mut [f64]) {
     // If their number is known when this is compiled, the sum stays in registers. Most bases are as small as these.
     match sum.len() {
-        4 => add_known::<4>(rows, factors, sum),
-        5 => add_known::<5>(rows, factors, sum),
-        6 => add_known::<6>(rows, factors, sum),
-        7 => add_known::<7>(rows, factors, sum),
-        8 => add_known::<8>(rows, factors, sum),
-        9 => add_known::<9>(rows, factors, sum),
-        10 => add_known::<10>(rows, factors, sum),
+        4 => add_fixed_rows::<4>(rows, factors, sum),
+        5 => add_fixed_rows::<5>(rows, factors, sum),
+        6 => add_fixed_rows::<6>(rows, factors, sum),
+        7 => add_fixed_rows::<7>(rows, factors, sum),
+        8 => add_fixed_rows::<8>(rows, factors, sum),
+        9 => add_fixed_rows::<9>(rows, factors, sum),
+        10 => add_fixed_rows::<10>(rows, factors, sum),
         n => {
             for (row, factor) in rows.chunks_exact(n).zip(factors) {
                 for (sum_entry, row_entry) in sum.iter_mut().zip(row) {
@@ -111,7 +111,7 @@ pub(super) fn add_rows(rows: &[f64], factors: &[f64], sum: &mut [f64]) {
     }
 }
 
-fn add_known<const N: usize>(rows: &[f64], factors: &[f64], polynomial_sum: &mut [f64]) {
+fn add_fixed_rows<const N: usize>(rows: &[f64], factors: &[f64], polynomial_sum: &mut [f64]) {
     let (rows, []) = rows.as_chunks::<N>() else {
         return;
     };
@@ -135,14 +135,14 @@ impl Instant {
             2.0 * s - 1.0,
             Self {
                 s,
-                value: [0.0; POLYNOMIALS_MAX],
-                slope: [0.0; POLYNOMIALS_MAX],
+                values: [0.0; POLYNOMIALS_MAX],
+                slopes: [0.0; POLYNOMIALS_MAX],
             },
         );
-        (instant.value[0], instant.value[1], instant.slope[1]) = (1.0, u, 2.0);
+        (instant.values[0], instant.values[1], instant.slopes[1]) = (1.0, u, 2.0);
         for k in 2..n {
-            instant.value[k] = 2.0 * u * instant.value[k - 1] - instant.value[k - 2];
-            instant.slope[k] = 4.0 * instant.value[k - 1] + 2.0 * u * instant.slope[k - 1] - instant.slope[k - 2];
+            instant.values[k] = 2.0 * u * instant.values[k - 1] - instant.values[k - 2];
+            instant.slopes[k] = 4.0 * instant.values[k - 1] + 2.0 * u * instant.slopes[k - 1] - instant.slopes[k - 2];
         }
         instant
     }
@@ -181,9 +181,9 @@ mod tests {
             basis.fit(&sine_values, &mut coefficients);
             for s in [0.0, 0.123, 0.5, 0.97, 1.0] {
                 let instant = Instant::new(n_instants, s);
-                assert!((dot(&coefficients, &instant.value[..n_instants]) - sin(reach * s)).abs() < 1e-8);
+                assert!((dot(&coefficients, &instant.values[..n_instants]) - sin(reach * s)).abs() < 1e-8);
                 let sine_slope = reach * cos(reach * s);
-                assert!((dot(&coefficients, &instant.slope[..n_instants]) - sine_slope).abs() < 1e-6 * reach.max(1.0));
+                assert!((dot(&coefficients, &instant.slopes[..n_instants]) - sine_slope).abs() < 1e-6 * reach.max(1.0));
             }
         }
     }

@@ -43,32 +43,32 @@ impl FineLinks {
         };
         let new_joint = |&mat: &usize| new_joint(mat, is_imposed(mat), network, scheme, bodies, (&basis, rate));
         let joints: Vec<Joint> = joint_mats.iter().map(new_joint).collect();
-        let joint_slot = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
-        let link_joints = links.iter().map(|run| (joint_slot(run.a), joint_slot(run.b))).collect();
+        let joint_of = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
+        let link_joints = links.iter().map(|run| (joint_of(run.a), joint_of(run.b))).collect();
         let n_joints = joints.len();
         let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
-        let is_crowded = |owner: usize| crowded.iter().any(|body| body.body_index() == owner);
+        let is_crowded = |body_index: usize| crowded.iter().any(|body| body.body_index() == body_index);
         // Number of modes that give the position of a joint; 1 for a mass.
         let mode_count = |joint: &Joint| {
-            let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
+            let body = joint.port.and_then(|(body_index, _)| bodies[body_index].modal());
             body.map_or(1, RunningModal::n_modes) as u64
         };
         let pair_count = |joint: &Joint| {
             let is_same_body = |other: &&Joint| match (joint.port, other.port) {
-                (Some((owner, _)), Some((other_owner, _))) => owner == other_owner,
+                (Some((body_index, _)), Some((other_body_index, _))) => body_index == other_body_index,
                 _ => false,
             };
             joints.iter().filter(is_same_body).count().max(1) as u64
         };
         let instant_count = n_instants as u64;
-        let has_rows = |joint: &&Joint| joint.port.is_none_or(|(owner, _)| !is_crowded(owner));
+        let has_path_responses = |joint: &&Joint| joint.port.is_none_or(|(body_index, _)| !is_crowded(body_index));
         let table_products = |body: &CrowdedBody| {
             let motion_entries = 2 * instant_count * body.n_modes() as u64;
             motion_entries * (RESPONSE_PRODUCTS + instant_count)
         };
         let response_products = joints
             .iter()
-            .filter(has_rows)
+            .filter(has_path_responses)
             .map(|joint| (RESPONSE_PRODUCTS + pair_count(joint)) * mode_count(joint) * instant_count * instant_count)
             .sum::<u64>();
         let crowded_products: u64 = crowded.iter().map(table_products).sum();
@@ -77,9 +77,9 @@ impl FineLinks {
             .map(|joint| (2 * mode_count(joint) + instant_count) * instant_count)
             .sum();
         let responses_from = |joint: &Joint| path_responses(joint, &joints, bodies, (&basis, rate), is_crowded);
-        let (path_responses, jumps): (Vec<_>, _) = joints.iter().flat_map(responses_from).unzip();
-        let products = |joint_responses: &[Vec<f64>]| joint_responses.iter().map(Vec::len).sum::<usize>() as u64;
-        let impulse_products = path_responses.chunks(n_joints.max(1)).map(products).collect();
+        let (path_responses, velocity_jumps): (Vec<_>, _) = joints.iter().flat_map(responses_from).unzip();
+        let product_count = |joint_responses: &[Vec<f64>]| joint_responses.iter().map(Vec::len).sum::<usize>() as u64;
+        let impulse_products = path_responses.chunks(n_joints.max(1)).map(product_count).collect();
         let start_responses = start_responses(&path_responses, &joints, &basis);
         let mut script = FineScript {
             is_coupled: false,
@@ -90,10 +90,10 @@ impl FineLinks {
             links,
             link_joints,
             crowded_rows: CrowdedBody::joint_rows(&crowded, n_joints),
-            crowded,
+            crowded_bodies: crowded,
             joints,
             path_responses,
-            velocity_steps: jumps,
+            velocity_jumps,
             impulse_products,
             start_responses,
             free_path_products,
@@ -108,8 +108,8 @@ impl FineLinks {
             saved_paths_and_sums: [vec![0.0; n_joints * n_instants], vec![0.0; n_joints * n_instants]],
             free_paths: vec![0.0; n_joints * n_instants],
             frame_impulses: vec![0.0; n_joints * n_instants],
-            crowded: script.crowded.iter().map(CrowdedBody::motion).collect(),
-            next_frame_forces: vec![0.0; n_joints],
+            crowded_motions: script.crowded_bodies.iter().map(CrowdedBody::resting_motion).collect(),
+            carried_forces: vec![0.0; n_joints],
             steady_forces: vec![0.0; n_joints],
             may_close: vec![false; n_links],
             is_pushing: vec![false; n_links],
@@ -124,7 +124,7 @@ impl FineLinks {
             stages: &[],
             has_closed: false,
             work: FineWork {
-                instants: 0,
+                evaluations: 0,
                 products: response_products + crowded_products,
                 couplings: 0,
             },
@@ -144,14 +144,14 @@ fn start_responses(path_responses: &[Vec<f64>], joints: &[Joint], basis: &Basis)
         if joints[pair / joints.len()].port.is_none() || pair_response.is_empty() {
             return Vec::new();
         }
-        let basis_at = |&s: &f64| {
+        let displacement_at = |&s: &f64| {
             let end_instant = Instant::new(n_instants, s);
-            let response_rows = pair_response.chunks(n_instants).zip(&start_instant.value);
+            let response_rows = pair_response.chunks(n_instants).zip(&start_instant.values);
             response_rows
-                .map(|(row, share)| share * dot(row, &end_instant.value))
+                .map(|(row, share)| share * dot(row, &end_instant.values))
                 .sum()
         };
-        basis.instants.iter().map(basis_at).collect()
+        basis.instants.iter().map(displacement_at).collect()
     };
     path_responses.iter().enumerate().map(response).collect()
 }

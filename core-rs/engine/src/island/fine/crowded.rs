@@ -57,7 +57,8 @@ pub(super) fn crowded_bodies(
         return Vec::new();
     }
     let body_indices = 0..bodies.len();
-    let bodies_found = body_indices.filter_map(|owner| CrowdedBody::new(owner, joints, bodies, (basis, rate)));
+    let bodies_found =
+        body_indices.filter_map(|body_index| CrowdedBody::new(body_index, joints, bodies, (basis, rate)));
     bodies_found.collect()
 }
 
@@ -66,7 +67,7 @@ impl CrowdedBody {
     fn new(body_index: usize, joints: &[Joint], bodies: &[RunningBody], (basis, rate): (&Basis, Rate)) -> Option<Self> {
         let joint_ports: Vec<(usize, usize)> = (joints.iter().enumerate())
             .filter_map(|(joint_index, joint)| match joint.port {
-                Some((joint_owner, port)) if joint_owner == body_index => Some((joint_index, port)),
+                Some((joint_body, port)) if joint_body == body_index => Some((joint_index, port)),
                 _ => None,
             })
             .collect();
@@ -100,7 +101,7 @@ impl CrowdedBody {
     }
 
     /// The motion at rest.
-    pub(super) fn motion(&self) -> CrowdedMotion {
+    pub(super) fn resting_motion(&self) -> CrowdedMotion {
         CrowdedMotion {
             pushed_groups: vec![PushedGroup::START; self.mode_tables.kappa_and_zeta.len()],
             saved_amplitudes: vec![[[0.0; SUM_LANES]; 2]; self.mode_tables.kappa_and_zeta.len()],
@@ -110,13 +111,13 @@ impl CrowdedBody {
 
     /// Body and row of each joint that is on such a body   (n_joints)
     pub(super) fn joint_rows(bodies: &[Self], n_joints: usize) -> Vec<Option<(usize, usize)>> {
-        let mut joint_places = vec![None; n_joints];
+        let mut joint_rows = vec![None; n_joints];
         for (body, crowded) in bodies.iter().enumerate() {
             for (row, &(joint, _)) in crowded.share_rows.iter().enumerate() {
-                joint_places[joint] = Some((body, row));
+                joint_rows[joint] = Some((body, row));
             }
         }
-        joint_places
+        joint_rows
     }
 
     pub(super) fn body_index(&self) -> usize {
@@ -144,8 +145,8 @@ fn is_crowded(n_joints: usize, n_modes: usize, n_instants: usize) -> bool {
 fn build_tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
     let (n, time_step) = (basis.n_polynomials(), rate.step());
     let n_groups = cells.len().div_ceil(SUM_LANES);
-    let mut motions = vec![[[0.0; SUM_LANES]; 2]; n_groups * n];
-    let mut rates = vec![[[0.0; SUM_LANES]; 2]; n_groups];
+    let mut motion_coefficients = vec![[[0.0; SUM_LANES]; 2]; n_groups * n];
+    let mut kappa_and_zeta = vec![[[0.0; SUM_LANES]; 2]; n_groups];
     let mut coefficients = vec![0.0; n];
     for index in 0..n_groups * SUM_LANES {
         let (mode_cell, group_index, lane_index) =
@@ -154,18 +155,18 @@ fn build_tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
             let motion_value = |s: &f64| unit_motion(mode_cell, s * time_step, coordinate, time_step);
             let motion_samples: Vec<f64> = basis.instants.iter().map(motion_value).collect();
             basis.fit(&motion_samples, &mut coefficients);
-            let group_motions = motions[group_index * n..(group_index + 1) * n].iter_mut();
+            let group_motions = motion_coefficients[group_index * n..(group_index + 1) * n].iter_mut();
             for (motion, coefficient) in group_motions.zip(&coefficients) {
                 motion[coordinate][lane_index] = *coefficient;
             }
         }
-        rates[group_index][0][lane_index] = mode_cell.stiffness() * time_step * time_step;
-        rates[group_index][1][lane_index] = mode_cell.viscosity() * time_step;
+        kappa_and_zeta[group_index][0][lane_index] = mode_cell.stiffness() * time_step * time_step;
+        kappa_and_zeta[group_index][1][lane_index] = mode_cell.viscosity() * time_step;
     }
     ModeTables {
         n_polynomials: n,
-        motion_coefficients: motions,
-        kappa_and_zeta: rates,
+        motion_coefficients,
+        kappa_and_zeta,
     }
 }
 
@@ -202,29 +203,29 @@ impl CrowdedMotion {
 
 impl FineLinks {
     /// Begin a frame.
-    pub(super) fn begin_crowded(&mut self) {
-        self.crowded.iter_mut().for_each(CrowdedMotion::begin);
+    pub(super) fn begin_crowded_motions(&mut self) {
+        self.crowded_motions.iter_mut().for_each(CrowdedMotion::begin);
     }
 
     /// Keep what impulses have added so far, for a step that may be repeated.
-    pub(super) fn save_crowded(&mut self, script: &FineScript) {
-        for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
+    pub(super) fn save_crowded_motions(&mut self, script: &FineScript) {
+        for (motion, body) in self.crowded_motions.iter_mut().zip(&script.crowded_bodies) {
             motion.save(body);
         }
     }
 
     /// Undo the last step.
-    pub(super) fn restore_crowded(&mut self) {
-        self.crowded.iter_mut().for_each(CrowdedMotion::restore);
+    pub(super) fn restore_crowded_motions(&mut self) {
+        self.crowded_motions.iter_mut().for_each(CrowdedMotion::restore);
     }
 
     /// An instant of this frame, 0 to 1. From now on the motion of joints is read, and joints are pushed, at this
     /// instant.
     pub(super) fn set_instant(&mut self, script: &FineScript, s: f64) -> Instant {
         let instant = Instant::new(script.basis.n_polynomials(), s);
-        for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
+        for (motion, body) in self.crowded_motions.iter_mut().zip(&script.crowded_bodies) {
             if motion.instant != Some(s) {
-                move_to_instant(&body.mode_tables, &instant.value, &mut motion.pushed_groups);
+                move_to_instant(&body.mode_tables, &instant.values, &mut motion.pushed_groups);
                 motion.instant = Some(s);
                 self.work.products += ((2 * body.mode_tables.n_polynomials + 8) * body.n_modes) as u64;
             }
@@ -236,13 +237,13 @@ impl FineLinks {
     pub(super) fn joint_motion(&self, script: &FineScript, joint: usize, instant: &Instant) -> [f64; 2] {
         let n_instants = script.basis.n_polynomials();
         let joint_path = &self.paths[joint * n_instants..(joint + 1) * n_instants];
-        let [x, v] = [&instant.value, &instant.slope].map(|polynomials| dot(joint_path, polynomials));
+        let [x, v] = [&instant.values, &instant.slopes].map(|polynomials| dot(joint_path, polynomials));
         match script.crowded_rows[joint] {
             None => [x, v],
             Some((body, row)) => {
                 let [crowded_x, crowded_v] = point_motion(
-                    &script.crowded[body].share_rows[row].1,
-                    &self.crowded[body].pushed_groups,
+                    &script.crowded_bodies[body].share_rows[row].1,
+                    &self.crowded_motions[body].pushed_groups,
                 );
                 [x + crowded_x, v + crowded_v]
             }
@@ -250,18 +251,21 @@ impl FineLinks {
     }
 
     /// Push a joint that is on such a body at this instant [N·s]; false if it is on none.
-    pub(super) fn push_crowded(&mut self, script: &FineScript, joint: usize, impulse: f64) -> bool {
+    pub(super) fn push_crowded_joint(&mut self, script: &FineScript, joint: usize, impulse: f64) -> bool {
         let Some((body_index, row_index)) = script.crowded_rows[joint] else {
             return false;
         };
-        let (crowded, body_motion) = (&script.crowded[body_index], &mut self.crowded[body_index]);
+        let (crowded_body, body_motion) = (
+            &script.crowded_bodies[body_index],
+            &mut self.crowded_motions[body_index],
+        );
         push_point(
-            &crowded.share_rows[row_index].1,
+            &crowded_body.share_rows[row_index].1,
             impulse * script.rate.step(),
             &mut body_motion.pushed_groups,
         );
         // The change of the modes, and the read-out of the joint.
-        self.work.products += 3 * crowded.n_modes as u64;
+        self.work.products += 3 * crowded_body.n_modes as u64;
         true
     }
 }
@@ -301,7 +305,7 @@ mod tests {
         let mut instant_now = 0.0;
         for &(s, row, impulse) in &push_list {
             if s != instant_now {
-                move_to_instant(&tables, &Instant::new(basis.n_polynomials(), s).value, &mut groups);
+                move_to_instant(&tables, &Instant::new(basis.n_polynomials(), s).values, &mut groups);
                 instant_now = s;
             }
             push_point(&share_rows[row], impulse * rate.step(), &mut groups);
@@ -309,7 +313,7 @@ mod tests {
         for end in [0.85, 0.9, 1.0] {
             // At the instant of the last impulse the velocity has changed already.
             if end != instant_now {
-                move_to_instant(&tables, &Instant::new(basis.n_polynomials(), end).value, &mut groups);
+                move_to_instant(&tables, &Instant::new(basis.n_polynomials(), end).values, &mut groups);
             }
             for (seen, row_seen) in share_rows.iter().enumerate() {
                 let [x, v] = point_motion(row_seen, &groups);

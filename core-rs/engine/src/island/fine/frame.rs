@@ -23,33 +23,33 @@ impl FineLinks {
             Some(target) => target.x,
             None => kernel::predict_position(scheme, modules, mat),
         };
-        let mut any_may_close = false;
+        let mut has_closable_contact = false;
         for (link_index, run) in self.script.links.iter().enumerate() {
             let distance_now = modules.x[run.b] - modules.x[run.a];
             let distance_next = next_position(run.b, modules) - next_position(run.a, modules);
             let may_close = penetration_bound(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
             self.may_close[link_index] = may_close;
-            any_may_close |= may_close;
+            has_closable_contact |= may_close;
             modules.link_forces[run.first_link] = 0.0;
         }
-        if !any_may_close && self.frictions.is_empty() {
+        if !has_closable_contact && self.frictions.is_empty() {
             self.is_resting.fill(false);
         }
-        if !any_may_close && self.laws.is_empty() && self.frictions.is_empty() {
+        if !has_closable_contact && self.laws.is_empty() && self.frictions.is_empty() {
             return;
         }
         self.retune();
-        if any_may_close {
+        if has_closable_contact {
             self.mark_reached_contacts();
         }
         let (script, law_script) = (self.script.clone(), self.law_script.clone());
         self.work.products += script.free_path_products;
         self.frame_impulses.fill(0.0);
-        self.begin_crowded();
+        self.begin_crowded_motions();
         self.compute_free_paths(&script, scheme, bodies, modules, &next_position);
-        let is_located = any_may_close || !self.frictions.is_empty() || self.has_glided.contains(&true);
-        self.start_laws(&script, &law_script, gates, !is_located);
-        if is_located {
+        let is_marched = has_closable_contact || !self.frictions.is_empty() || self.has_glided.contains(&true);
+        self.start_laws(&script, &law_script, gates, !is_marched);
+        if is_marched {
             self.impulse_sums.fill(0.0);
             let n_instants = script.basis.n_polynomials();
             for (free_path, path) in self
@@ -77,9 +77,9 @@ impl FineLinks {
                 .chunks(n_instants)
                 .zip(self.frame_impulses.chunks_mut(n_instants))
             {
-                for (value, row) in sums.iter().zip(script.basis.fit.chunks(n_instants)) {
+                for (impulse_sum, row) in sums.iter().zip(script.basis.fit.chunks(n_instants)) {
                     for (impulse, weight) in frame_impulses.iter_mut().zip(row) {
-                        *impulse += value * weight;
+                        *impulse += impulse_sum * weight;
                     }
                 }
             }
@@ -98,7 +98,7 @@ impl FineLinks {
         let script = &*self.script;
         let is_moved_by = |pushing_link: usize, moved_link: usize| {
             let n_joints = script.joints.len();
-            let both_ends = |(a, b): (usize, usize)| [a, b];
+            let joint_pair = |(a, b): (usize, usize)| [a, b];
             let is_coupled = |source_joint: usize, target_joint: usize| {
                 let crowded_body = |joint: usize| script.crowded_rows[joint].map(|(body, _)| body);
                 let on_same_body =
@@ -106,8 +106,8 @@ impl FineLinks {
                 on_same_body || !script.path_responses[source_joint * n_joints + target_joint].is_empty()
             };
             let (mover_joints, moved_joints) = (
-                both_ends(script.link_joints[pushing_link]),
-                both_ends(script.link_joints[moved_link]),
+                joint_pair(script.link_joints[pushing_link]),
+                joint_pair(script.link_joints[moved_link]),
             );
             mover_joints
                 .iter()
@@ -139,10 +139,10 @@ impl FineLinks {
             let free_path = &mut self.free_paths[joint_index * n_instants..(joint_index + 1) * n_instants];
             // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
             // end; the path between is corrected here.
-            let mut frame_pull = 0.5 * self.steady_forces[joint_index] * scheme.w[joint.mat];
+            let mut curvature = 0.5 * self.steady_forces[joint_index] * scheme.w[joint.mat];
             match joint.port {
-                Some((owner, port)) => {
-                    if let Some(modal_body) = bodies[owner].modal_mut() {
+                Some((body_index, port)) => {
+                    if let Some(modal_body) = bodies[body_index].modal_mut() {
                         modal_body.port_positions(port, free_path);
                     }
                 }
@@ -154,22 +154,22 @@ impl FineLinks {
                         modules.x[joint.mat] - rest_position,
                         next_position(joint.mat, modules) - rest_position,
                     );
-                    for (x_at, (weight_now, weight_next)) in free_path.iter_mut().zip(&joint.frame_weights) {
-                        *x_at = rest_position + (x * weight_now + next_x * weight_next);
+                    for (position, (weight_now, weight_next)) in free_path.iter_mut().zip(&joint.frame_weights) {
+                        *position = rest_position + (x * weight_now + next_x * weight_next);
                     }
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
-                        frame_pull += 0.5 * modules.free_port_motion.get(joint.mat).copied().unwrap_or(0.0);
+                        curvature += 0.5 * modules.free_port_motion.get(joint.mat).copied().unwrap_or(0.0);
                         self.stepped_points
-                            .record_free_motion(joint_index, free_step, frame_pull);
+                            .record_free_motion(joint_index, free_step, curvature);
                     } else {
-                        frame_pull = 0.0;
+                        curvature = 0.0;
                     }
                 }
             }
-            if frame_pull != 0.0 {
-                for (x_at, s) in free_path.iter_mut().zip(&script.basis.instants) {
-                    *x_at -= frame_pull * s * (1.0 - s);
+            if curvature != 0.0 {
+                for (position, s) in free_path.iter_mut().zip(&script.basis.instants) {
+                    *position -= curvature * s * (1.0 - s);
                 }
             }
         }
@@ -180,13 +180,13 @@ impl FineLinks {
                 continue;
             }
             let impulse = joint_force * script.rate.step();
-            if self.push_crowded(script, joint_index, impulse) {
+            if self.push_crowded_joint(script, joint_index, impulse) {
                 continue;
             }
-            for (other, free_path) in self.free_paths.chunks_mut(n_instants).enumerate() {
+            for (moved_joint, free_path) in self.free_paths.chunks_mut(n_instants).enumerate() {
                 for (x, response) in free_path
                     .iter_mut()
-                    .zip(&script.start_responses[joint_index * n_joints + other])
+                    .zip(&script.start_responses[joint_index * n_joints + moved_joint])
                 {
                     *x += impulse * response;
                 }
@@ -198,10 +198,10 @@ impl FineLinks {
     pub(super) fn push_joint(&mut self, script: &FineScript, joint: usize, impulse: f64, instant: &Instant) {
         let n_instants = script.basis.n_polynomials();
         let impulses = &mut self.impulse_sums[joint * n_instants..(joint + 1) * n_instants];
-        for (impulse_sum, value) in impulses.iter_mut().zip(&instant.value) {
+        for (impulse_sum, value) in impulses.iter_mut().zip(&instant.values) {
             *impulse_sum += impulse * value;
         }
-        if !self.push_crowded(script, joint, impulse) {
+        if !self.push_crowded_joint(script, joint, impulse) {
             script.add_impulse(joint, impulse, instant, &mut self.paths);
             self.work.products += script.impulse_products[joint];
         }
@@ -216,15 +216,15 @@ impl FineLinks {
                 continue;
             }
             match (joint.port, &joint.cell) {
-                (Some((owner, port)), _) => {
-                    if let Some(modal_body) = bodies[owner].modal_mut() {
+                (Some((body_index, port)), _) => {
+                    if let Some(modal_body) = bodies[body_index].modal_mut() {
                         modal_body.apply_impulses(port, joint_impulses, modules);
                     }
                 }
                 (None, Some(_)) => {
-                    for (impulse, [force_now, force_later]) in joint_impulses.iter().zip(&joint.impulse_split) {
+                    for (impulse, [force_now, force_next]) in joint_impulses.iter().zip(&joint.impulse_split) {
                         modules.push(joint.mat, impulse * force_now);
-                        self.next_frame_forces[joint_index] += impulse * force_later;
+                        self.carried_forces[joint_index] += impulse * force_next;
                     }
                 }
                 // The motion of such a MAT is imposed; a hand that holds it feels the force.

@@ -39,9 +39,12 @@ pub(super) fn fastest_rate(
     timeline: &Timeline,
 ) -> f64 {
     let frame_rate = timeline.rate;
-    let rate_of = |mat: usize| {
-        let body = bodies.iter().filter_map(RunningBody::modal);
-        match body.into_iter().find(|body| body.ports().any(|port| port == mat)) {
+    let mat_rate = |mat: usize| {
+        let modal_bodies = bodies.iter().filter_map(RunningBody::modal);
+        match modal_bodies
+            .into_iter()
+            .find(|body| body.ports().any(|port| port == mat))
+        {
             Some(body) => body.pole_magnitude_max(),
             None => free_cell(mat, network, scheme).map_or(0.0, |cell| cell.pole_magnitude_max()),
         }
@@ -51,7 +54,7 @@ pub(super) fn fastest_rate(
         .filter(|glide| mats.contains(&glide.mat))
         .flat_map(|glide| glide.points.iter().filter_map(|&(_, ties)| ties))
         .map(|[k, z, m]| Cell::new(m, k, z).pole_magnitude_max());
-    let all_rates = mats.iter().map(|&mat| rate_of(mat)).chain(gliding_rates);
+    let all_rates = mats.iter().map(|&mat| mat_rate(mat)).chain(gliding_rates);
     all_rates.fold(0.0, f64::max) * frame_rate.step()
 }
 
@@ -81,7 +84,7 @@ impl FineScript {
             *split = [split_forces[0] * mass_ratios[0], split_forces[1] * mass_ratios[1]];
         }
         let pair_index = joint * n_joints + joint;
-        self.velocity_steps[pair_index] = time_step * mean_cell.velocity_step();
+        self.velocity_jumps[pair_index] = time_step * mean_cell.velocity_jump();
         let (n_instants, pair_responses) = (self.basis.n_polynomials() as u64, &mut self.path_responses[pair_index]);
         if mean_cell.has_impulse_response_factors(time_step) {
             fit_responses_by_factors(&self.basis, pair_responses, &mean_cell, time_step);
@@ -102,7 +105,7 @@ fn fit_responses(basis: &Basis, coefficients: &mut [f64], response: &dyn Fn(f64)
             *value = response(to_instant - from_instant);
         }
     }
-    basis.fit_both(coefficients);
+    basis.fit_pair_values(coefficients);
 }
 
 /// The same for a cell whose answer is a sum of two products of a function of each instant: fitted apart, they take n
@@ -146,13 +149,13 @@ pub(super) fn new_joint(
     bodies: &[RunningBody],
     (basis, rate): (&Basis, Rate),
 ) -> Joint {
-    let port = bodies.iter().enumerate().find_map(|(owner, running_body)| {
+    let port = bodies.iter().enumerate().find_map(|(body_index, running_body)| {
         let port = running_body.modal()?.ports().position(|port| port == mat)?;
-        Some((owner, port))
+        Some((body_index, port))
     });
     let cell = free_cell(mat, network, scheme).filter(|_| port.is_none() && !is_imposed);
     let instants = basis.instants.iter();
-    let path_weights = match &cell {
+    let frame_weights = match &cell {
         Some(cell) => instants
             .clone()
             .map(|&instant| cell.interpolation(instant, rate))
@@ -166,7 +169,7 @@ pub(super) fn new_joint(
         port,
         rest_position: has_spring.then(|| network.mats().rest[mat]),
         constants: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
-        frame_weights: path_weights,
+        frame_weights,
         impulse_split: cell.as_ref().map(split_impulse).unwrap_or_default(),
         cell,
     }
@@ -183,9 +186,9 @@ pub(super) fn path_responses(
     is_crowded: impl Fn(usize) -> bool,
 ) -> Vec<(Vec<f64>, f64)> {
     let (n_instants, time_step) = (basis.n_polynomials(), rate.step());
-    let modal_body = |owner: usize| bodies[owner].modal();
-    let modal_responses = from_joint.port.and_then(|(owner, port)| {
-        if is_crowded(owner) {
+    let modal_body = |body_index: usize| bodies[body_index].modal();
+    let modal_responses = from_joint.port.and_then(|(body_index, port)| {
+        if is_crowded(body_index) {
             return None;
         }
         // All ports of a body move by the same modes: the response of each to this port is computed once.
@@ -198,14 +201,14 @@ pub(super) fn path_responses(
                     .map(move |to_instant| (to_instant - from_instant) * time_step)
             })
             .collect();
-        Some(modal_body(owner)?.mode_responses(port, &time_spans))
+        Some(modal_body(body_index)?.mode_responses(port, &time_spans))
     });
     let response_of = |to_joint: &Joint| match (from_joint.port, to_joint.port) {
-        (Some((owner, from_port)), Some((to_owner, to_port))) if owner == to_owner => {
-            let Some(modal) = modal_body(owner) else {
+        (Some((body_index, from_port)), Some((to_body, to_port))) if body_index == to_body => {
+            let Some(modal) = modal_body(body_index) else {
                 return (Vec::new(), 0.0);
             };
-            let velocity_jump = time_step * modal.velocity_step(from_port, to_port);
+            let velocity_jump = time_step * modal.velocity_jump(from_port, to_port);
             let Some(modal_responses) = &modal_responses else {
                 return (Vec::new(), velocity_jump);
             };
@@ -218,7 +221,7 @@ pub(super) fn path_responses(
                     *value += weight * response;
                 }
             }
-            basis.fit_both(&mut pair_response);
+            basis.fit_pair_values(&mut pair_response);
             (pair_response, velocity_jump)
         }
         (None, None) if from_joint.mat == to_joint.mat => match &from_joint.cell {
@@ -227,7 +230,7 @@ pub(super) fn path_responses(
                 fit_responses(basis, &mut pair_response, &|time_between| {
                     cell.impulse_response_around(time_between * time_step)
                 });
-                (pair_response, time_step * cell.velocity_step())
+                (pair_response, time_step * cell.velocity_jump())
             }
             None => (Vec::new(), 0.0),
         },

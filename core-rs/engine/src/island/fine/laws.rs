@@ -13,7 +13,7 @@ use crate::state::ModuleState;
 use root::{find_root, inverse};
 use state::InstantLaw;
 pub(super) use state::LawState;
-use tables::Division;
+use tables::FrameDivision;
 pub(super) use tables::LawScript;
 pub(super) use tables::lagrange_weights;
 
@@ -58,15 +58,15 @@ impl FineLinks {
         } else {
             FRAME_ROUNDS_MAX
         };
-        let change_left = self.solve_law_forces(script, laws, (gates, 0), (0, round_limit));
+        let last_change = self.solve_law_forces(script, laws, (gates, 0), (0, round_limit));
         if finest_index == 0 {
-            if change_left > DIVERGED_CHANGE {
+            if last_change > DIVERGED_CHANGE {
                 self.solve_by_bisection(script, laws, (gates, 0, 0));
             }
             return self.apply_law_forces(script, laws, (0, 0));
         }
-        let laws_agree = change_left == 0.0;
-        let deviation = if laws_agree {
+        let has_converged = last_change == 0.0;
+        let deviation = if has_converged {
             self.end_deviation(script, laws, gates)
         } else {
             1.0
@@ -75,22 +75,22 @@ impl FineLinks {
             return self.apply_law_forces(script, laws, (0, 0));
         }
         // The deviation falls with the cube of the number of parts.
-        let parts_wanted = pow(deviation / laws.deviation_max, 1.0 / 3.0);
+        let parts_needed = pow(deviation / laws.deviation_max, 1.0 / 3.0);
         let finer_index = laws
             .divisions
-            .partition_point(|division| (division.parts as f64) < parts_wanted);
+            .partition_point(|division| (division.n_parts as f64) < parts_needed);
         let division_index = finer_index.clamp(1, finest_index);
         let division = &laws.divisions[division_index];
         for state in &mut self.laws {
             let stage_shares = [0, 1, 2].map(|stage: usize| lagrange_weights(division.gauss_instants[stage]));
             state.previous_forces = None;
-            state.stage_forces = if laws_agree {
+            state.stage_forces = if has_converged {
                 stage_shares.map(|row| dot(&row, &state.stage_forces))
             } else {
                 [state.start_force; STAGES]
             };
         }
-        for part in 0..division.parts {
+        for part in 0..division.n_parts {
             if part > 0 {
                 for state in &mut self.laws {
                     state.extrapolate_forces(laws);
@@ -127,13 +127,13 @@ impl FineLinks {
             // Estimate of the change still to come, from the ratio of the last two rounds: Newton's method squares the
             // change of one law, several laws approach each other step by step.
             let change_ratio = round_change / last_change;
-            let ratio_to_come = if laws.links.len() == 1 {
+            let remaining_ratio = if laws.links.len() == 1 {
                 change_ratio * change_ratio
             } else {
                 change_ratio
             };
             if round_change <= FORCE_TOLERANCE
-                || (change_ratio < 0.5 && round_change * ratio_to_come <= FORCE_TOLERANCE)
+                || (change_ratio < 0.5 && round_change * remaining_ratio <= FORCE_TOLERANCE)
             {
                 return 0.0;
             }
@@ -164,9 +164,10 @@ impl FineLinks {
                 let state = &self.laws[law];
                 let (mut e, mut v) = (state.stage_elongations[MIDDLE], state.stage_rates[MIDDLE]);
                 let mut self_response = [0.0; 2];
-                let state_moves = self.laws.iter().zip(&division.force_responses[law * n_laws..]);
-                for (other, (state, [by_x, by_v])) in state_moves.enumerate() {
-                    let [e_response, v_response] = [by_x, by_v].map(|response| response[MIDDLE].iter().sum::<f64>());
+                let state_responses = self.laws.iter().zip(&division.force_responses[law * n_laws..]);
+                for (other, (state, [e_stages, v_stages])) in state_responses.enumerate() {
+                    let [e_response, v_response] =
+                        [e_stages, v_stages].map(|response| response[MIDDLE].iter().sum::<f64>());
                     if other == law {
                         self_response = [e_response, v_response];
                     } else {
@@ -175,26 +176,26 @@ impl FineLinks {
                     }
                 }
                 let law_now = self.law_at(script, laws, gates, (law, middle_instant));
-                let part_length = 1.0 / division.parts as f64;
-                let halfway = |f: f64| {
+                let part_length = 1.0 / division.n_parts as f64;
+                let midpoint_motion = |f: f64| {
                     (
                         e + self_response[0] * f,
                         (v + self_response[1] * f) * law_now.rate_factor(),
                     )
                 };
                 let force_residual = |f: f64| {
-                    let (e, v) = halfway(f);
-                    f - law_now.force_halfway(e, v, part_length)
+                    let (e, v) = midpoint_motion(f);
+                    f - law_now.midpoint_force(e, v, part_length)
                 };
                 let old_force = state.stage_forces[MIDDLE];
                 let (force, evaluations) = find_root(&force_residual, old_force);
-                self.work.instants += evaluations / STAGES as u64;
+                self.work.evaluations += evaluations / STAGES as u64;
                 round_change = round_change.max((force - old_force).abs() - FORCE_TOLERANCE * force.abs());
                 if let Some(bristle_law) = law_now.bristle() {
-                    let (_, v) = halfway(force);
-                    let bristle =
-                        bristle_law.midpoint_deflection(law_now.bristle, v, part_length / law_now.rate_factor());
-                    self.laws[law].bristle_at_end = 2.0 * bristle - law_now.bristle;
+                    let (_, v) = midpoint_motion(force);
+                    let deflection =
+                        bristle_law.midpoint_deflection(law_now.deflection, v, part_length / law_now.rate_factor());
+                    self.laws[law].end_deflection = 2.0 * deflection - law_now.deflection;
                 }
                 self.laws[law].stage_forces = [force; STAGES];
             }
@@ -207,42 +208,43 @@ impl FineLinks {
     /// Push by the forces that were found for a part of a frame.
     fn apply_law_forces(&mut self, script: &FineScript, laws: &LawScript, (division_index, part): (usize, usize)) {
         let (n_instants, division) = (script.basis.n_polynomials(), &laws.divisions[division_index]);
-        let part_seconds = script.rate.step() / division.parts as f64;
+        let part_seconds = script.rate.step() / division.n_parts as f64;
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
             let (first_joint, second_joint) = script.link_joints[link];
             let first_stage = 3 * part;
             let stage_forces = GAUSS_WEIGHTS.iter().zip(&state.stage_forces);
             for (stage, (weight, force)) in stage_forces.enumerate() {
                 let impulse = weight * part_seconds * force;
-                let value_row =
+                let weight_row =
                     &division.interpolation[(first_stage + stage) * n_instants..(first_stage + stage + 1) * n_instants];
-                for (instant, share) in value_row.iter().enumerate() {
+                for (instant, share) in weight_row.iter().enumerate() {
                     self.frame_impulses[first_joint * n_instants + instant] += impulse * share;
                     self.frame_impulses[second_joint * n_instants + instant] -= impulse * share;
                 }
             }
-            let greatest = state
+            let part_peak = state
                 .stage_forces
                 .iter()
                 .fold(0.0_f64, |greatest, force| greatest.max(force.abs()));
-            state.bristle_at_start = state.bristle_at_end;
-            state.largest_force = greatest.max(if part == 0 { LARGEST_FORCE_DECAY } else { 1.0 } * state.largest_force);
+            state.start_deflection = state.end_deflection;
+            state.largest_force =
+                part_peak.max(if part == 0 { LARGEST_FORCE_DECAY } else { 1.0 } * state.largest_force);
         }
     }
 
     /// Add the effect of a part's forces to the paths of the laws in later parts.
-    fn add_to_later_paths(&mut self, script: &FineScript, division: &Division, part: usize) {
+    fn add_to_later_paths(&mut self, script: &FineScript, division: &FrameDivision, part: usize) {
         let (n_instants, n_laws) = (script.basis.n_polynomials(), self.laws.len());
-        let part_seconds = script.rate.step() / division.parts as f64;
+        let part_seconds = script.rate.step() / division.n_parts as f64;
         self.work.products += (n_laws * n_laws * STAGES * n_instants) as u64;
         for to_law in 0..n_laws {
             let mut law_path = std::mem::take(&mut self.laws[to_law].relative_path);
-            for (from_law, other) in self.laws.iter().enumerate() {
-                let later_index = (to_law * n_laws + from_law) * division.parts + part;
+            for (from_law, source_law) in self.laws.iter().enumerate() {
+                let later_index = (to_law * n_laws + from_law) * division.n_parts + part;
                 let later_rows =
                     &division.later_responses[3 * later_index * n_instants..3 * (later_index + 1) * n_instants];
                 for (stage, row) in later_rows.chunks(n_instants).enumerate() {
-                    let impulse = GAUSS_WEIGHTS[stage] * part_seconds * other.stage_forces[stage];
+                    let impulse = GAUSS_WEIGHTS[stage] * part_seconds * source_law.stage_forces[stage];
                     for (x, response) in law_path.iter_mut().zip(row) {
                         *x += impulse * response;
                     }
@@ -260,25 +262,25 @@ impl FineLinks {
             let state = &self.laws[law_index];
             let [path_end, mut v] = [0, 1].map(|order| dot(&laws.end_interpolation[order], &state.relative_path));
             let mut e = state.elongation_offset + path_end;
-            for (other, [position_response, velocity_response]) in
+            for (other_law, [position_response, velocity_response]) in
                 self.laws.iter().zip(&laws.end_responses[law_index * n_laws..])
             {
-                e += dot(position_response, &other.stage_forces);
-                v += dot(velocity_response, &other.stage_forces);
+                e += dot(position_response, &other_law.stage_forces);
+                v += dot(velocity_response, &other_law.stage_forces);
             }
             let law_at_end = InstantLaw {
-                bristle: state.bristle_at_end,
+                deflection: state.end_deflection,
                 ..self.law_at(script, laws, gates, (law_index, 1.0))
             };
             let end_forces = [state.start_force, law_at_end.force(e, v * law_at_end.rate_factor())];
-            let largest = (state.stage_forces.iter().chain(&end_forces))
+            let force_scale = (state.stage_forces.iter().chain(&end_forces))
                 .fold(state.largest_force, |largest_yet, force| largest_yet.max(force.abs()));
             for (row, force) in laws.end_extrapolation.iter().zip(end_forces) {
                 let end_deviation = (dot(row, &state.stage_forces) - force).abs();
-                deviation_max = deviation_max.max(end_deviation / largest.max(f64::MIN_POSITIVE));
+                deviation_max = deviation_max.max(end_deviation / force_scale.max(f64::MIN_POSITIVE));
             }
         }
-        self.work.instants += n_laws as u64;
+        self.work.evaluations += n_laws as u64;
         self.work.couplings += (n_laws * (n_laws - 1)) as u64;
         deviation_max
     }
@@ -295,33 +297,34 @@ impl FineLinks {
         let n_laws = laws.links.len();
         let division = &laws.divisions[division_index];
         let (mut e, mut v) = (self.laws[law].stage_elongations, self.laws[law].stage_rates);
-        for (other, [position_response, velocity_response]) in
+        for (other_law, [position_response, velocity_response]) in
             self.laws.iter().zip(&division.force_responses[law * n_laws..])
         {
             for stage in 0..STAGES {
-                e[stage] += dot(&position_response[stage], &other.stage_forces);
-                v[stage] += dot(&velocity_response[stage], &other.stage_forces);
+                e[stage] += dot(&position_response[stage], &other_law.stage_forces);
+                v[stage] += dot(&velocity_response[stage], &other_law.stage_forces);
             }
         }
         let stage_laws =
             [0, 1, 2].map(|stage| self.law_at(script, laws, gates, (law, division.gauss_instants[3 * part + stage])));
-        let part_length = 1.0 / division.parts as f64;
-        self.work.instants += 1;
+        let part_length = 1.0 / division.n_parts as f64;
+        self.work.evaluations += 1;
         self.work.couplings += n_laws as u64 - 1;
         let rate = stage_laws[0].rate_factor();
         let v = v.map(|v| v * rate);
         let state = &mut self.laws[law];
-        let law_moves = &division.force_responses[law * n_laws + law];
-        let (law_forces, residual_slopes) = state.forces_and_slopes(&stage_laws, (&e, &v), (part_length, law_moves));
+        let self_responses = &division.force_responses[law * n_laws + law];
+        let (law_forces, residual_slopes) =
+            state.forces_and_slopes(&stage_laws, (&e, &v), (part_length, self_responses));
         let residuals: StageValues = std::array::from_fn(|stage| law_forces[stage] - state.stage_forces[stage]);
         let newton_step = inverse(&residual_slopes).map(|row| dot(&row, &residuals));
-        let (mut force_change, mut largest) = (0.0_f64, f64::MIN_POSITIVE);
+        let (mut force_change, mut force_scale) = (0.0_f64, f64::MIN_POSITIVE);
         for stage in 0..STAGES {
             state.stage_forces[stage] += newton_step[stage];
             force_change = force_change.max(newton_step[stage].abs());
-            largest = largest.max(law_forces[stage].abs());
+            force_scale = force_scale.max(law_forces[stage].abs());
         }
-        force_change / largest
+        force_change / force_scale
     }
 
     /// Compute elongation, rate and force of each law at the start of the frame, but not the force of an expression if
@@ -345,7 +348,7 @@ impl FineLinks {
         }
     }
 
-    /// Write the force of each law at the start of the frame into `body.link_forces`.
+    /// Write the force of each law at the start of the frame into `modules.link_forces`.
     pub(super) fn write_start_forces(&self, script: &FineScript, laws: &LawScript, modules: &mut ModuleState) {
         for (state, &link) in self.laws.iter().zip(&laws.links) {
             modules.link_forces[script.links[link].first_link] = state.start_force;
@@ -368,7 +371,7 @@ impl FineLinks {
             gate_opening: link_run.gate.map_or(1.0, |gate| gates[gate]),
             k,
             z,
-            bristle: self.laws[law_index].bristle_at_start,
+            deflection: self.laws[law_index].start_deflection,
         }
     }
 
@@ -383,8 +386,8 @@ impl FineLinks {
             let law_now = self.law_at(script, laws, gates, (law_index, instant.s));
             if let Some(bristle_law) = law_now.bristle() {
                 let [_, elongation_rate] = self.elongation(script, laws.links[law_index], instant);
-                self.laws[law_index].bristle_at_start = bristle_law.slide(
-                    law_now.bristle,
+                self.laws[law_index].start_deflection = bristle_law.slide(
+                    law_now.deflection,
                     elongation_rate * law_now.rate_factor(),
                     h / law_now.rate_factor(),
                 );
@@ -397,8 +400,8 @@ impl FineLinks {
         let n_instants = script.basis.n_polynomials();
         let (a, b) = script.link_joints[link];
         let [a, b] = [a, b].map(|end| &self.paths[end * n_instants..(end + 1) * n_instants]);
-        let e = dot(b, &instant.value) - dot(a, &instant.value) - script.links[link].rest;
-        [e, dot(b, &instant.slope) - dot(a, &instant.slope)]
+        let e = dot(b, &instant.values) - dot(a, &instant.values) - script.links[link].rest;
+        [e, dot(b, &instant.slopes) - dot(a, &instant.slopes)]
     }
 
     /// A kick of a law that lasts `duration` frames, in a frame of contacts.
@@ -413,7 +416,7 @@ impl FineLinks {
         const KICK_ROUNDS: usize = 4;
         let [e, v] = self.elongation(script, law_link, instant);
         let (first_joint, second_joint) = script.link_joints[law_link];
-        let pair_jump = script.velocity_step(first_joint, second_joint);
+        let pair_jump = script.velocity_jump(first_joint, second_joint);
         let (law_now, time_step) = (self.law_at(script, laws, gates, (law, instant.s)), script.rate.step());
         let mut impulse = 0.0;
         for _ in 0..KICK_ROUNDS {
@@ -421,7 +424,7 @@ impl FineLinks {
             let v = v - 0.5 * pair_jump * impulse;
             impulse = duration * time_step * law_now.force(e, v * law_now.rate_factor());
         }
-        self.work.instants += 1;
+        self.work.evaluations += 1;
         self.push_joint(script, first_joint, impulse, instant);
         self.push_joint(script, second_joint, -impulse, instant);
     }

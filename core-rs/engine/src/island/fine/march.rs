@@ -51,7 +51,7 @@ impl LinkContact {
     /// Criterion of a pushing contact at penetration `g` [m] that closes by `v` [m/frame]: it goes on pushing while
     /// this is positive.
     fn pushing_criterion(&self, [g, v]: [f64; 2]) -> f64 {
-        if self.is_pulled_off() && g > 0.0 {
+        if self.releases_early() && g > 0.0 {
             self.law.unlimited(g, v)
         } else {
             g
@@ -59,18 +59,18 @@ impl LinkContact {
     }
 
     /// What changes its sign where the contact closes or opens: the penetration, or the force that is not clamped.
-    fn closing_criterion(&self, [g, v]: [f64; 2], uses_gap: bool) -> f64 {
-        if uses_gap { g } else { self.law.unlimited(g, v) }
+    fn switch_criterion(&self, [g, v]: [f64; 2], uses_depth: bool) -> f64 {
+        if uses_depth { g } else { self.law.unlimited(g, v) }
     }
 
     /// Whether its force ends before it opens.
-    fn is_pulled_off(&self) -> bool {
+    fn releases_early(&self) -> bool {
         self.law.is_clamped && self.law.z > 0.0
     }
 
     /// Whether an open contact begins to push.
     fn begins_to_push(&self, [g, v]: [f64; 2]) -> bool {
-        if self.is_pulled_off() {
+        if self.releases_early() {
             let (elastic, damping_force) = (self.law.odd_elastic(g), self.law.z * v);
             g > 0.0 && elastic + damping_force > PUSH_AGAIN_SHARE * (elastic + damping_force.abs())
         } else {
@@ -85,13 +85,13 @@ impl LinkContact {
             return 0.0;
         }
         let elastic_law = self.law.elastic;
-        let tangent = if elastic_law.exponent == 1.0 || elastic_law.k == 0.0 {
+        let tangent_stiffness = if elastic_law.exponent == 1.0 || elastic_law.k == 0.0 {
             elastic_law.k
         } else {
             // At the greatest depth that its energy allows.
             elastic_law.slope(elastic_law.depth(elastic_law.energy(g.max(0.0)) + 0.5 * v * v / inverse_mass))
         };
-        sqrt(tangent * inverse_mass).max(self.law.z * inverse_mass)
+        sqrt(tangent_stiffness * inverse_mass).max(self.law.z * inverse_mass)
     }
 
     /// The impulse of a kick that lasts `duration` frames at constant penetration `g`, while `v` changes by the kick
@@ -110,7 +110,7 @@ impl FineLinks {
     /// Compute the pushes of a frame.
     pub(super) fn march(&mut self, script: &FineScript, laws: &LawScript, gates: &[f64], modules: &mut ModuleState) {
         let start_instant = self.set_instant(script, 0.0);
-        let mut rests_fast = false;
+        let mut is_stiff = false;
         for index in 0..script.links.len() {
             let has_rested = std::mem::take(&mut self.is_resting[index]);
             self.is_pushing[index] = false;
@@ -123,10 +123,10 @@ impl FineLinks {
             if is_pushing {
                 modules.link_forces[script.links[index].first_link] =
                     contact.side * contact.law.unlimited(contact_state[0], contact_state[1]);
-                rests_fast |= has_rested && contact.rate_bound(contact_state, script.rate.step()) > STEP_PHASE_MAX;
+                is_stiff |= has_rested && contact.rate_bound(contact_state, script.rate.step()) > STEP_PHASE_MAX;
             }
         }
-        if rests_fast {
+        if is_stiff {
             self.has_closed = true;
             self.finish_implicitly(script, laws, gates, 0.0);
             return;
@@ -135,8 +135,8 @@ impl FineLinks {
         while instant_now < 1.0 {
             if laws.links.is_empty() && !self.is_pushing.contains(&true) {
                 match self.next_closing(script, gates, instant_now) {
-                    Some((close_at, index)) => {
-                        instant_now = close_at;
+                    Some((closing_instant, index)) => {
+                        instant_now = closing_instant;
                         self.is_pushing[index] = true;
                     }
                     None => return,
@@ -168,7 +168,7 @@ impl FineLinks {
             ends: (first_joint, second_joint),
             side: but.sign(),
             rest: link_run.rest,
-            velocity_per_impulse: script.velocity_step(first_joint, second_joint),
+            velocity_per_impulse: script.velocity_jump(first_joint, second_joint),
         })
     }
 
@@ -196,25 +196,25 @@ impl FineLinks {
     ) -> f64 {
         let (stages, step_length) = self.choose_step(script, laws_and_gates.1, s);
         self.stages = stages;
-        let [saved_paths, impulses] = &mut self.saved_paths_and_sums;
+        let [saved_paths, saved_sums] = &mut self.saved_paths_and_sums;
         saved_paths.copy_from_slice(&self.paths);
-        impulses.copy_from_slice(&self.impulse_sums);
-        self.save_crowded(script);
+        saved_sums.copy_from_slice(&self.impulse_sums);
+        self.save_crowded_motions(script);
         for law in &mut self.laws {
             law.save();
         }
         *steps_left -= 1;
         self.step_contacts(script, laws_and_gates, s, step_length);
-        let (mut length_taken, mut last_located) = (step_length, None);
+        let (mut length_taken, mut switched_link) = (step_length, None);
         // Each contact is located only once in a step: two that turn at the same instant, to rounding, would alternate
         // for ever.
         self.is_located.fill(false);
         while let Some(link_index) = self.first_switched(script, laws_and_gates.1, s + length_taken) {
             length_taken = self.locate_switch(script, laws_and_gates, (s, length_taken, link_index), steps_left);
             self.is_located[link_index] = true;
-            last_located = Some(link_index);
+            switched_link = Some(link_index);
         }
-        if let Some(link_index) = last_located {
+        if let Some(link_index) = switched_link {
             self.is_pushing[link_index] = !self.is_pushing[link_index];
             self.is_resting[link_index] &= self.is_pushing[link_index];
         }
@@ -245,19 +245,19 @@ impl FineLinks {
         let end_state = contact_state_at(self, s + h);
         self.restore_step();
         let start_state = contact_state_at(self, s);
-        let mut uses_gap = !contact.is_pulled_off() || (!self.is_pushing[index] && start_state.1[0] <= 0.0);
-        let signs_differ = |uses_gap: bool| {
+        let mut uses_depth = !contact.releases_early() || (!self.is_pushing[index] && start_state.1[0] <= 0.0);
+        let signs_differ = |uses_depth: bool| {
             let [start_criterion, end_criterion] = [start_state, end_state]
-                .map(|(contact, contact_state)| contact.closing_criterion(contact_state, uses_gap));
+                .map(|(contact, contact_state)| contact.switch_criterion(contact_state, uses_depth));
             (start_criterion > 0.0) != (end_criterion > 0.0)
         };
         // It may open and approach again within the step: its force is then positive at both ends.
-        uses_gap |= !signs_differ(uses_gap);
-        if !signs_differ(uses_gap) {
+        uses_depth |= !signs_differ(uses_depth);
+        if !signs_differ(uses_depth) {
             return 0.0; // it had first_switched before `s`
         }
         let criterion =
-            |(contact, contact_state): (LinkContact, [f64; 2])| contact.closing_criterion(contact_state, uses_gap);
+            |(contact, contact_state): (LinkContact, [f64; 2])| contact.switch_criterion(contact_state, uses_depth);
         let (mut length_taken, mut contact_state) = (h, end_state.1);
         let (mut low_end, mut high_end) = ((0.0, criterion(start_state)), (h, criterion(end_state)));
         for _ in 0..LOCATE_ROUNDS_MAX {
@@ -265,7 +265,7 @@ impl FineLinks {
             let newton_length = length_taken - contact_state[0] / contact_state[1];
             let secant_length = low_end.0 - low_end.1 * (high_end.0 - low_end.0) / (high_end.1 - low_end.1);
             let is_inside = newton_length > low_end.0 && newton_length < high_end.0;
-            let next_length = if uses_gap && is_inside {
+            let next_length = if uses_depth && is_inside {
                 newton_length
             } else {
                 secant_length
@@ -295,7 +295,7 @@ impl FineLinks {
     fn restore_step(&mut self) {
         self.paths.copy_from_slice(&self.saved_paths_and_sums[0]);
         self.impulse_sums.copy_from_slice(&self.saved_paths_and_sums[1]);
-        self.restore_crowded();
+        self.restore_crowded_motions();
         self.laws.iter_mut().for_each(LawState::restore);
     }
 
@@ -348,7 +348,7 @@ impl FineLinks {
     ) {
         let instant = self.set_instant(script, s);
         // In a step of one stage the last kick, in reverse order, makes up for the first.
-        if script.is_coupled && self.stages.len() > 1 && self.order_matters(laws_and_gates.0) {
+        if script.is_coupled && self.stages.len() > 1 && self.is_order_sensitive(laws_and_gates.0) {
             self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), false);
             self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), true);
         } else {
@@ -357,8 +357,8 @@ impl FineLinks {
     }
 
     /// Whether the order of kicks matters: several act, and at least one depends on a velocity.
-    fn order_matters(&self, laws: &LawScript) -> bool {
-        let pushing = || {
+    fn is_order_sensitive(&self, laws: &LawScript) -> bool {
+        let pushing_links = || {
             self.is_pushing
                 .iter()
                 .zip(&self.link_constants)
@@ -366,7 +366,8 @@ impl FineLinks {
         };
         let has_loss = |[start, end]: &[[f64; 2]; 2]| start[1] != 0.0 || end[1] != 0.0;
         let n_laws = laws.links.len();
-        pushing().count() + n_laws > 1 && (n_laws > 0 || pushing().any(|(_, constants)| has_loss(constants)))
+        pushing_links().count() + n_laws > 1
+            && (n_laws > 0 || pushing_links().any(|(_, constants)| has_loss(constants)))
     }
 
     /// Kicks one after the other, or in reverse order.
@@ -375,16 +376,16 @@ impl FineLinks {
         script: &FineScript,
         (laws, gates): (&LawScript, &[f64]),
         (instant, duration): (&Instant, f64),
-        is_back: bool,
+        is_reversed: bool,
     ) {
         let n_links = script.links.len();
-        if is_back {
+        if is_reversed {
             for law in (0..laws.links.len()).rev() {
                 self.kick_law(script, (laws, gates), law, (instant, duration));
             }
         }
         for order_index in 0..n_links {
-            let link_index = if is_back {
+            let link_index = if is_reversed {
                 n_links - 1 - order_index
             } else {
                 order_index
@@ -395,7 +396,7 @@ impl FineLinks {
             let Some(contact) = self.contact_at(script, gates, (link_index, instant.s)) else {
                 continue;
             };
-            self.work.instants += 1;
+            self.work.evaluations += 1;
             let impulse = contact.kick(
                 self.contact_state(script, &contact, instant),
                 duration,
@@ -403,7 +404,7 @@ impl FineLinks {
             );
             self.push_contact_ends(script, &contact, impulse, instant);
         }
-        if !is_back {
+        if !is_reversed {
             for law in 0..laws.links.len() {
                 self.kick_law(script, (laws, gates), law, (instant, duration));
             }
@@ -428,39 +429,39 @@ impl FineLinks {
 
     /// The first instant from `s` on at which a contact closes while none pushes, and which.
     fn next_closing(&mut self, script: &FineScript, gates: &[f64], s: f64) -> Option<(f64, usize)> {
-        let mut search_from = s;
+        let mut search_start = s;
         for probe_index in 1..=CLOSING_PROBES {
-            let search_to = s + (1.0 - s) * probe_index as f64 / CLOSING_PROBES as f64;
+            let search_end = s + (1.0 - s) * probe_index as f64 / CLOSING_PROBES as f64;
             let mut first_closing: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
-                let mut closes = |s: f64| {
+                let mut is_closed_at = |s: f64| {
                     let instant = self.set_instant(script, s);
                     let contact = self.contact_at(script, gates, (index, s));
                     contact
                         .is_some_and(|contact| contact.begins_to_push(self.contact_state(script, &contact, &instant)))
                 };
-                if !closes(search_to) {
+                if !is_closed_at(search_end) {
                     continue;
                 }
-                let (mut open_at, mut closed_at) = (search_from, search_to);
+                let (mut open_at, mut closed_at) = (search_start, search_end);
                 // Bisection finds it to the last few bits.
-                while closed_at - open_at > 1e-13 && !closes(open_at) {
+                while closed_at - open_at > 1e-13 && !is_closed_at(open_at) {
                     let midpoint = 0.5 * (open_at + closed_at);
-                    if closes(midpoint) {
+                    if is_closed_at(midpoint) {
                         closed_at = midpoint;
                     } else {
                         open_at = midpoint;
                     }
                 }
-                let closing_instant = if closes(open_at) { open_at } else { closed_at };
-                if first_closing.is_none_or(|(other, _)| closing_instant < other) {
+                let closing_instant = if is_closed_at(open_at) { open_at } else { closed_at };
+                if first_closing.is_none_or(|(earliest_instant, _)| closing_instant < earliest_instant) {
                     first_closing = Some((closing_instant, index));
                 }
             }
             if first_closing.is_some() {
                 return first_closing;
             }
-            search_from = search_to;
+            search_start = search_end;
         }
         None
     }
@@ -491,7 +492,7 @@ impl FineLinks {
                     let Some(link_contact) = self.contact_at(script, gates, (index, middle_instant.s)) else {
                         continue;
                     };
-                    self.work.instants += 1;
+                    self.work.evaluations += 1;
                     let depth_before = self.penetrations[index];
                     // Remove the force of the last round.
                     let middle_instant = self.set_instant(script, instants[1]);
@@ -528,8 +529,8 @@ impl FineLinks {
             }
             let end_instant = self.set_instant(script, instants[2]);
             self.slide_bristles(script, (laws, gates), (&end_instant, 0.5 * step_length));
-            for (rests, contact_force) in self.is_resting.iter_mut().zip(&self.forces) {
-                *rests &= *contact_force != 0.0;
+            for (is_resting, contact_force) in self.is_resting.iter_mut().zip(&self.forces) {
+                *is_resting &= *contact_force != 0.0;
             }
         }
     }

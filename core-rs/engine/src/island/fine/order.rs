@@ -26,14 +26,14 @@ pub(super) type Stages = &'static [[f64; 2]];
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ContactRates {
     /// The quickest of them alone [rad/frame].
-    pub(super) quickest: f64,
+    pub(super) rate_max: f64,
     /// The sum of their squares: on one mass their stiffness adds up.
     square_sum: f64,
 }
 
 impl ContactRates {
     pub(super) fn add(&mut self, rate: f64) {
-        self.quickest = self.quickest.max(rate);
+        self.rate_max = self.rate_max.max(rate);
         self.square_sum += rate * rate;
     }
 }
@@ -54,12 +54,12 @@ impl ContactOrder {
             .find(|order| order.number() == number)
     }
 
-    /// The stages of a step, and the least number of steps in a frame. Order 4 takes at least `steps` in a frame, and as
-    /// many in a radian of the quickest contact.
+    /// The stages of a step, and the least number of steps in a frame. Order 4 takes at least `steps` in a frame, and
+    /// as many in a radian of the quickest contact.
     pub(super) fn stages(self, steps: f64, rates: ContactRates) -> (Stages, f64) {
         match self {
             Self::Second if sqrt(rates.square_sum) <= SLOW_RATE => (&STRANG, 1.0),
-            Self::Second | Self::Fourth => (&STAGES, steps * rates.quickest.max(1.0)),
+            Self::Second | Self::Fourth => (&STAGES, steps * rates.rate_max.max(1.0)),
         }
     }
 }

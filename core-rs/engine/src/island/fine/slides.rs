@@ -24,7 +24,7 @@ const STEPS_MAX: usize = 256;
 /// An event is located when its instant moves by less than this share of the step.
 const EVENT_TOLERANCE: f64 = 1e-13;
 /// Most steps to locate an event.
-const TRIES_MAX: usize = 60;
+const LOCATE_STEPS_MAX: usize = 60;
 /// A rest of a frame below this share of the frame is skipped.
 const SKIPPED_SHARE: f64 = 1e-9;
 /// A velocity counts as zero below this share of what friction can take from it in a frame: the basis gives the
@@ -132,24 +132,24 @@ impl FineLinks {
                 self.finish_frame(frame, instant_now);
                 return;
             }
-            let [saved_paths, impulses] = &mut self.saved_paths_and_sums;
+            let [saved_paths, saved_sums] = &mut self.saved_paths_and_sums;
             saved_paths.copy_from_slice(&self.paths);
-            impulses.copy_from_slice(&self.impulse_sums);
+            saved_sums.copy_from_slice(&self.impulse_sums);
             let mut length_taken = self.even_steps(frame).length(instant_now);
             self.step_frictions(frame, (instant_now, length_taken), &mut steps_left);
             let slides = &mut self.frictions.friction_links;
             slides.iter_mut().for_each(|slide| slide.is_located = false);
-            let mut first_ended = None;
-            while let Some(ended_slide) = self.first_ended(frame, instant_now + length_taken) {
+            let mut located_link = None;
+            while let Some(ended_slide) = self.first_ended_link(frame, instant_now + length_taken) {
                 length_taken = self.locate_end(frame, (instant_now, length_taken, ended_slide), &mut steps_left);
                 self.frictions.friction_links[ended_slide].is_located = true;
-                first_ended = Some(ended_slide);
+                located_link = Some(ended_slide);
             }
             instant_now += length_taken;
             if 1.0 - instant_now < SKIPPED_SHARE {
                 return;
             }
-            if let Some(ended_slide) = first_ended {
+            if let Some(ended_slide) = located_link {
                 let slide = &mut self.frictions.friction_links[ended_slide];
                 slide.has_held = false;
                 slide.direction = match slide.direction {
@@ -169,11 +169,11 @@ impl FineLinks {
             let link_run = &self.script.links[link];
             let (first_joint, second_joint) = self.script.link_joints[link];
             let [x_a, x_b] = slide.start_positions;
-            for (mass, joint, other, x) in [
+            for (mass, joint, other_mat, x) in [
                 (link_run.a, first_joint, link_run.b, x_a),
                 (link_run.b, second_joint, link_run.a, x_b),
             ] {
-                let is_fixed = scheme.w[other] == 0.0 && modules.d[other] == 0.0;
+                let is_fixed = scheme.w[other_mat] == 0.0 && modules.d[other_mat] == 0.0;
                 if is_fixed && scheme.w[mass] > 0.0 && self.script.joints[joint].port.is_none() {
                     (modules.x[mass], modules.d[mass]) = (x, 0.0);
                 }
@@ -188,14 +188,14 @@ impl FineLinks {
             let [_, v] = self.elongation(script, link, &start_instant);
             let friction = self.friction(frame, (slide_index, 0.0));
             let (first_joint, second_joint) = script.link_joints[link];
-            let velocity_taken =
-                friction.level(0.0) * script.velocity_step(first_joint, second_joint) * script.rate.step();
+            let velocity_lost =
+                friction.level(0.0) * script.velocity_jump(first_joint, second_joint) * script.rate.step();
             let still_share = if self.is_resting[link] {
                 STILL_SHARE_HELD
             } else {
                 STILL_SHARE
             };
-            let is_still = v.abs() <= still_share * velocity_taken;
+            let is_still = v.abs() <= still_share * velocity_lost;
             let direction = if is_still { 0.0 } else { v.signum() };
             let slide = &mut self.frictions.friction_links[slide_index];
             (slide.direction, slide.stage_forces) = (direction, [direction * friction.level(v); STAGES]);
@@ -212,15 +212,15 @@ impl FineLinks {
 
     /// Of the links at rest at an instant, let those hold whose level suffices, and the others slide.
     fn settle_holds(&mut self, frame: SlideFrame<'_>, s: f64) {
-        let stands_still = |slide: &FrictionLink| slide.direction == 0.0;
-        while self.frictions.friction_links.iter().any(stands_still) {
+        let is_holding = |slide: &FrictionLink| slide.direction == 0.0;
+        while self.frictions.friction_links.iter().any(is_holding) {
             let step_length = self.even_steps(frame).length(s);
             self.solve_forces(frame, (s, step_length));
             let force_excess = |slide_index: usize| {
                 let slide = &self.frictions.friction_links[slide_index];
                 let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
                 let needed_force = dot(&lagrange_weights(0.0), &slide.stage_forces);
-                let is_too_weak = stands_still(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS_SHARE);
+                let is_too_weak = is_holding(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS_SHARE);
                 is_too_weak.then_some((slide_index, needed_force.abs() - friction_level, needed_force.signum()))
             };
             let weak_holds = (0..frame.slide_script.links.len()).filter_map(force_excess);
@@ -288,7 +288,7 @@ impl FineLinks {
     }
 
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
-    fn first_ended(&self, frame: SlideFrame<'_>, s: f64) -> Option<usize> {
+    fn first_ended_link(&self, frame: SlideFrame<'_>, s: f64) -> Option<usize> {
         let slides = &self.frictions.friction_links;
         let mut unlocated_links = (0..slides.len()).filter(|&slide_index| !slides[slide_index].is_located);
         unlocated_links.find(|&slide_index| self.event_margin(frame, (slide_index, s)) < 0.0)
@@ -304,7 +304,7 @@ impl FineLinks {
         let mut high_end = (h, self.event_margin(frame, (slide_index, s + h)));
         let mut low_end = (0.0, self.event_margin_at_start(frame, (slide_index, s)));
         let mut length_taken = h;
-        for _ in 0..TRIES_MAX {
+        for _ in 0..LOCATE_STEPS_MAX {
             // A step that starts at an event has no margin there: then bisection, else a secant.
             let next_length = if low_end.1 > 0.0 {
                 low_end.0 + (high_end.0 - low_end.0) * (low_end.1 / (low_end.1 - high_end.1))

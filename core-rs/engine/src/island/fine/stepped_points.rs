@@ -18,7 +18,7 @@ struct SteppedPoint {
     joint: usize,
     mat: usize,
     /// A link between frames that ends there.
-    worst_link: usize,
+    link: usize,
     /// Its velocity at the start of this frame [m/frame] and its acceleration [m/frame²], if no link pushes it.
     free_motion: [f64; 2],
     /// In the step before: the force in the steps that replaces impulses [N], and the last step [m].
@@ -41,14 +41,14 @@ pub(in crate::island) struct SteppedPoints {
     energy_account: EnergyAccount,
     /// The most energy that was created, and a link at the point where most of it was.
     worst_gain: Option<EnergyGain>,
-    link: usize,
+    worst_link: usize,
 }
 
 crate::archive::state!(SteppedPoints {
     points,
     energy_account,
     worst_gain,
-    link
+    worst_link
 });
 
 impl SteppedPoints {
@@ -75,7 +75,7 @@ impl SteppedPoints {
             Some(SteppedPoint {
                 joint: index,
                 mat: joint.mat,
-                worst_link: script.links[link_index].first_link,
+                link: script.links[link_index].first_link,
                 free_motion: [0.0; 2],
                 impulse_force: 0.0,
                 last_step: 0.0,
@@ -86,7 +86,7 @@ impl SteppedPoints {
             points: stepped_joints.filter_map(new_point).collect(),
             energy_account: EnergyAccount::default(),
             worst_gain: None,
-            link: 0,
+            worst_link: 0,
         }
     }
 
@@ -175,19 +175,19 @@ impl SteppedPoints {
         }
         let worst_gain = gain.worse_of(self.worst_gain);
         if self.worst_gain != Some(worst_gain) {
-            (self.worst_gain, self.link) = (Some(worst_gain), worst_point.worst_link);
+            (self.worst_gain, self.worst_link) = (Some(worst_gain), worst_point.link);
         }
-        Some((worst_point.worst_link, worst_point.mat, gain))
+        Some((worst_point.link, worst_point.mat, gain))
     }
 
     /// The most energy that was created, and a link where most of it was.
     pub(in crate::island) fn worst_gain(&self) -> Option<(usize, EnergyGain)> {
-        Some((self.link, self.worst_gain?))
+        Some((self.worst_link, self.worst_gain?))
     }
 
     /// Remove the points that are among the marked MATs (n_mat).
-    pub(super) fn remove_points(&mut self, mats: &[bool]) {
-        self.points.retain(|point| !mats[point.mat]);
+    pub(super) fn remove_points(&mut self, is_muted: &[bool]) {
+        self.points.retain(|point| !is_muted[point.mat]);
         self.restart();
     }
 }

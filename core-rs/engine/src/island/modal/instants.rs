@@ -20,7 +20,7 @@ pub(super) struct InstantTables {
     /// Displacement of a mode at the next frame by an impulse at each instant, and what has to be added at the one
     /// after so that the motion is exact from then on   (n_groups, n); for complex modes, for each port   (n_ports,
     /// n_groups, n)
-    kick_table: Vec<Vec<Vec<[Lanes; 2]>>>,
+    kick_tables: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
 
 const UNIT_LANES: Lanes = Lanes([1.0; LANES]);
@@ -71,20 +71,20 @@ impl RunningModal {
             None => 1,
         };
         let kick_table = |group: usize, j: usize, split_of: &dyn Fn(usize, usize) -> [f64; 2]| {
-            [0, 1].map(|half| lanes(modes, group, |mode| split_of(mode, j)[half]))
+            [0, 1].map(|step_index| lanes(modes, group, |mode| split_of(mode, j)[step_index]))
         };
         let group_range = 0..modes.len().div_ceil(LANES);
-        let members = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
+        let group_modes = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
         self.instant_tables = Some(InstantTables {
             interpolation: group_range
                 .clone()
-                .map(|group| members(group).flat_map(interpolation).collect())
+                .map(|group| group_modes(group).flat_map(interpolation).collect())
                 .collect(),
             strike_paths: group_range
                 .clone()
-                .map(|group| members(group).flat_map(strike_path).collect())
+                .map(|group| group_modes(group).flat_map(strike_path).collect())
                 .collect(),
-            kick_table: (0..n_tables)
+            kick_tables: (0..n_tables)
                 .map(|port| {
                     let split_kick = |mode: usize, j: usize| split_kick(port, mode, j);
                     let group_range = group_range.clone();
@@ -134,7 +134,7 @@ impl RunningModal {
     }
 
     /// Velocity that an impulse at one port gives another at once [m/s per N·s].
-    pub(crate) fn velocity_step(&self, pushed_port: usize, moved_port: usize) -> f64 {
+    pub(crate) fn velocity_jump(&self, pushed_port: usize, moved_port: usize) -> f64 {
         let plan = &self.script.plan;
         let ports = &plan.ports;
         if let Some(complex_responses) = &plan.complex_responses {
@@ -169,12 +169,12 @@ impl RunningModal {
     pub(crate) fn port_positions(&mut self, port: usize, positions: &mut [f64]) {
         self.restart_window();
         self.contact_free_frames = 0;
-        positions.fill(self.script.plan.ports[port].rest);
+        positions.fill(self.script.plan.ports[port].rest_position);
         let Some(instant_tables) = &self.instant_tables else {
             return;
         };
         for ((motion, table), rows) in self
-            .furthest_motions
+            .window_end_motions
             .iter()
             .zip(&instant_tables.interpolation)
             .zip(&self.script.row_shapes)
@@ -206,12 +206,12 @@ impl RunningModal {
         self.contact_free_frames = 0;
         let Some(tables) = &self.instant_tables else { return };
         let is_complex = self.script.plan.complex_responses.is_some();
-        for (group, table) in tables.kick_table[if is_complex { port } else { 0 }].iter().enumerate() {
+        for (group, table) in tables.kick_tables[if is_complex { port } else { 0 }].iter().enumerate() {
             let group_rows = &self.script.row_shapes[group];
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
             let mode_lanes = [
-                &mut self.furthest_motions[group].positions,
+                &mut self.window_end_motions[group].positions,
                 &mut self.pending_kicks[group],
             ];
             let rows_ahead = (&mut self.row_history[self.present_index + 1..], WINDOW_FRAMES);

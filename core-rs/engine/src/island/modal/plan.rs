@@ -13,7 +13,7 @@ pub(crate) struct Port {
     /// The MAT in the island.
     pub(crate) mat: usize,
     /// Its position when the body rests [m].
-    pub(crate) rest: f64,
+    pub(crate) rest_position: f64,
     /// Weight of each mode in its position, and of its force on each mode   (n_modes)
     pub(crate) shape: Vec<f64>,
 }
@@ -180,15 +180,22 @@ impl Modal {
 
     /// Whether another body has the same modes and shapes; its strikes may differ.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let numbers = |mode: &Mode| (mode.a, mode.b, mode.displacement_per_newton, mode.cell);
-        let ports = |ports: &[Port]| -> Vec<(f64, Vec<f64>)> {
-            ports.iter().map(|port| (port.rest, port.shape.clone())).collect()
+        let coefficients = |mode: &Mode| (mode.a, mode.b, mode.displacement_per_newton, mode.cell);
+        let port_shapes = |ports: &[Port]| -> Vec<(f64, Vec<f64>)> {
+            ports
+                .iter()
+                .map(|port| (port.rest_position, port.shape.clone()))
+                .collect()
         };
         let output_shapes =
             |modal: &Self| -> Vec<Vec<f64>> { modal.outputs.iter().map(|(_, shape)| shape.clone()).collect() };
         self.rate.hertz() == other.rate.hertz()
-            && self.modes.iter().map(numbers).eq(other.modes.iter().map(numbers))
-            && ports(&self.ports) == ports(&other.ports)
+            && self
+                .modes
+                .iter()
+                .map(coefficients)
+                .eq(other.modes.iter().map(coefficients))
+            && port_shapes(&self.ports) == port_shapes(&other.ports)
             && self.rest_outputs == other.rest_outputs
             && output_shapes(self) == output_shapes(other)
             && self
@@ -202,13 +209,13 @@ impl Modal {
     }
 
     /// The body with some of its modes only.
-    pub(crate) fn with_modes(&self, modes_kept: &[usize]) -> Self {
-        let select_modes = |shape: &[f64]| modes_kept.iter().map(|&mode| shape[mode]).collect();
+    pub(crate) fn with_modes(&self, mode_indices: &[usize]) -> Self {
+        let select_modes = |shape: &[f64]| mode_indices.iter().map(|&mode| shape[mode]).collect();
         Self {
             network: self.network.clone(),
-            mode_numbers: modes_kept.iter().map(|&mode| self.mode_numbers[mode]).collect(),
+            mode_numbers: mode_indices.iter().map(|&mode| self.mode_numbers[mode]).collect(),
             alignment_mats: self.alignment_mats.clone(),
-            modes: modes_kept.iter().map(|&mode| self.modes[mode]).collect(),
+            modes: mode_indices.iter().map(|&mode| self.modes[mode]).collect(),
             ports: self
                 .ports
                 .iter()
@@ -226,9 +233,9 @@ impl Modal {
             struck_points: self
                 .struck_points
                 .iter()
-                .map(|struck| StruckPoint {
-                    shape: select_modes(&struck.shape),
-                    strikes: struck.strikes.clone(),
+                .map(|struck_point| StruckPoint {
+                    shape: select_modes(&struck_point.shape),
+                    strikes: struck_point.strikes.clone(),
                 })
                 .collect(),
             rate: self.rate,
@@ -236,12 +243,12 @@ impl Modal {
                 let select_modes = |responses: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
                     let point_responses = responses.iter();
                     point_responses
-                        .map(|point| modes_kept.iter().map(|&mode| point[mode]).collect())
+                        .map(|point| mode_indices.iter().map(|&mode| point[mode]).collect())
                         .collect()
                 };
                 ComplexResponses {
                     n_modes: complex_responses.n_modes,
-                    mode_parts: modes_kept
+                    mode_parts: mode_indices
                         .iter()
                         .map(|&mode| complex_responses.mode_parts[mode])
                         .collect(),

@@ -16,7 +16,7 @@ const MODES_PER_PORT: usize = 12;
 
 /// Displacement of each row in the frames after 1 N at each port during one frame   (n_ports, n_rows, FRAMES_AHEAD);
 /// empty if they would be too many.
-pub(super) fn responses(script: &ModalScript) -> Vec<f64> {
+pub(super) fn window_responses(script: &ModalScript) -> Vec<f64> {
     let n_ports = script.plan.ports.len();
     let n_rows = n_ports + script.plan.outputs.len();
     if n_ports * n_rows > PAIRS_MAX {
@@ -43,8 +43,8 @@ pub(super) fn responses(script: &ModalScript) -> Vec<f64> {
             );
         }
         let rows = responses.chunks_mut(FRAMES_AHEAD).zip(sums.chunks(FRAMES_AHEAD));
-        for ((response, sums), row_move) in rows.zip(&script.row_moves[port]) {
-            response[0] = *row_move;
+        for ((response, sums), row_displacement) in rows.zip(&script.row_displacements[port]) {
+            response[0] = *row_displacement;
             for (response, sum) in response[1..].iter_mut().zip(sums) {
                 *response = lane_total(sum);
             }
@@ -69,7 +69,7 @@ impl RunningModal {
         let n_pushed = self.port_forces.iter().filter(|force| **force != 0.0).count();
         let n_modes = self.script.plan.modes.len();
         let has_many_pushes = n_pushed >= PUSHED_PORTS_MIN && n_pushed * MODES_PER_PORT > n_modes;
-        if self.script.responses.is_empty() || has_many_pushes {
+        if self.script.window_responses.is_empty() || has_many_pushes {
             self.restart_window();
             self.contact_free_frames = 0;
         }
@@ -77,13 +77,13 @@ impl RunningModal {
         let Self {
             script,
             row_history,
-            furthest_motions,
+            window_end_motions: furthest_motions,
             port_forces,
             row_positions,
             window_forces,
             has_window_forces,
             present_index,
-            furthest_index: until,
+            window_end_index: until,
             ..
         } = self;
         let (window_frame, window_end) = (*present_index, *until);
@@ -93,9 +93,9 @@ impl RunningModal {
             for (position, history_entry) in row_positions.iter_mut().zip(next_entries) {
                 *position = *history_entry;
             }
-            for (moves, &force) in script.row_moves.iter().zip(&*port_forces) {
+            for (displacements, &force) in script.row_displacements.iter().zip(&*port_forces) {
                 if force != 0.0 {
-                    ports::add_response(row_positions, moves, force);
+                    ports::add_response(row_positions, displacements, force);
                 }
             }
             let next_entries = row_history.iter_mut().skip(window_frame + 1).step_by(WINDOW_FRAMES);
@@ -114,7 +114,7 @@ impl RunningModal {
         let n_ports = port_forces.len();
         window_forces[window_frame * n_ports..][..n_ports].copy_from_slice(port_forces);
         *has_window_forces = true;
-        let port_responses = script.responses.chunks(row_positions.len() * FRAMES_AHEAD);
+        let port_responses = script.window_responses.chunks(row_positions.len() * FRAMES_AHEAD);
         for (responses, &force) in port_responses.zip(&*port_forces) {
             if force == 0.0 {
                 continue;
@@ -160,18 +160,18 @@ impl RunningModal {
     /// The motion of a group at the end of the window, with all pushes so far.
     pub(super) fn motion_at_window_end(&self, group: usize) -> GroupMotion {
         if !self.has_window_forces {
-            return self.furthest_motions[group].clone();
+            return self.window_end_motions[group].clone();
         }
         let mut group_motion = self.window_start_motions[group].clone();
-        self.replay(group, &mut group_motion, 0, self.furthest_index);
+        self.replay(group, &mut group_motion, 0, self.window_end_index);
         group_motion
     }
 
     /// Let the modes at the end of the window contain all pushes.
     pub(super) fn absorb_window_forces(&mut self) {
         if self.has_window_forces {
-            for group in 0..self.furthest_motions.len() {
-                self.furthest_motions[group] = self.motion_at_window_end(group);
+            for group in 0..self.window_end_motions.len() {
+                self.window_end_motions[group] = self.motion_at_window_end(group);
             }
             self.clear_window_forces();
         }
@@ -211,7 +211,7 @@ mod tests {
         };
         let new_port = |mat: usize| Port {
             mat,
-            rest: 0.0,
+            rest_position: 0.0,
             shape: (0..N_MODES).map(|i| sin((mat + 1) as f64 * (0.3 + i as f64))).collect(),
         };
         Modal {

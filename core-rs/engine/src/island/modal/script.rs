@@ -18,9 +18,9 @@ pub(super) struct ModalScript {
     /// The same at the present frame, for complex modes   (n_groups, n_ports), else empty
     pub(super) present_port_gains: Vec<Vec<Lanes>>,
     /// Displacement of each row at the next frame by 1 N at each port   (n_ports, n_rows)
-    pub(super) row_moves: Vec<Vec<f64>>,
-    /// What `pushes::responses` says of it.
-    pub(super) responses: Vec<f64>,
+    pub(super) row_displacements: Vec<Vec<f64>>,
+    /// What `pushes::window_responses` says of it.
+    pub(super) window_responses: Vec<f64>,
     /// By rising frame.
     pub(super) strike_steps: Vec<StrikeStep>,
 }
@@ -45,13 +45,13 @@ impl ModalScript {
         let group_range = 0..modes.len().div_ceil(LANES);
         let ports = plan.ports.iter().map(|port| &port.shape);
         let row_shapes: Vec<&Vec<f64>> = ports.chain(plan.outputs.iter().map(|(_, shape)| shape)).collect();
-        let port_moves = |port: usize| {
-            let row_move = |row: &&Vec<f64>| {
+        let port_displacements = |port: usize| {
+            let row_displacement = |row: &&Vec<f64>| {
                 (0..modes.len())
                     .map(|mode| row[mode] * plan.port_gain(port, mode)[0])
                     .sum()
             };
-            row_shapes.iter().map(row_move).collect()
+            row_shapes.iter().map(row_displacement).collect()
         };
         let group_rows = |group| {
             row_shapes
@@ -65,7 +65,7 @@ impl ModalScript {
                 .map(|port| lanes(modes, group, |mode| plan.port_gain(port, mode)[step_index]))
                 .collect()
         };
-        let n_back_groups = if plan.complex_responses.is_some() {
+        let n_complex_groups = if plan.complex_responses.is_some() {
             group_range.len()
         } else {
             0
@@ -84,16 +84,16 @@ impl ModalScript {
                 .collect(),
             row_shapes: group_range.clone().map(group_rows).collect(),
             port_gains: group_range.map(|group| group_gains(group, 0)).collect(),
-            present_port_gains: (0..n_back_groups).map(|group| group_gains(group, 1)).collect(),
-            row_moves: (0..plan.ports.len()).map(port_moves).collect(),
-            responses: Vec::new(),
+            present_port_gains: (0..n_complex_groups).map(|group| group_gains(group, 1)).collect(),
+            row_displacements: (0..plan.ports.len()).map(port_displacements).collect(),
+            window_responses: Vec::new(),
             strike_steps: strike_steps(plan),
             plan: plan.clone(),
         }
     }
 
     /// Write the effect of one blow on every mode into `kicks`.
-    pub(super) fn add_kicks(&self, (_, point_index, blow_index, is_second_step): StrikeStep, kicks: &mut [Lanes]) {
+    pub(super) fn write_kicks(&self, (_, point_index, blow_index, is_second_step): StrikeStep, kicks: &mut [Lanes]) {
         let struck_point = &self.plan.struck_points[point_index];
         let (_, frame_fraction, impulse) = struck_point.strikes[blow_index];
         let (rate, time_step) = (self.plan.rate, self.plan.rate.step());
@@ -121,8 +121,8 @@ impl ModalScript {
 fn strike_steps(plan: &Modal) -> Vec<StrikeStep> {
     let takes_two_steps = !plan.is_discrete();
     let mut strike_steps = Vec::new();
-    for (point_index, struck) in plan.struck_points.iter().enumerate() {
-        for (blow, &(frame, _, _)) in struck.strikes.iter().enumerate() {
+    for (point_index, struck_point) in plan.struck_points.iter().enumerate() {
+        for (blow, &(frame, _, _)) in struck_point.strikes.iter().enumerate() {
             strike_steps.push((frame, point_index, blow, false));
             if takes_two_steps {
                 strike_steps.push((frame + 1, point_index, blow, true));

@@ -42,7 +42,7 @@ impl OutputLevel {
     }
 
     /// The last value [m].
-    pub(super) fn value(&self) -> f64 {
+    pub(super) fn last_value(&self) -> f64 {
         self.last_value
     }
 
@@ -111,6 +111,6 @@ mod tests {
         let mut output_level = OutputLevel::new(2);
         (0..100).for_each(|_| output_level.record(0.25));
         assert!(output_level.is_quiet(1e-3));
-        assert_eq!(output_level.value(), 0.25);
+        assert_eq!(output_level.last_value(), 0.25);
     }
 }

@@ -17,7 +17,7 @@ pub(super) struct SlowBlock {
     /// Displacements and velocities at its first frame   (2n)
     state: Vec<f64>,
     /// The observed displacements in its frames, after the inputs so far   (n_observed, B + 1)
-    observed: Vec<f64>,
+    observed_displacements: Vec<f64>,
     /// Inputs so far   (n_inputs, B), and which of them are not all 0
     inputs: Vec<f64>,
     is_pushed: Vec<bool>,
@@ -26,12 +26,12 @@ pub(super) struct SlowBlock {
     /// Whether nothing moved at its first frame.
     is_resting: bool,
     /// (2n)
-    buffer: Vec<f64>,
+    next_state: Vec<f64>,
 }
 
 archive::state!(SlowBlock {
     state,
-    observed,
+    observed_displacements,
     inputs,
     is_pushed,
     frame_index,
@@ -43,12 +43,12 @@ impl SlowBlock {
         let (n_state, n_frames, n_inputs) = (flow.frame_map.n, flow.n_frames, flow.inputs.len());
         Self {
             state: vec![0.0; n_state],
-            observed: vec![0.0; flow.observed.len() * (n_frames + 1)],
+            observed_displacements: vec![0.0; flow.observed_weights.len() * (n_frames + 1)],
             inputs: vec![0.0; n_inputs * n_frames],
             is_pushed: vec![false; n_inputs],
             frame_index: 0,
             is_resting: true,
-            buffer: vec![0.0; n_state],
+            next_state: vec![0.0; n_state],
             flow: flow.clone(),
         }
     }
@@ -89,22 +89,26 @@ impl SlowBlock {
             }
         }
         self.frame_index = 0;
-        self.observed.fill(0.0);
+        self.observed_displacements.fill(0.0);
         self.is_resting = self.state.iter().all(|x| *x == 0.0);
         if !self.is_resting {
-            dense::add_matrix_vector(&self.flow.free_responses, &self.state, &mut self.observed);
+            dense::add_matrix_vector(&self.flow.free_responses, &self.state, &mut self.observed_displacements);
         }
     }
 
     /// Add an input of this frame.
-    fn push(&mut self, input: usize, value: f64) {
+    fn add_input(&mut self, input: usize, input_value: f64) {
         let (n_frames, frame_index) = (self.flow.n_frames, self.frame_index as usize);
         self.is_pushed[input] = true;
-        self.inputs[input * n_frames + frame_index] += value;
+        self.inputs[input * n_frames + frame_index] += input_value;
         let responses = self.flow.inputs[input].observed_response.chunks_exact(n_frames);
-        for (observed_row, response) in self.observed.chunks_exact_mut(n_frames + 1).zip(responses) {
-            for (seen, response) in observed_row[frame_index + 1..].iter_mut().zip(response) {
-                *seen += value * response;
+        for (observed_row, response) in self
+            .observed_displacements
+            .chunks_exact_mut(n_frames + 1)
+            .zip(responses)
+        {
+            for (displacement, response) in observed_row[frame_index + 1..].iter_mut().zip(response) {
+                *displacement += input_value * response;
             }
         }
     }
@@ -112,14 +116,14 @@ impl SlowBlock {
     /// Add a force on a port in this frame [N].
     pub(super) fn push_port(&mut self, port: usize, force: f64) {
         if force != 0.0 {
-            self.push(port, force);
+            self.add_input(port, force);
         }
     }
 
     /// Note that a force on a port in this frame is that of a strike [N].
-    pub(super) fn note_strike(&mut self, port: usize, force: f64) {
+    pub(super) fn record_strike(&mut self, port: usize, force: f64) {
         if let Some(input_index) = self.flow.strike_inputs[port] {
-            self.push(input_index, force);
+            self.add_input(input_index, force);
         }
     }
 
@@ -152,7 +156,7 @@ impl SlowBlock {
             state,
             inputs,
             is_pushed,
-            buffer,
+            next_state: buffer,
             ..
         } = self;
         buffer.fill(0.0);
@@ -168,19 +172,19 @@ impl SlowBlock {
     }
 
     /// An observed displacement at this frame [m]: of a port, or of an output after the ports.
-    pub(super) fn position(&self, seen_row: usize) -> f64 {
-        self.observed[seen_row * (self.flow.n_frames + 1) + self.frame_index as usize]
+    pub(super) fn displacement(&self, observed_row: usize) -> f64 {
+        self.observed_displacements[observed_row * (self.flow.n_frames + 1) + self.frame_index as usize]
     }
 
     /// By how much it would move to the next frame without further forces [m].
-    pub(super) fn velocity(&self, seen_row: usize) -> f64 {
-        let observed_index = seen_row * (self.flow.n_frames + 1) + self.frame_index as usize;
-        self.observed[observed_index + 1] - self.observed[observed_index]
+    pub(super) fn velocity(&self, observed_row: usize) -> f64 {
+        let observed_index = observed_row * (self.flow.n_frames + 1) + self.frame_index as usize;
+        self.observed_displacements[observed_index + 1] - self.observed_displacements[observed_index]
     }
 
     /// Displacement of an output at this frame [m].
     pub(super) fn output(&self, output: usize) -> f64 {
-        self.position(self.flow.strike_inputs.len() + output)
+        self.displacement(self.flow.strike_inputs.len() + output)
     }
 
     /// Displacements and velocities at this frame.
@@ -193,9 +197,9 @@ impl SlowBlock {
             next_state.fill(0.0);
             dense::add_matrix_vector(&self.flow.frame_map.entries, &present.0[..n_state], next_state);
             let frame_inputs = self.inputs.iter().skip(k).step_by(self.flow.n_frames);
-            for (input, value) in self.flow.inputs.iter().zip(frame_inputs) {
+            for (input, input_value) in self.flow.inputs.iter().zip(frame_inputs) {
                 let state_pairs = next_state.iter_mut().zip(&input.state_response);
-                state_pairs.for_each(|(next_state, state)| *next_state += value * state);
+                state_pairs.for_each(|(next_state, state)| *next_state += input_value * state);
             }
             present.0[..n_state].copy_from_slice(next_state);
         }
@@ -215,7 +219,7 @@ impl SlowBlock {
         let mat_count = self.state.len() / 2;
         let pull_row = self
             .flow
-            .flow
+            .frame_flow
             .position_pull
             .entries
             .iter()
@@ -229,9 +233,9 @@ impl SlowBlock {
     pub(super) fn set_velocities(&mut self, steps: &[f64]) {
         let (u, v) = self.state.split_at_mut(steps.len());
         v.fill(0.0);
-        dense::add_matrix_vector(&self.flow.flow.position_pull.entries, u, v);
+        dense::add_matrix_vector(&self.flow.frame_flow.position_pull.entries, u, v);
         v.iter_mut().for_each(|v| *v = -*v);
-        dense::add_matrix_vector(&self.flow.flow.velocity_factor.entries, steps, v);
+        dense::add_matrix_vector(&self.flow.frame_flow.velocity_factor.entries, steps, v);
     }
 
     /// End the block at this frame. [`Self::begin`] has to follow.
@@ -250,7 +254,8 @@ impl SlowBlock {
     /// Take over another's motion without allocating.
     pub(super) fn copy_motion(&mut self, other: &Self) {
         self.state.copy_from_slice(&other.state);
-        self.observed.copy_from_slice(&other.observed);
+        self.observed_displacements
+            .copy_from_slice(&other.observed_displacements);
         self.inputs.copy_from_slice(&other.inputs);
         self.is_pushed.copy_from_slice(&other.is_pushed);
         self.frame_index = other.frame_index;
@@ -266,13 +271,13 @@ impl SlowBlock {
     /// Its energy at the first frame of the block [in units of a frame].
     pub(super) fn energy(&self, w: &[f64]) -> f64 {
         let (u, v) = self.state.split_at(w.len());
-        let columns = self.flow.flow.position_pull.entries.chunks_exact(w.len());
-        let potential = columns.zip(u).map(|(column, x)| {
+        let columns = self.flow.frame_flow.position_pull.entries.chunks_exact(w.len());
+        let potential_terms = columns.zip(u).map(|(column, x)| {
             let pull_terms = column.iter().zip(u).zip(w);
             x * pull_terms.map(|((pull, u), w)| u * pull / w).sum::<f64>()
         });
-        let kinetic = v.iter().zip(w).map(|(v, w)| v * v / w);
-        0.5 * (potential.sum::<f64>() + kinetic.sum::<f64>())
+        let kinetic_terms = v.iter().zip(w).map(|(v, w)| v * v / w);
+        0.5 * (potential_terms.sum::<f64>() + kinetic_terms.sum::<f64>())
     }
 }
 
@@ -312,7 +317,7 @@ mod tests {
                     block.push_port(0, port_force);
                     block.push_port(1, if n == 41 { 0.7 } else { 0.0 });
                     if n == 41 {
-                        block.note_strike(1, 0.7);
+                        block.record_strike(1, 0.7);
                     }
                     block.step(1.0);
                     if n == 95 {
@@ -320,7 +325,7 @@ mod tests {
                         block.begin();
                     }
                 }
-                let seen = [0, 1, 2].map(|seen| (long_blocks.position(seen), single_frames.position(seen)));
+                let seen = [0, 1, 2].map(|seen| (long_blocks.displacement(seen), single_frames.displacement(seen)));
                 assert!(seen.iter().all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0)));
                 let present = (long_blocks.present_state(), single_frames.present_state());
                 for mass in 0..3 {
@@ -339,6 +344,6 @@ mod tests {
         block.state_mut().fill(0.0);
         block.begin();
         (0..9).for_each(|_| block.step(1.0));
-        assert!((0..3).all(|seen| block.position(seen) == 0.0 && block.velocity(seen) == 0.0));
+        assert!((0..3).all(|seen| block.displacement(seen) == 0.0 && block.velocity(seen) == 0.0));
     }
 }

@@ -20,7 +20,7 @@ pub(crate) type Weights = Vec<(usize, f64)>;
 /// How a body moves in a block of frames.
 #[derive(Clone, Debug)]
 pub(crate) struct BlockFlow {
-    pub(crate) flow: Flow,
+    pub(crate) frame_flow: Flow,
     /// P   (2n, 2n), and its power for a block
     pub(super) frame_map: SquareMatrix,
     pub(super) block_map: SquareMatrix,
@@ -29,7 +29,7 @@ pub(crate) struct BlockFlow {
     /// B
     pub(super) n_frames: usize,
     /// Ports, then outputs.
-    pub(super) observed: Vec<Weights>,
+    pub(super) observed_weights: Vec<Weights>,
     /// Their values at frames 0 … B for each number of the state   (n_observed · (B + 1), 2n)
     pub(super) free_responses: Vec<f64>,
     /// Forces on ports, then strikes on those that may be struck.
@@ -77,8 +77,8 @@ impl BlockFlow {
             ports,
             outputs,
         } = interface;
-        let mut observed: Vec<Weights> = ports.iter().map(|port| vec![(port.0, 1.0)]).collect();
-        observed.extend(outputs);
+        let mut observed_weights: Vec<Weights> = ports.iter().map(|port| vec![(port.0, 1.0)]).collect();
+        observed_weights.extend(outputs);
         let mut block_flow = Self {
             block_map: frame_map.power(n_frames as u32),
             step_rows: step_map(&flow),
@@ -86,44 +86,44 @@ impl BlockFlow {
             inputs: Vec::new(),
             strike_inputs: vec![None; ports.len()],
             n_frames,
-            observed,
+            observed_weights,
             frame_map,
-            flow,
+            frame_flow: flow,
         };
         block_flow.free_responses = block_flow.compute_free_responses();
         for &(port, _) in &ports {
             let mut pushed_state = vec![0.0; 2 * mat_count];
             pushed_state[mat_count + port] = inverse_masses[port];
-            let block_input = block_flow.input_response(block_flow.frame_map.times_vector(&pushed_state));
-            block_flow.inputs.push(block_input);
+            let input_response = block_flow.input_response(block_flow.frame_map.times_vector(&pushed_state));
+            block_flow.inputs.push(input_response);
         }
-        for (index, (port, missing)) in ports.into_iter().enumerate() {
-            let Some(mut struck_state) = missing else {
+        for (index, (port, strike_correction)) in ports.into_iter().enumerate() {
+            let Some(mut struck_state) = strike_correction else {
                 continue;
             };
             struck_state.iter_mut().for_each(|x| *x *= inverse_masses[port]);
             block_flow.strike_inputs[index] = Some(block_flow.inputs.len());
-            let block_input = block_flow.input_response(struck_state);
-            block_flow.inputs.push(block_input);
+            let input_response = block_flow.input_response(struck_state);
+            block_flow.inputs.push(input_response);
         }
         block_flow
     }
 
     /// The same with other ports (their indices here) and outputs, without strikes, or with blocks of another length.
     pub(crate) fn with_interface(&self, interface: BodyInterface<'_>, n_frames: usize) -> Self {
-        Self::new(self.flow.clone(), interface, n_frames)
+        Self::new(self.frame_flow.clone(), interface, n_frames)
     }
 
     fn compute_free_responses(&self) -> Vec<f64> {
         let (n_state, n_rows) = (self.frame_map.n, self.n_frames + 1);
-        let mut free_rows = vec![0.0; self.observed.len() * n_rows * n_state];
-        for (index, weights) in self.observed.iter().enumerate() {
+        let mut free_responses = vec![0.0; self.observed_weights.len() * n_rows * n_state];
+        for (index, weights) in self.observed_weights.iter().enumerate() {
             let mut observed_row = vec![0.0; n_state];
             weights.iter().for_each(|&(mass, weight)| observed_row[mass] += weight);
             for k in 0..n_rows {
                 interrupt::spend(n_state * n_state);
                 for (column, x) in observed_row.iter().enumerate() {
-                    free_rows[column * self.observed.len() * n_rows + index * n_rows + k] = *x;
+                    free_responses[column * self.observed_weights.len() * n_rows + index * n_rows + k] = *x;
                 }
                 // Row times matrix: its columns lie one after the other.
                 let columns = self.frame_map.entries.chunks_exact(n_state);
@@ -131,17 +131,17 @@ impl BlockFlow {
                 observed_row = columns.map(product).collect();
             }
         }
-        free_rows
+        free_responses
     }
 
     fn input_response(&self, state_response: Vec<f64>) -> InputResponse {
         let (n_state, n_frames) = (self.frame_map.n, self.n_frames);
-        let mut observed_response = vec![0.0; self.observed.len() * n_frames];
+        let mut observed_response = vec![0.0; self.observed_weights.len() * n_frames];
         let mut end_response = vec![0.0; n_state * n_frames];
         let mut moved_state = state_response.clone();
         for k in 0..n_frames {
             interrupt::spend(n_state * n_state);
-            for (index, weights) in self.observed.iter().enumerate() {
+            for (index, weights) in self.observed_weights.iter().enumerate() {
                 observed_response[index * n_frames + k] = weighted_sum(weights, &moved_state);
             }
             let block_column = n_frames - 1 - k;
@@ -161,7 +161,7 @@ impl BlockFlow {
         self.n_frames == other.n_frames
             && self.frame_map.entries == other.frame_map.entries
             && self.step_rows == other.step_rows
-            && self.observed == other.observed
+            && self.observed_weights == other.observed_weights
             && self.strike_inputs == other.strike_inputs
             && input_pairs.all(|(input, other)| input.state_response == other.state_response)
     }
@@ -169,7 +169,7 @@ impl BlockFlow {
     /// Number of products of a frame, on average, while one port is pushed.
     pub(crate) fn n_products(&self) -> f64 {
         let (n_state, n_frames) = (self.frame_map.n as f64, self.n_frames as f64);
-        let n_observed = self.observed.len() as f64;
+        let n_observed = self.observed_weights.len() as f64;
         n_state * (n_observed + 1.0) + n_state * n_state / n_frames + 0.5 * n_observed * n_frames
     }
 }

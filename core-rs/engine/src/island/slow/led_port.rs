@@ -25,13 +25,13 @@ impl RunningSlow {
     /// Velocity that a port that was led to this frame needs in order to continue as a free one [m a frame].
     pub(crate) fn release_velocity(&self, mat: usize) -> f64 {
         if self.frames_since_kick == 0 {
-            return 0.0; // `release_at_pull` gave it already
+            return 0.0; // `pull_release_velocity` gave it already
         }
         self.last_pull(mat) * self.velocity_lead(self.frames_since_kick)
     }
 
     /// The same, if the springs pull in the next frame; else 0.
-    pub(crate) fn release_at_pull(&self, mat: usize) -> f64 {
+    pub(crate) fn pull_release_velocity(&self, mat: usize) -> f64 {
         let kick_interval = self.plan.kick_interval;
         if self.frames_since_kick + 1 < kick_interval {
             return 0.0;

@@ -67,12 +67,12 @@ impl RunningSprings {
             Self::Exact(block) => {
                 let pairs = slow.x0.iter().zip(&slow.rest_positions);
                 let displacements: Vec<f64> = pairs.map(|(x, rest_position)| x - rest_position).collect();
-                block.flow().flow.start_velocities(&displacements, &slow.v0)
+                block.flow().frame_flow.start_velocities(&displacements, &slow.v0)
             }
-            Self::Stepped(stepped) => {
-                let mut velocity_after = slow.v0.clone();
-                stepped.velocities_after_pull(slow, &slow.x0, Some(&slow.v0), &mut velocity_after);
-                let pairs = velocity_after.iter().zip(&slow.v0);
+            Self::Stepped(stepped_springs) => {
+                let mut velocities_after = slow.v0.clone();
+                stepped_springs.velocities_after_pull(slow, &slow.x0, Some(&slow.v0), &mut velocities_after);
+                let pairs = velocities_after.iter().zip(&slow.v0);
                 pairs.map(|(velocity_after, v0)| 0.5 * (velocity_after + v0)).collect()
             }
         }
@@ -84,7 +84,7 @@ impl RunningSprings {
 pub(super) struct SteppedSprings {
     scheme: Arc<Scheme>,
     modules: ModuleState,
-    laws: KernelScratch,
+    scratch: KernelScratch,
 }
 
 impl SteppedSprings {
@@ -94,7 +94,7 @@ impl SteppedSprings {
         Self {
             scheme: scheme.clone(),
             modules: ModuleState::new(scheme, start_positions, zero_steps),
-            laws: KernelScratch::new(scheme),
+            scratch: KernelScratch::new(scheme),
         }
     }
 
@@ -108,19 +108,19 @@ impl SteppedSprings {
     ) {
         let Self {
             scheme,
-            modules: body,
-            laws,
+            modules,
+            scratch: laws,
         } = self;
         let step_frames = f64::from(slow.macrostep);
         for (index, &mat) in slow.free_mats.iter().enumerate() {
-            body.x[mat] = x[index];
-            body.d[mat] = velocities_before.map_or(0.0, |velocities_before| step_frames * velocities_before[index]);
+            modules.x[mat] = x[index];
+            modules.d[mat] = velocities_before.map_or(0.0, |velocities_before| step_frames * velocities_before[index]);
         }
         let team = &mut ThreadTeam::alone();
-        kernel::compute_link_forces(scheme, &[], body, laws, team);
-        kernel::advance_mats(scheme, &mut [], body, None, team);
+        kernel::compute_link_forces(scheme, &[], modules, laws, team);
+        kernel::advance_mats(scheme, &mut [], modules, None, team);
         for (index, &mat) in slow.free_mats.iter().enumerate() {
-            velocities_after[index] = body.d[mat] / step_frames;
+            velocities_after[index] = modules.d[mat] / step_frames;
         }
     }
 }

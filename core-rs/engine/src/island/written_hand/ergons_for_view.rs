@@ -74,7 +74,7 @@ pub(crate) struct Sparks {
 
 impl Sparks {
     /// Whether sparks are watched.
-    pub(crate) fn are_watched(&self) -> bool {
+    pub(crate) fn is_watched(&self) -> bool {
         self.sparks.is_some()
     }
 
@@ -108,7 +108,7 @@ impl Sparks {
     /// Report each spark, and begin again.
     pub(crate) fn take(&mut self, report_spark: impl FnMut(ErgonRecord)) {
         let spark_count = std::mem::take(&mut self.spark_count);
-        let sparks = self.sparks.iter().flat_map(|spark_room| &spark_room[..spark_count]);
+        let sparks = self.sparks.iter().flat_map(|spark_buffer| &spark_buffer[..spark_count]);
         sparks.map(Spark::merged_ergon).for_each(report_spark);
     }
 }

@@ -15,7 +15,7 @@ const KNOT_SLACK: f64 = 1e-6;
 /// A stretch of a gesture. Legs cover the targets (frames at which a position is due) one after
 /// the other: a leg's first target is the one after the last of the leg before it.
 #[derive(Clone, Debug)]
-pub(crate) enum Leg {
+pub(crate) enum FramedSegment {
     /// Follow a path; the targets end with `last_frame`. After a throw one strike leads onto it, by frame
     /// `entry_frame`.
     Path {
@@ -31,7 +31,7 @@ pub(crate) enum Leg {
     },
 }
 
-impl Leg {
+impl FramedSegment {
     pub(crate) fn last_frame(&self) -> u64 {
         match self {
             Self::Path { last_frame, .. } => *last_frame,
@@ -44,7 +44,7 @@ impl Leg {
 #[derive(Clone, Debug)]
 pub(crate) struct FramedGesture {
     pub(crate) gesture: Arc<Gesture>,
-    pub(crate) legs: Vec<Leg>,
+    pub(crate) segments: Vec<FramedSegment>,
     /// Last frame at or before the start: the gesture takes over there, for the targets after it.
     pub(crate) first_frame: u64,
     /// Frame at which a joining curve begins, to reach the gesture in time.
@@ -67,13 +67,13 @@ impl FramedGesture {
             Some(_) => last_score_frame(t, rate, oversampling),
         };
         let mut first_frame = last_frame_at(start_time);
-        let mut legs: Vec<Leg> = Vec::with_capacity(gesture.segments.len());
-        for stretch in &gesture.segments {
-            let framed_leg = match *stretch {
-                GestureSegment::Path { ref path, stop } => Leg::Path {
+        let mut segments: Vec<FramedSegment> = Vec::with_capacity(gesture.segments.len());
+        for segment in &gesture.segments {
+            let framed_segment = match *segment {
+                GestureSegment::Path { ref path, stop } => FramedSegment::Path {
                     path: path.clone(),
-                    entry_frame: match legs.last() {
-                        Some(Leg::Throw { landing_frame, .. }) if oversampling > 1 => {
+                    entry_frame: match segments.last() {
+                        Some(FramedSegment::Throw { landing_frame, .. }) if oversampling > 1 => {
                             landing_frame + u64::from(oversampling)
                         }
                         _ => 0,
@@ -89,22 +89,22 @@ impl FramedGesture {
                     let (strike_frame, landing_frame) = (frame_at(from), frame_at(arrival_time));
                     // Rounded to a frame of the score, the strike may come before the end of the path: the path then
                     // ends at the strike.
-                    match legs.last_mut() {
-                        Some(Leg::Path { last_frame, .. }) => *last_frame = strike_frame.min(*last_frame),
-                        Some(Leg::Throw { .. }) => {}
+                    match segments.last_mut() {
+                        Some(FramedSegment::Path { last_frame, .. }) => *last_frame = strike_frame.min(*last_frame),
+                        Some(FramedSegment::Throw { .. }) => {}
                         None => first_frame = strike_frame.min(first_frame),
                     }
-                    Leg::Throw {
+                    FramedSegment::Throw {
                         strike_frame,
                         landing_frame,
                         x,
                     }
                 }
             };
-            legs.push(framed_leg);
+            segments.push(framed_segment);
         }
         Self {
-            legs,
+            segments,
             first_frame,
             join_frame: floor_frame(((start_time - join_time) * rate - FRAME_SLACK).ceil()),
             point_frames: gesture.points.iter().map(|point| frame_at(point.0)).collect(),
@@ -115,7 +115,7 @@ impl FramedGesture {
 
     /// The last frame at which a position is due.
     pub(crate) fn last_frame(&self) -> u64 {
-        self.legs.last().map_or(self.first_frame, Leg::last_frame)
+        self.segments.last().map_or(self.first_frame, FramedSegment::last_frame)
     }
 
     /// Frames in a frame of the score.
@@ -125,7 +125,7 @@ impl FramedGesture {
 
     /// The frame after `n` at which the next grain is due: a multiple of the grain since the start,
     /// or a written point before it.
-    pub(crate) fn knot_after(&self, n: u64, grain: f64, rate: f64) -> u64 {
+    pub(crate) fn next_knot_frame(&self, n: u64, grain: f64, rate: f64) -> u64 {
         // Grains shorter than a frame of the score are due at every such frame; there may be too many to count.
         let score_step = u64::from(self.oversampling);
         let score_rate = rate / f64::from(self.oversampling);
@@ -147,9 +147,9 @@ impl FramedGesture {
             .map_or(knot_frame, |&point| knot_frame.min(point))
     }
 
-    /// Source of an ergon whose target is frame `target`; `point_cursor` only moves forward.
-    pub(crate) fn ergon_source(&self, point_cursor: &mut usize, target: u64) -> u32 {
-        while *point_cursor + 1 < self.point_frames.len() && self.point_frames[*point_cursor] < target {
+    /// Source of an ergon whose target is frame `target_frame`; `point_cursor` only moves forward.
+    pub(crate) fn ergon_source(&self, point_cursor: &mut usize, target_frame: u64) -> u32 {
+        while *point_cursor + 1 < self.point_frames.len() && self.point_frames[*point_cursor] < target_frame {
             *point_cursor += 1;
         }
         let score_point = self.gesture.points.get(*point_cursor);

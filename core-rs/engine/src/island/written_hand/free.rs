@@ -59,10 +59,10 @@ impl FreeKey {
         name_of: impl Fn(usize) -> String,
         other_name_of: impl Fn(usize) -> String,
     ) -> bool {
-        let same_slow_body = |(a, b): (&Slow, &Slow)| a.is_same(b);
+        let is_same_body = |(a, b): (&Slow, &Slow)| a.is_same(b);
         self.scheme.n_lia == other.scheme.n_lia
             && self.slow_bodies.len() == other.slow_bodies.len()
-            && self.slow_bodies.iter().zip(&other.slow_bodies).all(same_slow_body)
+            && self.slow_bodies.iter().zip(&other.slow_bodies).all(is_same_body)
             && self.scene_mats.len() == other.scene_mats.len()
             && self
                 .scene_mats
@@ -147,10 +147,10 @@ impl FreeMotion {
 
     /// Give a MAT that is led along a path the velocity that it lacks, if its springs pull next; returns it [m a
     /// frame].
-    pub(crate) fn release_at_pull(&mut self, mat: usize) -> f64 {
+    pub(crate) fn apply_pull_release(&mut self, mat: usize) -> f64 {
         let mut velocity_sum = 0.0;
         for slow in &mut self.slow_bodies {
-            let velocity_change = slow.release_at_pull(mat);
+            let velocity_change = slow.pull_release_velocity(mat);
             slow.add_velocity(mat, velocity_change);
             velocity_sum += velocity_change;
         }
@@ -170,9 +170,9 @@ impl FreeMotion {
 
 /// Buffers of one voice.
 #[derive(Clone, Debug)]
-pub(crate) struct Buffers {
+pub(crate) struct VoiceBuffers {
     pub(crate) trial_motion: FreeMotion,
-    pub(crate) laws: KernelScratch,
+    pub(crate) scratch: KernelScratch,
     pub(crate) targets: Vec<ImposedTarget>,
     /// Whether nothing but the flow of slow bodies moves the key between gestures.
     pub(crate) has_only_flow: bool,
@@ -218,14 +218,14 @@ impl FreeKey {
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
         let deviation_key = self.layer_key();
         let mut free_motion = deviation_key.motion_at_rest();
-        let (mut laws, mut targets) = (KernelScratch::new(&deviation_key.scheme), Vec::new());
+        let (mut scratch, mut targets) = (KernelScratch::new(&deviation_key.scheme), Vec::new());
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
         let test_push = 1e-6 / self.scheme.w[self.struck_mat];
         (0..2 * steps).any(|n| {
             if n.is_multiple_of(POLL_FRAMES) {
                 interrupt::spend(WORK_PER_STEP * POLL_FRAMES as usize);
             }
-            deviation_key.sum_forces(&mut free_motion, n, &mut laws, &mut targets);
+            deviation_key.sum_forces(&mut free_motion, n, &mut scratch, &mut targets);
             let test_push = if n == 0 { test_push } else { 0.0 };
             deviation_key.strike_and_move(&mut free_motion, n, test_push, &mut targets);
             free_motion.modules.x[deviation_key.struck_mat] < 0.0
@@ -237,11 +237,11 @@ impl FreeKey {
         &self,
         motion: &mut FreeMotion,
         n: u64,
-        laws: &mut KernelScratch,
+        scratch: &mut KernelScratch,
         targets: &mut Vec<ImposedTarget>,
     ) {
         let modules = &mut motion.modules;
-        kernel::compute_link_forces(&self.scheme, &[], modules, laws, &mut ThreadTeam::alone());
+        kernel::compute_link_forces(&self.scheme, &[], modules, scratch, &mut ThreadTeam::alone());
         targets.clear();
         for drive in &self.drives {
             drive.apply(n, self.scheme.rate, modules, targets);
@@ -255,16 +255,16 @@ impl FreeKey {
         motion: &FreeMotion,
         x: f64,
         targets: &[ImposedTarget],
-        buffers: &mut Buffers,
+        buffers: &mut VoiceBuffers,
     ) -> f64 {
-        let (scheme, struck_mat, body) = (&*self.scheme, self.struck_mat, &motion.modules);
+        let (scheme, struck_mat, modules) = (&*self.scheme, self.struck_mat, &motion.modules);
         if scheme.exact_runs.is_empty() {
-            return kernel::force_to_reach(scheme, body, struck_mat, x);
+            return kernel::force_to_reach(scheme, modules, struck_mat, x);
         }
         // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
         let trial_modules = &mut buffers.trial_motion.modules;
-        trial_modules.copy_motion(body);
-        trial_modules.force.copy_from_slice(&body.force);
+        trial_modules.copy_motion(modules);
+        trial_modules.force.copy_from_slice(&modules.force);
         buffers.targets.clear();
         buffers.targets.extend_from_slice(targets);
         buffers.targets.push(ImposedTarget {
@@ -279,12 +279,12 @@ impl FreeKey {
         }
         // If friction changes direction within the frame, how much of it acts each way depends on the ergon.
         let mut force_offset = |force: f64| {
-            let coasting_modules = &mut buffers.trial_motion.modules;
-            coasting_modules.copy_motion(body);
-            coasting_modules.force.copy_from_slice(&body.force);
-            coasting_modules.force[struck_mat] += force;
-            kernel::solve_exact_contacts(scheme, &[], targets, coasting_modules);
-            kernel::predict_position(scheme, coasting_modules, struck_mat) - x
+            let trial_modules = &mut buffers.trial_motion.modules;
+            trial_modules.copy_motion(modules);
+            trial_modules.force.copy_from_slice(&modules.force);
+            trial_modules.force[struck_mat] += force;
+            kernel::solve_exact_contacts(scheme, &[], targets, trial_modules);
+            kernel::predict_position(scheme, trial_modules, struck_mat) - x
         };
         find_force(force, scheme.w[struck_mat], &mut force_offset)
     }
@@ -317,29 +317,23 @@ impl FreeKey {
 
     /// Move by the flow of slow bodies alone, with the same result as [`Self::strike_and_move`] without a force.
     pub(crate) fn step_flow(motion: &mut FreeMotion) {
-        let FreeMotion {
-            modules: body,
-            slow_bodies,
-        } = motion;
+        let FreeMotion { modules, slow_bodies } = motion;
         for slow in slow_bodies {
             slow.step_flow();
-            slow.set_ports(body);
+            slow.set_ports(modules);
         }
     }
 
     /// Add a force on the struck MAT and move from frame n to n + 1.
     pub(crate) fn strike_and_move(&self, motion: &mut FreeMotion, n: u64, force: f64, targets: &mut [ImposedTarget]) {
-        let FreeMotion {
-            modules: body,
-            slow_bodies,
-        } = motion;
-        body.force[self.struck_mat] += force;
-        kernel::solve_exact_contacts(&self.scheme, &[], targets, body);
-        slow_bodies.iter_mut().for_each(|slow| slow.step(n, &body.force));
-        kernel::advance_mats(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
-        kernel::slide_bristles(&self.scheme, body);
-        kernel::stop_resting_masses(&self.scheme, body);
-        slow_bodies.iter().for_each(|slow| slow.set_ports(body));
+        let FreeMotion { modules, slow_bodies } = motion;
+        modules.force[self.struck_mat] += force;
+        kernel::solve_exact_contacts(&self.scheme, &[], targets, modules);
+        slow_bodies.iter_mut().for_each(|slow| slow.step(n, &modules.force));
+        kernel::advance_mats(&self.scheme, targets, modules, None, &mut ThreadTeam::alone());
+        kernel::slide_bristles(&self.scheme, modules);
+        kernel::stop_resting_masses(&self.scheme, modules);
+        slow_bodies.iter().for_each(|slow| slow.set_ports(modules));
     }
 
     /// Position of the struck MAT at frame `target_frame`, from `motion` at frame `n`, with one strike at frame `n`
@@ -350,11 +344,11 @@ impl FreeKey {
         n: u64,
         target_frame: u64,
         force: f64,
-        buffers: &mut Buffers,
+        buffers: &mut VoiceBuffers,
     ) -> f64 {
-        let Buffers {
+        let VoiceBuffers {
             trial_motion,
-            laws,
+            scratch,
             targets,
             frame_powers,
             ..
@@ -368,11 +362,11 @@ impl FreeKey {
             if (frame - n).is_multiple_of(POLL_FRAMES) {
                 interrupt::spend(WORK_PER_STEP * POLL_FRAMES as usize);
             }
-            self.sum_forces(trial_motion, frame, laws, targets);
+            self.sum_forces(trial_motion, frame, scratch, targets);
             self.strike_and_move(trial_motion, frame, if frame == n { force } else { 0.0 }, targets);
         }
         if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop_frame < target_frame) {
-            frame_powers.advance(self, trial_motion, target_frame - stop_frame, laws, targets);
+            frame_powers.advance(self, trial_motion, target_frame - stop_frame, scratch, targets);
         }
         trial_motion.modules.x[self.struck_mat]
     }
@@ -385,7 +379,7 @@ impl FreeKey {
         n: u64,
         target_frame: u64,
         x: f64,
-        buffers: &mut Buffers,
+        buffers: &mut VoiceBuffers,
     ) -> f64 {
         let (mut f0, mut y0) = (0.0, self.position_after_strike(motion, n, target_frame, 0.0, buffers));
         // A first guess as for a free mass: F·T²/m·steps = distance.

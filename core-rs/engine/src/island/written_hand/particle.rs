@@ -9,7 +9,7 @@ pub(crate) const APPROACH_SPEED: f64 = 1000.0;
 /// Most particles near the key at once: a contact lasts two steps, and dense ergons come every step.
 const PARTICLES_MAX: usize = 4;
 /// A particle this far out never returns [m]: it leaves at 23 mm a step.
-const GONE_DISTANCE: f64 = 1e-3;
+const EXIT_DISTANCE: f64 = 1e-3;
 
 /// A particle near the key.
 #[derive(Clone, Copy, Debug, Default)]
@@ -52,7 +52,7 @@ impl Particles {
                 modules.push(mat, particle.sign * push_force);
                 particle.last_step -= particle.sign * push_force * particle.w;
                 particle.position += particle.last_step;
-                if penetration < -GONE_DISTANCE {
+                if penetration < -EXIT_DISTANCE {
                     particle.k = 0.0;
                 }
             }
@@ -60,7 +60,7 @@ impl Particles {
     }
 
     /// Whether no particle is near.
-    pub(crate) fn are_gone(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.0.iter().all(|particle| particle.k == 0.0)
     }
 

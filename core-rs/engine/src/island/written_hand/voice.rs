@@ -7,9 +7,9 @@ mod takeover;
 pub(crate) use takeover::{VoiceTakeover, equal_gestures};
 
 use super::ergons_for_view::Sparks;
-use super::framed::{FramedGesture, Leg};
+use super::framed::{FramedGesture, FramedSegment};
 use super::free::frame_powers::FramePowers;
-use super::free::{Buffers, FreeKey, FreeMotion};
+use super::free::{FreeKey, FreeMotion, VoiceBuffers};
 use super::particle::Particles;
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::gesture::quintic::Knot;
@@ -21,7 +21,7 @@ use crate::kernel;
 use crate::kernel::KernelScratch;
 use crate::scheme::Scheme;
 use crate::state::{ImposedTarget, ModuleState};
-use join::Joining;
+use join::JoiningCurve;
 
 /// A layer's free key counts as at rest below this, in metres and in metres a second: far below what is heard.
 const STILL_BOUND: f64 = 1e-12;
@@ -48,7 +48,7 @@ pub(crate) struct Voice {
     free_motion: FreeMotion,
     /// Imposed points inside the free key, at this frame.
     targets: Vec<ImposedTarget>,
-    buffers: Buffers,
+    buffers: VoiceBuffers,
     particles: Particles,
     pub(crate) sparks: Sparks,
     /// The gesture that runs.
@@ -83,10 +83,10 @@ impl State for Voice {
 #[derive(Clone, Debug, Default)]
 struct RunningGesture {
     gesture_index: usize,
-    leg_index: usize,
+    segment_index: usize,
     path_cursor: usize,
     point_cursor: usize,
-    joining_curve: Option<Joining>,
+    joining_curve: Option<JoiningCurve>,
     /// The strike of the present throw or grain is done until this frame, at which the key is to be at `strike_target`
     /// [m].
     strike_end_frame: u64,
@@ -96,7 +96,7 @@ struct RunningGesture {
 crate::archive::option!(RunningGesture, optional);
 crate::archive::state!(RunningGesture {
     gesture_index,
-    leg_index,
+    segment_index,
     path_cursor,
     point_cursor,
     joining_curve,
@@ -109,14 +109,14 @@ crate::archive::state!(RunningGesture {
 struct TrackedFrame {
     gesture_index: usize,
     source: u32,
-    x: f64,
+    position: f64,
 }
 
 crate::archive::option!(TrackedFrame, optional);
 crate::archive::state!(TrackedFrame {
     gesture_index,
     source,
-    x
+    position
 });
 
 /// A request to the key at a frame.
@@ -143,13 +143,13 @@ pub(crate) struct VoiceScene<'a> {
 
 impl VoiceScript {
     /// The MAT of another part that pushes the key most, if any does.
-    fn pushed_by(&self, modules: &ModuleState) -> Option<usize> {
+    fn pushing_mat(&self, modules: &ModuleState) -> Option<usize> {
         let link_push = |link: usize| modules.link_forces[link].abs();
-        let strongest = self
+        let strongest_link = self
             .outer_links
             .iter()
             .max_by(|a, b| link_push(a.0).total_cmp(&link_push(b.0)))?;
-        (link_push(strongest.0) > 0.0).then_some(strongest.1)
+        (link_push(strongest_link.0) > 0.0).then_some(strongest_link.1)
     }
 }
 
@@ -159,10 +159,10 @@ impl Voice {
     pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) -> bool {
         let is_due = |&i: &usize| (gestures[i].join_frame..=gestures[i].last_frame()).contains(&n);
         let i = script.free_key.struck_mat;
-        let key_moves = self.free_motion.modules.x[i].abs()
+        let is_key_moving = self.free_motion.modules.x[i].abs()
             + self.free_motion.modules.d[i].abs() * script.free_key.scheme.rate
             > STILL_BOUND;
-        !script.is_layer || key_moves || script.gesture_indices.iter().any(is_due)
+        !script.is_layer || is_key_moving || script.gesture_indices.iter().any(is_due)
     }
 
     /// The first frame, `n` or later, at which a gesture plays.
@@ -177,12 +177,12 @@ impl Voice {
     }
 
     /// If the voice does nothing to the key: the frame at which its next gesture begins; `None` if it may act now.
-    pub(crate) fn idle_until(&self, script: &VoiceScript, gestures: &[FramedGesture]) -> Option<u64> {
+    pub(crate) fn idle_end_frame(&self, script: &VoiceScript, gestures: &[FramedGesture]) -> Option<u64> {
         let is_idle = self.running_gesture.is_none()
             && self.tracked_frame.is_none()
             && !self.is_led
             && self.requested_position.is_nan()
-            && self.particles.are_gone();
+            && self.particles.is_empty();
         let next_gesture = script
             .gesture_indices
             .get(self.begun_count)
@@ -198,7 +198,7 @@ impl Voice {
             return FreeKey::step_flow(&mut self.free_motion);
         }
         let free_key = &script.free_key;
-        free_key.sum_forces(&mut self.free_motion, n, &mut self.buffers.laws, &mut self.targets);
+        free_key.sum_forces(&mut self.free_motion, n, &mut self.buffers.scratch, &mut self.targets);
         free_key.strike_and_move(&mut self.free_motion, n, 0.0, &mut self.targets);
     }
 
@@ -218,11 +218,11 @@ impl Voice {
     }
 
     pub(crate) fn new(script: &VoiceScript, free_motion: FreeMotion) -> Self {
-        let laws = KernelScratch::new(&script.free_key.scheme);
-        let buffers = Buffers {
+        let scratch = KernelScratch::new(&script.free_key.scheme);
+        let buffers = VoiceBuffers {
             has_only_flow: script.free_key.has_only_flow(&free_motion),
             trial_motion: free_motion.clone(),
-            laws,
+            scratch,
             targets: Vec::new(),
             frame_powers: FramePowers::new(&script.free_key),
         };
@@ -249,19 +249,25 @@ impl Voice {
 
     /// Play frame `n`: compare, decide, strike, and move the free key to frame n + 1.
     pub(crate) fn step(&mut self, script: &VoiceScript, scene: &mut VoiceScene<'_>, n: u64) {
-        if self.buffers.has_only_flow && self.idle_until(script, scene.gestures).is_some_and(|until| until > n) {
+        if self.buffers.has_only_flow
+            && self
+                .idle_end_frame(script, scene.gestures)
+                .is_some_and(|until| until > n)
+        {
             return self.step_idle(script, scene.reports, n);
         }
         self.compare_with_request(script, scene, n);
         script
             .free_key
-            .sum_forces(&mut self.free_motion, n, &mut self.buffers.laws, &mut self.targets);
+            .sum_forces(&mut self.free_motion, n, &mut self.buffers.scratch, &mut self.targets);
         self.particles.step(scene.modules, script.struck_mat);
         self.begin_gestures(script, scene, n);
-        let request = self.requested_motion(scene.gestures, scene.scheme.rate, n);
+        let request = self.next_request(scene.gestures, scene.scheme.rate, n);
         let last_requested_position = std::mem::replace(&mut self.requested_position, f64::NAN);
         let force = match request {
-            Some(frame_ask) => self.strike_as_requested(script, scene, n, &frame_ask, last_requested_position),
+            Some(motion_request) => {
+                self.strike_as_requested(script, scene, n, &motion_request, last_requested_position)
+            }
             None if self.is_led => {
                 let force = script.free_key.release_force(&self.free_motion);
                 scene.modules.push(script.struck_mat, force);
@@ -271,7 +277,7 @@ impl Voice {
         };
         self.is_led = matches!(request, Some(Request::Pass(_)));
         if self.is_led {
-            let release_velocity = self.free_motion.release_at_pull(script.free_key.struck_mat);
+            let release_velocity = self.free_motion.apply_pull_release(script.free_key.struck_mat);
             if release_velocity != 0.0 {
                 let bodies = scene.bodies.iter_mut();
                 bodies.for_each(|body| body.add_velocity(script.struck_mat, release_velocity));
@@ -295,14 +301,14 @@ impl Voice {
             return;
         };
         if !self.requested_position.is_nan() && !script.is_layer {
-            let wanted_position = self.requested_position + scene.layer_deviations[script.key_index];
-            let deviation = (scene.modules.x[script.struck_mat] - wanted_position).abs();
+            let target_position = self.requested_position + scene.layer_deviations[script.key_index];
+            let deviation = (scene.modules.x[script.struck_mat] - target_position).abs();
             report.squared_deviation_sum += deviation * deviation;
             report.n_compared_frames += 1;
             report.stop = n as f64 / scene.scheme.rate;
             if deviation > report.deviation_max {
                 (report.deviation_max, report.deviation_max_instant) = (deviation, report.stop);
-                report.pushed_by_mat = script.pushed_by(scene.modules);
+                report.pushed_by_mat = script.pushing_mat(scene.modules);
             }
         }
     }
@@ -330,7 +336,7 @@ impl Voice {
     /// Position, velocity and acceleration of the key that the gesture acts on: the free copy, or the scene's key if it
     /// is tracked.
     fn key_motion(&self, script: &VoiceScript, scene: &VoiceScene<'_>, touch: Touch, n: u64) -> Knot {
-        let (scheme, body, mat_index) = match touch {
+        let (scheme, modules, mat_index) = match touch {
             Touch::Open => (
                 &*script.free_key.scheme,
                 &self.free_motion.modules,
@@ -338,8 +344,8 @@ impl Voice {
             ),
             Touch::Tracked => (scene.scheme, &*scene.modules, script.struck_mat),
         };
-        let (x, position_before) = (body.x[mat_index], body.x[mat_index] - body.d[mat_index]);
-        let position_next = kernel::predict_position(scheme, body, mat_index);
+        let (x, position_before) = (modules.x[mat_index], modules.x[mat_index] - modules.d[mat_index]);
+        let position_next = kernel::predict_position(scheme, modules, mat_index);
         let frame_rate = scheme.rate;
         let [v_correction, a_correction] = match touch {
             Touch::Open => self.free_motion.estimate_corrections(mat_index, self.is_led),
@@ -358,7 +364,7 @@ impl Voice {
     }
 
     /// The request of the running gesture at frame `n`.
-    fn requested_motion(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Request> {
+    fn next_request(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Request> {
         let running = self.running_gesture.as_mut()?;
         let gesture = &gestures[running.gesture_index];
         let target_frame = n + 1;
@@ -373,16 +379,16 @@ impl Voice {
         if target_frame <= gesture.first_frame {
             return Some(Request::Pass(gesture.gesture.entry_at(request_time)));
         }
-        while target_frame > gesture.legs.get(running.leg_index)?.last_frame() {
-            running.leg_index += 1;
+        while target_frame > gesture.segments.get(running.segment_index)?.last_frame() {
+            running.segment_index += 1;
             running.path_cursor = 0;
-            if running.leg_index == gesture.legs.len() {
+            if running.segment_index == gesture.segments.len() {
                 self.running_gesture = None;
                 return None;
             }
         }
-        match &gesture.legs[running.leg_index] {
-            Leg::Path {
+        match &gesture.segments[running.segment_index] {
+            FramedSegment::Path {
                 path,
                 entry_frame,
                 last_frame,
@@ -394,7 +400,7 @@ impl Voice {
                 _ if n < running.strike_end_frame => None,
                 grain => {
                     let landing_frame = match grain {
-                        Some(grain) => gesture.knot_after(n, grain, rate),
+                        Some(grain) => gesture.next_knot_frame(n, grain, rate),
                         None => *entry_frame,
                     };
                     let landing_frame = landing_frame.min(*last_frame);
@@ -407,7 +413,7 @@ impl Voice {
                     })
                 }
             },
-            Leg::Throw {
+            FramedSegment::Throw {
                 strike_frame,
                 landing_frame,
                 x,
@@ -418,16 +424,16 @@ impl Voice {
                     x: *x,
                 })
             }
-            Leg::Throw { .. } => None,
+            FramedSegment::Throw { .. } => None,
         }
     }
 }
 
 impl RunningGesture {
-    fn new(gesture_index: usize, joining_curve: Option<Joining>) -> Self {
+    fn new(gesture_index: usize, joining_curve: Option<JoiningCurve>) -> Self {
         Self {
             gesture_index,
-            leg_index: 0,
+            segment_index: 0,
             path_cursor: 0,
             point_cursor: 0,
             joining_curve,

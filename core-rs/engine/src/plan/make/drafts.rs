@@ -66,14 +66,14 @@ fn record_of_choice(choice: &Choice) -> TrialRecord {
     let (modules, oversampling, contact_substeps, bodies, counted_cost, contact_order) = choice.numbers();
     let counted_cost = counted_cost.map_or(0, |cost| cost.saturating_add(1));
     let sizes = [modules, contact_substeps].map(|size| u32::try_from(size).unwrap_or(u32::MAX));
-    let head = vec![sizes[0], oversampling, sizes[1], counted_cost, contact_order];
-    TrialRecord::without_trial(Vec::new(), [vec![head], bodies].concat())
+    let choice_counts = vec![sizes[0], oversampling, sizes[1], counted_cost, contact_order];
+    TrialRecord::without_trial(Vec::new(), [vec![choice_counts], bodies].concat())
 }
 
 /// What was decided by a record; `None` if it says nothing of the kind.
 fn choice_of_record(record: &TrialRecord) -> Option<Choice> {
-    let (head, bodies) = record.counts.split_first().filter(|_| record.is_without_trial())?;
-    let [modules, oversampling, contact_substeps, counted_cost, contact_order] = head[..] else {
+    let (choice_counts, bodies) = record.counts.split_first().filter(|_| record.is_without_trial())?;
+    let [modules, oversampling, contact_substeps, counted_cost, contact_order] = choice_counts[..] else {
         return None;
     };
     let numbers = (

@@ -20,45 +20,45 @@ impl PlanBuilder<'_> {
     /// The island without slow parts that asked for it, if it misses its budget with them, takes more steps a frame for
     /// it, or has one that is dearer than without a rate, and is within the budget without them, at less cost if both
     /// are.
-    pub(super) fn without_unhelpful_rates(
+    pub(super) fn drop_unhelpful_rates(
         &self,
         subset: &Subset,
         island_timeline: &LocalTimeline,
-        with_rates: PlannedIsland,
+        rated_island: PlannedIsland,
     ) -> PlannedIsland {
-        let is_within = with_rates.is_within_budget(self.budget);
-        let island_plan = &with_rates.chosen.island.island_plan;
-        let is_dearer =
+        let is_within = rated_island.is_within_budget(self.budget);
+        let island_plan = &rated_island.chosen_island.island.island_plan;
+        let is_costlier =
             |body: &BodyPlan| matches!(body, BodyPlan::Slow(slow_body) if cost::costs_more_than_stepping(slow_body));
-        let is_doubtful = !is_within || island_plan.oversampling > 1 || island_plan.bodies.iter().any(is_dearer);
-        if with_rates.slow_growth.is_none() || island_timeline.timeline.is_open || !is_doubtful {
-            return with_rates;
+        let needs_comparison = !is_within || island_plan.oversampling > 1 || island_plan.bodies.iter().any(is_costlier);
+        if rated_island.slow_growth.is_none() || island_timeline.timeline.is_open || !needs_comparison {
+            return rated_island;
         }
         let refused_slow = multirate::refuse_all(subset, NO_GAIN_REASON);
         let plain_subset = multirate::without_slow(subset, &refused_slow);
         match self.choose_stepping(&plain_subset, island_timeline, None) {
-            Ok(plain_solved)
-                if plain_solved.is_within_budget(self.budget)
-                    && !(is_within && with_rates.frame_ns() <= plain_solved.frame_ns()) =>
+            Ok(plain_island)
+                if plain_island.is_within_budget(self.budget)
+                    && !(is_within && rated_island.frame_ns() <= plain_island.frame_ns()) =>
             {
                 PlannedIsland {
                     refused_slow_parts: refused_slow,
-                    ..plain_solved
+                    ..plain_island
                 }
             }
-            _ => with_rates,
+            _ => rated_island,
         }
     }
 
     /// The island with what is only seen slow, and with its keys slow, wherever that is cheaper and sounds the same.
-    pub(super) fn with_slow_parts_offered(
+    pub(super) fn offer_slow_parts(
         &self,
         subset: &Subset,
         island_timeline: &LocalTimeline,
-        without_offers: PlannedIsland,
+        plain_island: PlannedIsland,
     ) -> PlannedIsland {
-        let (seldom_subset, mut best_solved) = self.offer_displayed_parts(subset, island_timeline, without_offers);
-        let subset = seldom_subset.as_ref().unwrap_or(subset);
+        let (slowed_subset, mut best_island) = self.offer_displayed_parts(subset, island_timeline, plain_island);
+        let subset = slowed_subset.as_ref().unwrap_or(subset);
         for &(macrostep, error_limit) in &PRESERVED_LIMITS {
             // Without allowance an offer cannot be measured.
             if self.allowance.n_refused_trials() > 0 {
@@ -67,18 +67,18 @@ impl PlanBuilder<'_> {
             let error_max = error_limit.min(self.budget.contact_error_db_max());
             let slow_keys =
                 multirate::with_offered_slow(subset, island_timeline, self.budget, OfferedParts::Keys, macrostep);
-            let is_better = |solved: &PlannedIsland, best_solved: &PlannedIsland| {
-                solved.slow_error.is_some_and(|error| error.waveform_db <= error_max)
-                    && solved.frame_ns() < SLOW_COST_RATIO_MAX * best_solved.frame_ns()
-                    && solved.is_as_exact(best_solved, self.budget)
+            let is_better = |candidate: &PlannedIsland, best_island: &PlannedIsland| {
+                candidate.slow_error.is_some_and(|error| error.waveform_db <= error_max)
+                    && candidate.frame_ns() < SLOW_COST_RATIO_MAX * best_island.frame_ns()
+                    && candidate.is_as_exact(best_island, self.budget)
             };
             if let Some(slow_subset) = slow_keys
-                && let Some(solved) = self.planned_if_better(&slow_subset, island_timeline, &best_solved, is_better)
+                && let Some(candidate) = self.planned_if_better(&slow_subset, island_timeline, &best_island, is_better)
             {
-                best_solved = solved;
+                best_island = candidate;
             }
         }
-        best_solved
+        best_island
     }
 
     /// The island with what is only seen computed as seldom as `displayed_frame_interval` says, or more often if that
@@ -87,7 +87,7 @@ impl PlanBuilder<'_> {
         &self,
         subset: &Subset,
         island_timeline: &LocalTimeline,
-        plain: PlannedIsland,
+        plain_island: PlannedIsland,
     ) -> (Option<Subset>, PlannedIsland) {
         let mut macrostep = self.displayed_frame_interval;
         while macrostep > 1 && self.allowance.n_refused_trials() == 0 {
@@ -98,19 +98,20 @@ impl PlanBuilder<'_> {
                 OfferedParts::DisplayedOnly,
                 macrostep,
             );
-            let is_better = |solved: &PlannedIsland, plain: &PlannedIsland| {
-                solved.slow_error_is_inaudible(self.budget)
-                    && solved.frame_ns() < plain.frame_ns()
-                    && solved.sounds_as_exact(plain, self.budget)
+            let is_better = |candidate: &PlannedIsland, plain_island: &PlannedIsland| {
+                candidate.is_slow_error_inaudible(self.budget)
+                    && candidate.frame_ns() < plain_island.frame_ns()
+                    && candidate.sounds_as_exact(plain_island, self.budget)
             };
-            if let Some(seldom_subset) = slower_subset
-                && let Some(solved) = self.planned_if_better(&seldom_subset, island_timeline, &plain, is_better)
+            if let Some(slowed_subset) = slower_subset
+                && let Some(candidate) =
+                    self.planned_if_better(&slowed_subset, island_timeline, &plain_island, is_better)
             {
-                return (Some(seldom_subset), solved);
+                return (Some(slowed_subset), candidate);
             }
             macrostep /= 2;
         }
-        (None, plain)
+        (None, plain_island)
     }
 
     /// Solves an island with offered slow parts, and returns it if it `is_better` compared with the island without
@@ -119,14 +120,14 @@ impl PlanBuilder<'_> {
         &self,
         slow_subset: &Subset,
         island_timeline: &LocalTimeline,
-        plain: &PlannedIsland,
+        plain_island: &PlannedIsland,
         is_better: impl Fn(&PlannedIsland, &PlannedIsland) -> bool,
     ) -> Option<PlannedIsland> {
-        let solved = self.choose_stepping(slow_subset, island_timeline, None).ok()?;
-        is_better(&solved, plain).then(|| PlannedIsland {
+        let candidate = self.choose_stepping(slow_subset, island_timeline, None).ok()?;
+        is_better(&candidate, plain_island).then(|| PlannedIsland {
             is_slow_by_plan: true,
-            refused_slow_parts: plain.refused_slow_parts.clone(),
-            ..solved
+            refused_slow_parts: plain_island.refused_slow_parts.clone(),
+            ..candidate
         })
     }
 
@@ -139,9 +140,9 @@ impl PlanBuilder<'_> {
     ) -> Option<PlannedIsland> {
         let plain_subset = multirate::without_slow(subset, &multirate::refuse_all(subset, NO_GAIN_REASON));
         if subset.network.has_slow_parts()
-            && let Ok(solved) = self.choose_stepping(&plain_subset, island_timeline, Some(pin))
+            && let Ok(planned_island) = self.choose_stepping(&plain_subset, island_timeline, Some(pin))
         {
-            return Some(solved);
+            return Some(planned_island);
         }
         let oversampling = pin.oversampling;
         let mut tried_intervals = vec![1];
@@ -178,17 +179,17 @@ impl PlanBuilder<'_> {
 
 impl PlannedIsland {
     fn frame_ns(&self) -> f64 {
-        self.chosen.island.island_plan.frame_ns()
+        self.chosen_island.island.island_plan.frame_ns()
     }
 
     /// Whether its error, and the one that slow parts add, are known to be within the budget.
     fn is_within_budget(&self, budget: &Budget) -> bool {
         let is_within = |error: MeasuredError| error.is_regular_within(budget);
-        self.chosen.measured_error.is_some_and(is_within) && self.slow_error.is_none_or(is_within)
+        self.chosen_island.measured_error.is_some_and(is_within) && self.slow_error.is_none_or(is_within)
     }
 
     /// Whether the error that slow parts add stays within their share of what is allowed.
-    fn slow_error_is_inaudible(&self, budget: &Budget) -> bool {
+    fn is_slow_error_inaudible(&self, budget: &Budget) -> bool {
         self.slow_error.is_some_and(|error| {
             let error_excess = error.budget_excess(budget);
             // If the waveforms part later, third octaves have to agree: their difference limen is 1 dB.
@@ -204,7 +205,7 @@ impl PlannedIsland {
 
     /// The same as [`Self::is_as_exact`], but by audible errors if both are known.
     fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
-        let audible = |solved: &Self| solved.chosen.measured_error.and_then(|error| error.audible);
+        let audible = |solved: &Self| solved.chosen_island.measured_error.and_then(|error| error.audible);
         match (audible(self), audible(other)) {
             (Some(solved_error), Some(other)) => {
                 budget.excess_ratio(&solved_error) <= budget.excess_ratio(&other).max(1.0)
@@ -215,9 +216,9 @@ impl PlannedIsland {
 
     /// Whether the error is within the budget, or not larger than that of `other`.
     fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
-        let error_db = |solved: &Self| solved.chosen.measured_error.map(|error| error.waveform_db);
+        let error_db = |solved: &Self| solved.chosen_island.measured_error.map(|error| error.waveform_db);
         match (error_db(self), error_db(other)) {
-            (Some(ours), Some(other)) => ours <= other.max(budget.waveform_error_db()),
+            (Some(error_db), Some(other)) => error_db <= other.max(budget.waveform_error_db()),
             (ours, other) => ours.is_none() == other.is_none(),
         }
     }

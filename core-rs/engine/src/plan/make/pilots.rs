@@ -23,13 +23,14 @@ impl PlanBuilder<'_> {
         assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<ChosenIsland, Error> {
         let trial_context = (&self.allowance, self.trial_store);
-        let pilot_result = self.pilot((subset, island_timeline), self.budget, CostRule::Mean, assemble)?;
+        let pilot_result = self.find_pilot_result((subset, island_timeline), self.budget, CostRule::Mean, assemble)?;
         let first_error = pilot_result.chosen.measured_error;
         let chosen = pilot_result.extend_error(self.budget, trial_context)?;
         let Some(stricter_budget) = chosen.stricter_budget(first_error, self.budget) else {
             return Ok(chosen);
         };
-        let pilot_result = self.pilot((subset, island_timeline), &stricter_budget, CostRule::Mean, assemble)?;
+        let pilot_result =
+            self.find_pilot_result((subset, island_timeline), &stricter_budget, CostRule::Mean, assemble)?;
         let stricter_island = pilot_result.extend_error(&stricter_budget, trial_context)?;
         let is_within = |error: MeasuredError| match self.budget {
             Budget::Cents { .. } => error.budget_excess(self.budget) <= 1.0,
@@ -45,33 +46,33 @@ impl PlanBuilder<'_> {
     }
 
     /// The result of a pilot, or the record of an earlier one that would find the same.
-    pub(super) fn pilot(
+    pub(super) fn find_pilot_result(
         &self,
         (subset, island_timeline): (&Subset, &LocalTimeline),
         budget: &Budget,
         cost_rule: CostRule,
         assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<PilotResult, Error> {
-        let is_tried = !matches!(budget, Budget::Method(_));
-        let record_series = self.trial_store.filter(|_| is_tried).map(|store| {
+        let needs_trials = !matches!(budget, Budget::Method(_));
+        let record_series = self.trial_store.filter(|_| needs_trials).map(|store| {
             let content_label = format_args!("pilot {budget:?} {cost_rule:?}");
             TrialSeries::new(
                 store,
                 IslandContent::new(&subset.network, &island_timeline.timeline, content_label),
             )
         });
-        let recalled = record_series.as_ref().and_then(|record_series| {
-            let (taken_work, pilot_record) = record_series.find(&self.allowance)?;
+        let recorded_result = record_series.as_ref().and_then(|record_series| {
+            let (recorded_work, pilot_record) = record_series.find(&self.allowance)?;
             let assemble = |options: AssemblyOptions<'_>, pin: Option<&SteppedChoice>| {
                 Assembled::new(subset, island_timeline, self.budget, options, pin, &self.mode_cache)
             };
             let pilot_result = PilotResult::from_record(&pilot_record, &assemble)?;
             // The record includes the work of solving bodies.
             self.mode_cache.take_seconds();
-            self.allowance.replay(&taken_work);
+            self.allowance.replay(&recorded_work);
             Some(pilot_result)
         });
-        if let Some(pilot_result) = recalled {
+        if let Some(pilot_result) = recorded_result {
             return Ok(pilot_result);
         }
         let allowance_left = self.allowance.begin_series();

@@ -84,9 +84,9 @@ impl PlanBuilder<'_> {
 
     /// The cheapest way that is within the budget when the strikes of a closed timeline are played.
     fn try_trial_strikes(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
-        let assemble = |options: AssemblyOptions<'_>| self.assembled(subset, trial_timeline, options, None);
+        let assemble = |options: AssemblyOptions<'_>| self.assemble_island(subset, trial_timeline, options, None);
         let (spent_before, _) = self.allowance.seconds_spent();
-        let pilot_result = self.pilot((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble);
+        let pilot_result = self.find_pilot_result((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble);
         let trial_seconds = self.allowance.seconds_spent().0 - spent_before;
         self.session_trial_seconds
             .set(self.session_trial_seconds.get() + trial_seconds);
@@ -94,9 +94,9 @@ impl PlanBuilder<'_> {
         // Of a chaotic motion the trial knows spectra alone, and those of softer strikes may be others: a way that the
         // hardest strike of the bundled tamtam allows makes a soft one 12 dB too loud.
         let is_by_ear = matches!(self.budget, Budget::Cents { .. });
-        let is_known =
+        let is_acceptable =
             |error: MeasuredError| (error.audible.is_some() || !is_by_ear) && error.is_regular_within(self.budget);
-        let is_chosen = !chosen.has_diverged && chosen.measured_error.is_some_and(is_known);
-        is_chosen.then(|| chosen.island.stepping())
+        let is_accepted = !chosen.has_diverged && chosen.measured_error.is_some_and(is_acceptable);
+        is_accepted.then(|| chosen.island.stepping())
     }
 }

@@ -30,8 +30,10 @@ pub(super) fn subset_size(subset: &Subset) -> usize {
 
 /// Modules that are computed because they are heard: those that nothing plays leave the trials as they are.
 pub(super) fn n_heard_modules(islands: &[IslandMembers]) -> usize {
-    let computed = islands.iter().filter(|island| island.is_heard && island.is_moved);
-    computed.map(|island| island.mats.len() + island.links.len()).sum()
+    let computed_islands = islands.iter().filter(|island| island.is_heard && island.can_move);
+    computed_islands
+        .map(|island| island.mats.len() + island.links.len())
+        .sum()
 }
 
 impl PlanBuilder<'_> {
@@ -45,11 +47,12 @@ impl PlanBuilder<'_> {
         for island in all_islands {
             interrupt::poll();
             let is_gliding = |mat: &u32| glide_mats.contains(mat);
-            let is_loose = || self.budget.allows_modes() && cells::is_uncoupled_cell(&network, &island, timeline.rate);
-            if !island.is_moved {
+            let is_uncoupled =
+                || self.budget.allows_modes() && cells::is_uncoupled_cell(&network, &island, timeline.rate);
+            if !island.can_move {
                 self.plan.motionless_mats.extend(&island.mats);
             }
-            match (island.is_heard, island.is_moved) {
+            match (island.is_heard, island.can_move) {
                 (false, is_moved) => {
                     self.add_omitted_row(&island, LeftOutReason::Unheard);
                     if is_moved && seen::is_displayed(&network, &island, self.displayed_parts) {
@@ -60,7 +63,7 @@ impl PlanBuilder<'_> {
                     refusals.extend(self.add_constant(&island).err());
                     self.add_omitted_row(&island, LeftOutReason::Motionless);
                 }
-                (true, true) if is_loose() => uncoupled_mats.extend(island.mats),
+                (true, true) if is_uncoupled() => uncoupled_mats.extend(island.mats),
                 // Gliding cells are stepped as one island: one island for each would take far longer.
                 (true, true) if island.links.is_empty() && island.mats.iter().all(is_gliding) => {
                     gliding_mats.extend(island.mats);
@@ -88,15 +91,16 @@ impl PlanBuilder<'_> {
     /// Reports an island that is not computed, in one row with others of its part.
     fn add_omitted_row(&mut self, island: &IslandMembers, reason: LeftOutReason) {
         let new_row = Row::left_out(&self.plan.network, island, reason);
-        if new_row.mats + new_row.links == 0 {
+        if new_row.n_mats + new_row.n_links == 0 {
             return; // points that hold nothing
         }
-        let is_same_row =
-            |known_row: &&mut Row| known_row.computation == new_row.computation && known_row.parts == new_row.parts;
+        let is_same_row = |existing_row: &&mut Row| {
+            existing_row.computation == new_row.computation && existing_row.parts == new_row.parts
+        };
         match self.plan.rows.iter_mut().find(is_same_row) {
-            Some(known_row) => {
-                known_row.mats += new_row.mats;
-                known_row.links += new_row.links;
+            Some(existing_row) => {
+                existing_row.n_mats += new_row.n_mats;
+                existing_row.n_links += new_row.n_links;
             }
             None => self.plan.rows.push(new_row),
         }

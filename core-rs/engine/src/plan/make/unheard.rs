@@ -24,42 +24,42 @@ pub(super) fn plan_displayed_islands(
     network: &Arc<Network>,
     timeline: &Timeline,
     budget: &Budget,
-    known: PlanContext<'_>,
+    context: PlanContext<'_>,
     unheard: Vec<IslandMembers>,
 ) -> Result<Plan, Error> {
     let module_count = network.n_mat() + network.n_lia();
-    let (budget, share) = known.draft.map_or((budget, known.allowance_share), |draft| {
+    let (budget, share) = context.draft.map_or((budget, context.allowance_share), |draft| {
         (draft.budget, draft.allowance_share)
     });
     let allowance = Allowance::with_seconds(allowance_of_plan(module_count, share));
-    let mut maker = PlanBuilder {
-        frame_interval: known.displayed_frame_interval,
+    let mut builder = PlanBuilder {
+        frame_interval: context.displayed_frame_interval,
         ..PlanBuilder::new(network, timeline, budget)
     };
-    let is_loose =
+    let is_uncoupled =
         |members: &IslandMembers| budget.allows_modes() && cells::is_uncoupled_cell(network, members, timeline.rate);
-    let (subsets, n_islands) = seen::subsets(network, unheard, is_loose)?;
+    let (subsets, n_islands) = seen::subsets(network, unheard, is_uncoupled)?;
     for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
         if index >= n_islands {
-            maker.plan_cells(&subset, &island_timeline)?;
+            builder.plan_cells(&subset, &island_timeline)?;
             continue;
         }
-        let first_row = maker.plan.rows.len();
-        maker.plan_island(subset.clone(), island_timeline.clone())?;
-        if let Some(ComputationUnit::IslandPlan(island_plan)) = maker.plan.units.last()
+        let first_row = builder.plan.rows.len();
+        builder.plan_island(subset.clone(), island_timeline.clone())?;
+        if let Some(ComputationUnit::IslandPlan(island_plan)) = builder.plan.units.last()
             && island_plan.frame_interval > 1
         {
             let island_context = (&subset, &island_timeline, budget);
             let rate_error = displayed_rate::lower_rate_error(
                 island_plan,
                 island_context,
-                (&maker.mode_cache, &allowance, known.trial_store),
+                (&builder.mode_cache, &allowance, context.trial_store),
             )?;
-            let island_rows = maker.plan.rows[first_row..].iter_mut();
+            let island_rows = builder.plan.rows[first_row..].iter_mut();
             island_rows.for_each(|row| row.error = rate_error);
         }
     }
-    Ok(maker.plan)
+    Ok(builder.plan)
 }
 
 impl PlanBuilder<'_> {
@@ -126,11 +126,11 @@ impl PlanBuilder<'_> {
     }
 
     /// Takes back what was planned beyond these numbers.
-    pub(super) fn truncate(&mut self, [unit_count, row_count, choice_count, stay_count]: [usize; 4]) {
+    pub(super) fn truncate(&mut self, [unit_count, row_count, choice_count, refusal_count]: [usize; 4]) {
         self.plan.units.truncate(unit_count);
         self.plan.rows.truncate(row_count);
         self.plan.choices.truncate(choice_count);
-        self.plan.refused_rates.truncate(stay_count);
+        self.plan.refused_rates.truncate(refusal_count);
     }
 
     /// Sets what was just planned to be computed once in `frame_interval` frames. Returns false if it would then still

@@ -80,14 +80,14 @@ impl CandidateFamily {
         AssemblyOptions {
             oversampling,
             body_methods: self.body_methods,
-            is_plain: self.links_once_per_step,
+            is_single_step: self.links_once_per_step,
         }
     }
 }
 
 /// Whether contacts or laws of an island may be computed finer than once a step.
 pub(in crate::plan) fn has_fine_links(island: &Assembled) -> bool {
-    !island.is_once_a_step && (island.can_solve_laws_between_steps || island.island_plan.contact_substeps > 1)
+    !island.is_single_step && (island.can_solve_laws_between_steps || island.island_plan.contact_substeps > 1)
 }
 
 /// The candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from the
@@ -228,7 +228,7 @@ impl Waiting {
         match self {
             Self::Steps(_, cost_min) => (*cost_min, [0; 3]),
             Self::Candidate(candidate) => {
-                let is_between_steps = usize::from(!candidate.island.is_once_a_step);
+                let is_between_steps = usize::from(!candidate.island.is_single_step);
                 let position = [candidate.contact_substeps, candidate.group_index, is_between_steps];
                 (candidate.frame_ns, position)
             }

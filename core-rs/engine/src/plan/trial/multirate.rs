@@ -35,7 +35,9 @@ pub(in crate::plan) fn without_refused_slow(
 ) -> (Subset, Vec<RefusedSlowPart>) {
     let refused_slow = match budget {
         Budget::Method(_) => refuse_all(subset, "the score asks for one method for everything"),
-        Budget::Error(_) | Budget::Cents { .. } => slow_bodies(&subset.network, &island_timeline.timeline).refused_slow,
+        Budget::Error(_) | Budget::Cents { .. } => {
+            slow_bodies(&subset.network, &island_timeline.timeline).refused_parts
+        }
     };
     (without_slow(subset, &refused_slow), refused_slow)
 }
@@ -203,14 +205,14 @@ fn stiffness_refusal(island_plan: &IslandPlan, growth: Growth) -> String {
     let body_plans = island_plan.bodies.iter();
     let slow_bodies = body_plans.filter(|body| matches!(body, BodyPlan::Slow(_)));
     let port_mats: BTreeSet<usize> = slow_bodies.flat_map(BodyPlan::ports).collect();
-    let is_cause = |run: &&Run| matches!(run.kind, LinkKind::But(_)) == growth.is_by_contacts;
+    let is_cause = |run: &&Run| matches!(run.kind, LinkKind::But(_)) == growth.is_from_contacts;
     let touching_links = network.runs().iter().filter(is_cause).flat_map(|run| {
         let touches = |i: &usize| [run.a + i, run.b + i].iter().any(|mat| port_mats.contains(mat));
         let touching_links = (0..run.len).filter(touches);
         touching_links.map(|i| (run.k, run.first + i))
     });
     let stiffest = touching_links.max_by(|(k, _), (other_stiffness, _)| k.total_cmp(other_stiffness));
-    let (link_kind, plural_cause) = match growth.is_by_contacts {
+    let (link_kind, plural_cause) = match growth.is_from_contacts {
         true => ("contact", "its contacts are"),
         false => ("link", "its links to other parts are"),
     };
@@ -232,7 +234,7 @@ pub(in crate::plan) fn slow_error(
 ) -> Result<Option<MeasuredError>, Error> {
     let methods = island.mesh_methods();
     let (oversampling, contact_substeps) = (island.island_plan.oversampling, island.island_plan.contact_substeps);
-    let assembly_options = AssemblyOptions::between_steps(oversampling, MethodChoice::AsBefore(&methods));
+    let assembly_options = AssemblyOptions::between_steps(oversampling, MethodChoice::Repeated(&methods));
     let slow_island = Assembled::new(subset, island_timeline, budget, assembly_options, None, mode_cache)?;
     let every_frame = Subset {
         network: subset.network.with_macrosteps(|_, macrostep| macrostep.map(|_| 1)),
@@ -305,7 +307,7 @@ fn compare_with_every_frame(
 
 /// The certificate of an island with slow parts; `others` is that of its other links.
 pub(in crate::plan) fn stability_with_growth(growth: Growth, others: StabilityGuarantee) -> StabilityGuarantee {
-    if growth.is_tried {
+    if growth.is_estimated {
         StabilityGuarantee::Tried
     } else {
         others

@@ -140,7 +140,7 @@ impl PilotResult {
             bodies,
             modes_refusal: because,
             cut_shape: shape,
-            is_once_a_step: is_plain,
+            is_single_step: is_plain,
             ..
         } = &self.chosen.island;
         let long_run = self.long_comparison.as_ref();
@@ -211,7 +211,7 @@ impl PilotResult {
         let options = AssemblyOptions {
             oversampling,
             body_methods: MethodChoice::ByBudget,
-            is_plain,
+            is_single_step: is_plain,
         };
         let island = assemble(options, Some(&stepped_choice)).ok()?;
         let ChosenIsland { mut island, .. } = with_earlier_choice(island, &stepped_choice)?;

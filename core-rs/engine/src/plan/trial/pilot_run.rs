@@ -132,7 +132,7 @@ pub(in crate::plan) fn resting_frames(island_plan: &IslandPlan, allowance: &Allo
     if !is_still(&rest_sound, island.n_out()) {
         return Ok(0);
     }
-    let rest_frames = island.rests_until().unwrap_or(0) / u64::from(island_plan.oversampling);
+    let rest_frames = island.rest_end_step().unwrap_or(0) / u64::from(island_plan.oversampling);
     Ok(usize::try_from(rest_frames).unwrap_or(0))
 }
 
@@ -294,11 +294,11 @@ impl<'a> WorkMeter<'a> {
 
 fn started_island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
     let options = SimulationOptions {
-        ledger: false,
-        record: false,
+        keeps_ledger: false,
+        records_ergons: false,
         on_fault: OnFault::Mute,
         threads: 1,
-        unchecked: false,
+        is_unchecked: false,
     };
     Island::new(
         island_plan.network.clone(),

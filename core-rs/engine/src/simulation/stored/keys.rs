@@ -64,8 +64,8 @@ impl Simulation {
             })
             .collect();
         let mut keys_by_stop = vec![start_keys; stop_frames.len()];
-        let silent_at_start = plan.output_offsets.iter().map(|offset| *offset == 0.0).collect();
-        let mut silent_outputs: Vec<Vec<bool>> = vec![silent_at_start; stop_frames.len()];
+        let has_no_offset = plan.output_offsets.iter().map(|offset| *offset == 0.0).collect();
+        let mut silent_outputs: Vec<Vec<bool>> = vec![has_no_offset; stop_frames.len()];
         // Sums are rounded group by group.
         let mut last_group = vec![vec![None; plan.output_offsets.len()]; stop_frames.len()];
         let running_units: Vec<&RunningUnit> = self.units().map(|(running, _)| running).collect();
@@ -73,14 +73,14 @@ impl Simulation {
             for unit in units.filter(|unit| *unit < plan.n_heard_units) {
                 let outputs = self.outputs_of(unit);
                 let silent_until = match (running_units[unit], &plan.units[unit]) {
-                    (RunningUnit::Island(island), _) => island.silent_until(),
+                    (RunningUnit::Island(island), _) => island.silence_end_frame(),
                     (_, ComputationUnit::Bank(bank)) => bank.silent_until_frame(),
                     _ => 0,
                 };
-                let (mut last_stop, mut key_before) = (0, String::new());
+                let (mut start_frame, mut unit_key) = (0, String::new());
                 for (stop_index, &stop) in stop_frames.iter().enumerate() {
-                    key_before = self.unit_key(unit, (last_stop, stop), &key_before);
-                    last_stop = stop;
+                    unit_key = self.unit_key(unit, (start_frame, stop), &unit_key);
+                    start_frame = stop;
                     if stop <= silent_until {
                         continue;
                     }
@@ -89,7 +89,7 @@ impl Simulation {
                         let separator = if *last_group == Some(group) { '+' } else { ',' };
                         *last_group = Some(group);
                         silent_outputs[stop_index][output] = false;
-                        keys_by_stop[stop_index][output] += &format!("{separator}{key_before}.{local}");
+                        keys_by_stop[stop_index][output] += &format!("{separator}{unit_key}.{local}");
                     }
                 }
             }

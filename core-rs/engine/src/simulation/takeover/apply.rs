@@ -57,7 +57,7 @@ impl Simulation {
                 running.take_over(item, old);
             }
         }
-        for &unit in &takeover.placed_islands {
+        for &unit in &takeover.islands_to_place {
             if let RunningUnit::Island(island) = self.unit_mut(unit) {
                 island.set_ports();
             }

@@ -139,6 +139,6 @@ pub(super) fn api() -> Result<&'static Api, AudioError> {
     });
     load_result.as_ref().map_err(|load_error| AudioError::Unavailable {
         backend: "jack",
-        why: format!("there is no JACK library ({load_error}): install jackd2 or pipewire-jack"),
+        reason: format!("there is no JACK library ({load_error}): install jackd2 or pipewire-jack"),
     })
 }

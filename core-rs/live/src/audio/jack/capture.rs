@@ -11,7 +11,7 @@ use crate::audio::AudioError;
 
 /// A running recording.
 pub struct Capture {
-    active: ActiveClient<CaptureCallback>,
+    active_client: ActiveClient<CaptureCallback>,
     channels: usize,
     recorded_frames: Arc<AtomicUsize>,
 }
@@ -33,34 +33,34 @@ impl Capture {
     pub fn open(client_name: &str, channels: usize, frames: usize) -> Result<Self, AudioError> {
         let client_name = CString::new(client_name).unwrap_or_default();
         let client = Client::open(&client_name, Arc::default())?;
-        let recorded = Arc::new(AtomicUsize::new(0));
+        let recorded_frames = Arc::new(AtomicUsize::new(0));
         let recorder = CaptureCallback {
             channels,
             samples: vec![0.0; frames * channels],
-            recorded_frames: recorded.clone(),
+            recorded_frames: recorded_frames.clone(),
             capacity: frames,
         };
-        let active = client
+        let active_client = client
             .activate("in", channels, PORT_IS_INPUT, recorder)
             .map_err(|(_, error)| error)?;
         Ok(Self {
-            active,
+            active_client,
             channels,
-            recorded_frames: recorded,
+            recorded_frames,
         })
     }
 
     /// Connect the inputs to the outputs of client `source`, in order; waits for them to appear. Returns whether all
     /// are connected.
     #[must_use]
-    pub fn connect(&self, source: &str, limit: Duration) -> bool {
-        let client = self.active.client();
-        let deadline = Instant::now() + limit;
+    pub fn connect(&self, source: &str, timeout: Duration) -> bool {
+        let client = self.active_client.client();
+        let deadline = Instant::now() + timeout;
         let pattern = format!("^{source}:");
         loop {
             let outputs = client.find(&pattern, PORT_IS_OUTPUT);
             if outputs.len() >= self.channels {
-                let port_names = self.active.port_names();
+                let port_names = self.active_client.port_names();
                 let mut port_pairs = outputs.iter().zip(&port_names);
                 return port_pairs.all(|(source_port, target_port)| client.connect(source_port, target_port));
             }
@@ -80,16 +80,16 @@ impl Capture {
     /// Switch the freewheel mode of the server, in which it runs as fast as its clients; returns whether the server
     /// accepted.
     pub fn freewheel(&self, is_on: bool) -> bool {
-        self.active.client().set_freewheel(is_on)
+        self.active_client.client().set_freewheel(is_on)
     }
 
     /// End the recording; returns its interleaved frames.
     #[must_use]
     pub fn finish(self) -> Vec<f32> {
-        let recorded = self.recorded_frames.clone();
+        let recorded_frames = self.recorded_frames.clone();
         let channels = self.channels;
-        let mut samples = self.active.close().samples;
-        samples.truncate(recorded.load(Ordering::Acquire) * channels);
+        let mut samples = self.active_client.close().samples;
+        samples.truncate(recorded_frames.load(Ordering::Acquire) * channels);
         samples
     }
 }

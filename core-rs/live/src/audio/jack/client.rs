@@ -46,7 +46,7 @@ unsafe impl Send for OpenClient {}
 unsafe impl Sync for OpenClient {}
 
 impl Connection for OpenClient {
-    fn is_gone(&self) -> bool {
+    fn has_server_ended(&self) -> bool {
         self.events.server_ended.load(Ordering::Acquire)
     }
 
@@ -149,7 +149,7 @@ fn open_with_retries<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Resul
     };
     Err(AudioError::Unavailable {
         backend: "jack",
-        why: reason,
+        reason,
     })
 }
 
@@ -157,7 +157,7 @@ impl Client {
     /// Connects to the running server; starts no server.
     pub(super) fn open(name: &CStr, stream_state: Arc<StreamState>) -> Result<Self, AudioError> {
         let api = api::api()?;
-        let opened = CLIENTS.open(|| {
+        let open_client = CLIENTS.open(|| {
             let raw = open_with_retries(|status| {
                 // SAFETY: both pointers live through the call; no option that needs a further argument is given.
                 let raw = unsafe { (api.client_open)(name.as_ptr(), api::NO_START_SERVER, status) };
@@ -176,9 +176,9 @@ impl Client {
                 },
             })
         })?;
-        let opening_rate = opened.events.rate.load(Ordering::Acquire);
+        let opening_rate = open_client.events.rate.load(Ordering::Acquire);
         let client = Self {
-            open_client: opened,
+            open_client,
             opening_rate,
         };
         client.register_callbacks();
@@ -195,12 +195,12 @@ impl Client {
         let events_pointer = (&raw const self.open_client.events).cast_mut().cast();
         // SAFETY: `events` lives in `open_client`, which is closed before it is dropped.
         self.call(|api, raw| unsafe {
-            (api.on_thread)(raw, thread, events_pointer);
-            (api.on_xrun)(raw, xrun, events_pointer);
-            (api.on_buffer_size)(raw, buffer_size, events_pointer);
-            (api.on_sample_rate)(raw, sample_rate, events_pointer);
-            (api.on_freewheel)(raw, freewheel, events_pointer);
-            (api.on_shutdown)(raw, shutdown, events_pointer);
+            (api.on_thread)(raw, on_thread_start, events_pointer);
+            (api.on_xrun)(raw, on_xrun, events_pointer);
+            (api.on_buffer_size)(raw, on_buffer_size, events_pointer);
+            (api.on_sample_rate)(raw, on_sample_rate, events_pointer);
+            (api.on_freewheel)(raw, on_freewheel, events_pointer);
+            (api.on_shutdown)(raw, on_shutdown, events_pointer);
         });
     }
 
@@ -210,7 +210,7 @@ impl Client {
 
     /// Whether the server still runs, at the rate that it had.
     pub(super) fn is_alive(&self) -> bool {
-        !self.open_client.is_gone() && self.rate() == self.opening_rate
+        !self.open_client.has_server_ended() && self.rate() == self.opening_rate
     }
 
     pub(super) fn rate(&self) -> u32 {
@@ -224,7 +224,7 @@ impl Client {
     /// The name that the server gave the client; it differs from ours if that was taken.
     pub(super) fn name(&self) -> String {
         // SAFETY: the client is open; the name lives as long.
-        self.call(|api, raw| unsafe { text((api.get_client_name)(raw)) })
+        self.call(|api, raw| unsafe { c_string_text((api.get_client_name)(raw)) })
             .unwrap_or_default()
     }
 
@@ -241,7 +241,7 @@ impl Client {
                 let reason = format!("the JACK server refused the port {prefix}_{i}");
                 return Err(AudioError::Unavailable {
                     backend: "jack",
-                    why: reason,
+                    reason,
                 });
             }
             Ok(Port(port))
@@ -258,7 +258,7 @@ impl Client {
             let name_list = (api.get_ports)(raw, pattern.as_ptr(), api::AUDIO_PORT_TYPE.as_ptr(), flags);
             let mut list_entry = name_list;
             while !list_entry.is_null() && !(*list_entry).is_null() {
-                port_names.push(text(*list_entry));
+                port_names.push(c_string_text(*list_entry));
                 list_entry = list_entry.add(1);
             }
             if !name_list.is_null() {
@@ -288,43 +288,44 @@ impl Client {
         self.call(|api, raw| unsafe { (api.set_freewheel)(raw, is_on.into()) }) == Some(0)
     }
 
-    /// Start: `process` is called for every cycle until the client is closed, with ports `prefix_1` to `prefix_n`.
+    /// Start: `process_callback` is called for every cycle until the client is closed, with ports `prefix_1` to
+    /// `prefix_n`.
     pub(super) fn activate<P: ProcessCallback>(
         self,
         prefix: &str,
         n: usize,
         direction: c_ulong,
-        process: P,
+        process_callback: P,
     ) -> Result<ActiveClient<P>, (P, AudioError)> {
         let ports = match self.ports(prefix, n, direction) {
             Ok(ports) => ports,
-            Err(error) => return Err((process, error)),
+            Err(error) => return Err((process_callback, error)),
         };
         let callback = Box::new(CallbackContext {
             api: self.open_client.api,
             ports: ports.clone(),
-            callback: process,
+            callback: process_callback,
         });
         let callback = Box::into_raw(callback);
         // SAFETY: the callback is freed only after the client is closed (`ActiveClient::close`).
         let activate_status = self.call(|api, raw| unsafe {
-            (api.on_process)(raw, cycle::<P>, callback.cast());
+            (api.on_process)(raw, on_cycle::<P>, callback.cast());
             (api.activate)(raw)
         });
-        let active = ActiveClient {
+        let active_client = ActiveClient {
             client: Some(self),
             ports,
             callback,
         };
         if activate_status == Some(0) {
-            return Ok(active);
+            return Ok(active_client);
         }
         let reason = "the JACK server refused to activate the client".into();
         let error = AudioError::Unavailable {
             backend: "jack",
-            why: reason,
+            reason,
         };
-        Err((active.close(), error))
+        Err((active_client.close(), error))
     }
 }
 
@@ -355,7 +356,7 @@ impl<P: ProcessCallback> ActiveClient<P> {
     pub(super) fn port_names(&self) -> Vec<String> {
         let names = self.client().call(|api, _| {
             // SAFETY: the ports are of this open client.
-            let port_name = |port: &Port| unsafe { text((api.port_name)(port.0)) };
+            let port_name = |port: &Port| unsafe { c_string_text((api.port_name)(port.0)) };
             self.ports.iter().map(port_name).collect()
         });
         names.unwrap_or_default()
@@ -373,7 +374,7 @@ impl<P: ProcessCallback> ActiveClient<P> {
         latency_range.max
     }
 
-    /// Close the client and return its `process`.
+    /// Close the client and return its `callback`.
     pub(super) fn close(mut self) -> P {
         self.client = None;
         let callback = std::mem::replace(&mut self.callback, ptr::null_mut());
@@ -395,7 +396,7 @@ impl<P: ProcessCallback> Drop for ActiveClient<P> {
 /// # Safety
 ///
 /// `string` is null, or a string that lives through the call.
-unsafe fn text(string: *const c_char) -> String {
+unsafe fn c_string_text(string: *const c_char) -> String {
     if string.is_null() {
         return String::new();
     }
@@ -403,7 +404,7 @@ unsafe fn text(string: *const c_char) -> String {
     unsafe { CStr::from_ptr(string) }.to_string_lossy().into_owned()
 }
 
-unsafe extern "C" fn cycle<P: ProcessCallback>(frames: u32, arg: *mut c_void) -> c_int {
+unsafe extern "C" fn on_cycle<P: ProcessCallback>(frames: u32, arg: *mut c_void) -> c_int {
     // SAFETY: `activate` gave this pointer; only this thread uses what it points to until the client is closed.
     let callback = unsafe { &mut *arg.cast::<CallbackContext<P>>() };
     callback.callback.process(&ProcessCycle {
@@ -417,43 +418,45 @@ unsafe extern "C" fn cycle<P: ProcessCallback>(frames: u32, arg: *mut c_void) ->
 /// # Safety
 ///
 /// `arg` is the pointer that `register_callbacks` passed.
-unsafe fn events<'a>(arg: *mut c_void) -> &'a ServerEvents {
+unsafe fn server_events<'a>(arg: *mut c_void) -> &'a ServerEvents {
     // SAFETY: by contract; the client, which lives longer than its callbacks, holds it.
     unsafe { &*arg.cast::<ServerEvents>() }
 }
 
-unsafe extern "C" fn thread(arg: *mut c_void) {
+unsafe extern "C" fn on_thread_start(arg: *mut c_void) {
     // SAFETY: a callback of `register_callbacks`.
-    let events = unsafe { events(arg) };
+    let events = unsafe { server_events(arg) };
     events.stream_state.set_priority(realtime::priority());
 }
 
-unsafe extern "C" fn xrun(arg: *mut c_void) -> c_int {
+unsafe extern "C" fn on_xrun(arg: *mut c_void) -> c_int {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.stream_state.add_xruns(1);
+    unsafe { server_events(arg) }.stream_state.add_xruns(1);
     0
 }
 
-unsafe extern "C" fn buffer_size(frames: u32, arg: *mut c_void) -> c_int {
+unsafe extern "C" fn on_buffer_size(frames: u32, arg: *mut c_void) -> c_int {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.block.store(frames, Ordering::Release);
+    unsafe { server_events(arg) }.block.store(frames, Ordering::Release);
     0
 }
 
-unsafe extern "C" fn sample_rate(rate: u32, arg: *mut c_void) -> c_int {
+unsafe extern "C" fn on_sample_rate(rate: u32, arg: *mut c_void) -> c_int {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.rate.store(rate, Ordering::Release);
+    unsafe { server_events(arg) }.rate.store(rate, Ordering::Release);
     0
 }
 
-unsafe extern "C" fn freewheel(is_on: c_int, arg: *mut c_void) {
+unsafe extern "C" fn on_freewheel(is_on: c_int, arg: *mut c_void) {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.stream_state.set_freewheel(is_on != 0);
+    unsafe { server_events(arg) }.stream_state.set_freewheel(is_on != 0);
 }
 
-unsafe extern "C" fn shutdown(_: c_uint, _: *const c_char, arg: *mut c_void) {
+unsafe extern "C" fn on_shutdown(_: c_uint, _: *const c_char, arg: *mut c_void) {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.server_ended.store(true, Ordering::Release);
+    unsafe { server_events(arg) }
+        .server_ended
+        .store(true, Ordering::Release);
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::api::{CAPTURE_LATENCY, PORT_IS_INPUT, PORT_IS_OUTPUT};
 use super::client::{ActiveClient, Client, ProcessCallback, ProcessCycle};
-use super::{SLICE_FRAMES, connect, targets};
+use super::{SLICE_FRAMES, connect, target_ports};
 use crate::audio::ring::RingWriter;
 use crate::audio::source::{InputFailure, OpenedInput, Source};
 use crate::audio::stream_state::StreamState;
@@ -38,15 +38,15 @@ fn start(
         scratch: vec![0.0; SLICE_FRAMES * channels].into(),
         ring_writer,
     };
-    let active = client
+    let active_client = client
         .activate("in", channels, PORT_IS_INPUT, callback)
         .map_err(|(callback, error)| (Some(Box::new(callback.ring_writer)), error))?;
-    let client = active.client();
-    let sources = targets(client, device, PORT_IS_OUTPUT);
-    for (port, source) in active.port_names().iter().zip(&sources) {
+    let client = active_client.client();
+    let source_ports = target_ports(client, device, PORT_IS_OUTPUT);
+    for (port, source) in active_client.port_names().iter().zip(&source_ports) {
         client.connect(source, port);
     }
-    Ok(Box::new(JackInput(active)))
+    Ok(Box::new(JackInput(active_client)))
 }
 
 /// The process callback, which runs in the server's thread.
@@ -58,10 +58,10 @@ struct InputCallback {
 impl ProcessCallback for InputCallback {
     fn process(&mut self, cycle: &ProcessCycle<'_>) {
         let channels = self.ring_writer.channels();
-        for first in (0..cycle.frames()).step_by(SLICE_FRAMES) {
-            let slice_frames = (cycle.frames() - first).min(SLICE_FRAMES);
+        for first_frame in (0..cycle.frames()).step_by(SLICE_FRAMES) {
+            let slice_frames = (cycle.frames() - first_frame).min(SLICE_FRAMES);
             let slice_samples = &mut self.scratch[..slice_frames * channels];
-            cycle.read(first, slice_samples);
+            cycle.read(first_frame, slice_samples);
             self.ring_writer.push_or_discard(slice_samples);
         }
     }

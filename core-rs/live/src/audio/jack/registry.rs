@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// What the registry asks of a client.
 pub(super) trait Connection {
     /// Whether its server has ended.
-    fn is_gone(&self) -> bool;
+    fn has_server_ended(&self) -> bool;
     /// Ends it; afterwards its server counts as ended.
     fn close(&self);
 }
@@ -25,7 +25,7 @@ impl<C: Connection> Registry<C> {
     /// Opens a further client; closes all others before, if the server of one has ended.
     pub(super) fn open<E>(&self, open: impl FnOnce() -> Result<C, E>) -> Result<Arc<C>, E> {
         let mut clients = self.lock();
-        if clients.iter().any(|client| client.is_gone()) {
+        if clients.iter().any(|client| client.has_server_ended()) {
             clients.drain(..).for_each(|client| client.close());
         }
         let client = Arc::new(open()?);
@@ -65,7 +65,7 @@ mod tests {
     }
 
     impl Connection for Counted {
-        fn is_gone(&self) -> bool {
+        fn has_server_ended(&self) -> bool {
             self.gone.load(Ordering::Relaxed)
         }
 
@@ -86,7 +86,7 @@ mod tests {
         lost_client.gone.store(true, Ordering::Relaxed);
         let new_client = open(&registry);
         for client in [&lost_client, &other_client] {
-            assert!(client.is_gone());
+            assert!(client.has_server_ended());
             assert_eq!(registry.call(client, || 1), None);
             registry.close(client);
             assert_eq!(client.n_closed.load(Ordering::Relaxed), 1);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use pulseaudio::protocol::{self, Command, Prop, SourceInfo};
 
-use super::stream::{BLOCK_FRAMES, device_name, missing, native_float_format, server_words};
+use super::stream::{BLOCK_FRAMES, device_name, native_float_format, server_words, unavailable_error};
 use super::wire::ServerConnection;
 use crate::audio::ring::RingWriter;
 use crate::audio::sink::{RingThread, SINK_THREAD_PRIORITY};
@@ -18,8 +18,8 @@ const MESSAGE_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// Opens a stream from the named source, or from the default one; starts no server.
 pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<OpenedInput, AudioError> {
-    let mut wire = ServerConnection::connect(c"ergon").map_err(missing)?;
-    let source = find(&mut wire, spec.device.as_deref())?;
+    let mut connection = ServerConnection::connect(c"ergon").map_err(unavailable_error)?;
+    let source = find(&mut connection, spec.device.as_deref())?;
     let block = spec.block.unwrap_or(BLOCK_FRAMES);
     let source_channels = usize::from(source.sample_spec.channels);
     let mut device = server_words(source.description.as_deref().unwrap_or(&source.name));
@@ -31,32 +31,33 @@ pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<Opened
         device,
         rate: source.sample_spec.sample_rate,
         block,
-        start: Box::new(move |ring_writer| start(wire, &source, ring_writer, block)),
+        start: Box::new(move |ring_writer| start(connection, &source, ring_writer, block)),
     })
 }
 
-fn find(wire: &mut ServerConnection, device: Option<&str>) -> Result<SourceInfo, AudioError> {
-    let source_name = device_name(wire, device, "source", |server| server.default_source_name)?;
+fn find(connection: &mut ServerConnection, device: Option<&str>) -> Result<SourceInfo, AudioError> {
+    let source_name = device_name(connection, device, "source", |server| server.default_source_name)?;
     let source_query = protocol::GetSourceInfo {
         index: None,
         name: Some(source_name.clone()),
     };
-    wire.request(&Command::GetSourceInfo(source_query))
-        .map_err(|error| missing(format!("no source {} ({error})", server_words(&source_name))))
+    connection
+        .request(&Command::GetSourceInfo(source_query))
+        .map_err(|error| unavailable_error(format!("no source {} ({error})", server_words(&source_name))))
 }
 
 fn start(
-    mut wire: ServerConnection,
+    mut connection: ServerConnection,
     source: &SourceInfo,
     ring_writer: RingWriter,
     block: u32,
 ) -> Result<Box<dyn Source>, InputFailure> {
-    let (channel, latency) = match begin(&mut wire, source, c"ergon", block) {
-        Ok(begun) => begun,
-        Err(reason) => return Err((Some(Box::new(ring_writer)), missing(reason))),
+    let (channel, latency) = match begin(&mut connection, source, c"ergon", block) {
+        Ok(stream) => stream,
+        Err(reason) => return Err((Some(Box::new(ring_writer)), unavailable_error(reason))),
     };
     let mut recording_stream = RecordingStream {
-        connection: wire,
+        connection,
         channel,
         source_channels: usize::from(source.sample_spec.channels).max(1),
         samples: Vec::new(),
@@ -69,7 +70,12 @@ fn start(
 }
 
 /// Creates a stream of all channels of a source: its number, and its latency [frames].
-fn begin(wire: &mut ServerConnection, source: &SourceInfo, name: &CStr, block: u32) -> Result<(u32, u32), String> {
+fn begin(
+    connection: &mut ServerConnection,
+    source: &SourceInfo,
+    name: &CStr,
+    block: u32,
+) -> Result<(u32, u32), String> {
     let mut props = protocol::Props::new();
     props.set(Prop::MediaName, name);
     let (sample_rate, channels) = (source.sample_spec.sample_rate, source.sample_spec.channels);
@@ -88,7 +94,7 @@ fn begin(wire: &mut ServerConnection, source: &SourceInfo, name: &CStr, block: u
         },
         ..Default::default()
     };
-    let stream_reply: protocol::CreateRecordStreamReply = wire.request(&Command::CreateRecordStream(params))?;
+    let stream_reply: protocol::CreateRecordStreamReply = connection.request(&Command::CreateRecordStream(params))?;
     let latency = u128::from(stream_reply.stream_latency) * u128::from(sample_rate) / 1_000_000;
     Ok((stream_reply.channel, u32::try_from(latency).unwrap_or(u32::MAX)))
 }
@@ -104,14 +110,14 @@ struct RecordingStream {
 impl RecordingStream {
     fn run(&mut self, ring_writer: &mut RingWriter, stop: &AtomicBool) -> Result<(), String> {
         while !stop.load(Ordering::Acquire) {
-            let Some(message) = self.connection.message(MESSAGE_TIMEOUT)? else {
+            let Some(message) = self.connection.receive_message(MESSAGE_TIMEOUT)? else {
                 continue;
             };
             if message.channel() == Some(self.channel) {
                 self.push_samples(message.bytes(), ring_writer);
                 continue;
             }
-            match self.connection.read(&message) {
+            match self.connection.parse_command(&message) {
                 Some((_, Command::Overflow(_))) => ring_writer.stream_state().add_xruns(1),
                 Some((_, Command::RecordStreamKilled(_))) => {
                     return Err("the server ended the stream".into());

@@ -21,10 +21,10 @@ pub(super) const BLOCK_FRAMES: u32 = 1024;
 const MESSAGE_TIMEOUT: Duration = Duration::from_millis(50);
 const LATENCY_INTERVAL: Duration = Duration::from_secs(1);
 
-pub(super) fn missing(reason: String) -> AudioError {
+pub(super) fn unavailable_error(reason: String) -> AudioError {
     AudioError::Unavailable {
         backend: "pulse",
-        why: reason,
+        reason,
     }
 }
 
@@ -34,11 +34,11 @@ pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<Opened
         let limit_text = "PulseAudio's protocol carries 32 at most: use jack (any number) or file:PATH";
         return Err(AudioError::Channels {
             channels,
-            why: limit_text.into(),
+            reason: limit_text.into(),
         });
     }
-    let mut wire = ServerConnection::connect(c"ergon").map_err(missing)?;
-    let sink = find(&mut wire, spec.device.as_deref())?;
+    let mut connection = ServerConnection::connect(c"ergon").map_err(unavailable_error)?;
+    let sink = find(&mut connection, spec.device.as_deref())?;
     let block = spec.block.unwrap_or(BLOCK_FRAMES);
     let rate = sink.sample_spec.sample_rate;
     let mut remarks = Vec::new();
@@ -53,14 +53,14 @@ pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<Opened
         device: server_words(sink.description.as_deref().unwrap_or(&sink.name)),
         rate,
         block,
-        paced: true,
+        is_paced: true,
         remarks,
-        start: Box::new(move |drain| {
-            let ring_thread = RingThread::start("ergon pulse", drain, move |drain, stop| {
-                drain
+        start: Box::new(move |ring_reader| {
+            let ring_thread = RingThread::start("ergon pulse", ring_reader, move |ring_reader, stop| {
+                ring_reader
                     .stream_state()
                     .set_priority(realtime::set_priority(SINK_THREAD_PRIORITY));
-                PlayingStream::begin(wire, &sink, drain.channels(), block)?.run(drain, stop)
+                PlayingStream::begin(connection, &sink, ring_reader.channels(), block)?.run(ring_reader, stop)
             })?;
             Ok(Box::new(ring_thread) as Box<dyn Sink>)
         }),
@@ -71,28 +71,29 @@ pub(super) fn server_words(text: &CStr) -> String {
     text.to_string_lossy().into_owned()
 }
 
-fn find(wire: &mut ServerConnection, device: Option<&str>) -> Result<SinkInfo, AudioError> {
-    let sink_name = device_name(wire, device, "sink", |server| server.default_sink_name)?;
+fn find(connection: &mut ServerConnection, device: Option<&str>) -> Result<SinkInfo, AudioError> {
+    let sink_name = device_name(connection, device, "sink", |server| server.default_sink_name)?;
     let sink_query = protocol::GetSinkInfo {
         index: None,
         name: Some(sink_name.clone()),
     };
-    wire.request(&Command::GetSinkInfo(sink_query))
-        .map_err(|error| missing(format!("no sink {} ({error})", server_words(&sink_name))))
+    connection
+        .request(&Command::GetSinkInfo(sink_query))
+        .map_err(|error| unavailable_error(format!("no sink {} ({error})", server_words(&sink_name))))
 }
 
 /// The name of a device: as the user wrote it, or the server's default one.
 pub(super) fn device_name(
-    wire: &mut ServerConnection,
+    connection: &mut ServerConnection,
     device: Option<&str>,
     kind: &str,
-    default: fn(ServerInfo) -> Option<CString>,
+    default_name: fn(ServerInfo) -> Option<CString>,
 ) -> Result<CString, AudioError> {
     if let Some(device) = device {
         return Ok(CString::new(device).unwrap_or_default());
     }
-    let server = wire.request(&Command::GetServerInfo).map_err(missing)?;
-    default(server).ok_or_else(|| missing(format!("the PulseAudio server has no {kind}")))
+    let server_info = connection.request(&Command::GetServerInfo).map_err(unavailable_error)?;
+    default_name(server_info).ok_or_else(|| unavailable_error(format!("the PulseAudio server has no {kind}")))
 }
 
 /// Samples as they are sent and received.
@@ -118,7 +119,7 @@ struct PlayingStream {
 }
 
 impl PlayingStream {
-    fn begin(mut wire: ServerConnection, sink: &SinkInfo, channels: usize, block: u32) -> Result<Self, String> {
+    fn begin(mut connection: ServerConnection, sink: &SinkInfo, channels: usize, block: u32) -> Result<Self, String> {
         let rate = sink.sample_spec.sample_rate;
         let frame_bytes = 4 * channels as u32;
         let mut props = protocol::Props::new();
@@ -142,10 +143,11 @@ impl PlayingStream {
             },
             ..Default::default()
         };
-        let stream_reply: protocol::CreatePlaybackStreamReply = wire.request(&Command::CreatePlaybackStream(params))?;
+        let stream_reply: protocol::CreatePlaybackStreamReply =
+            connection.request(&Command::CreatePlaybackStream(params))?;
         let frames_max = 4 * block as usize;
         Ok(Self {
-            connection: wire,
+            connection,
             channel: stream_reply.channel,
             rate,
             channels,
@@ -156,11 +158,11 @@ impl PlayingStream {
         })
     }
 
-    fn run(mut self, drain: &mut RingReader, stop: &AtomicBool) -> Result<(), String> {
-        drain.stream_state().set_timing(self.block, 2 * self.block);
+    fn run(mut self, ring_reader: &mut RingReader, stop: &AtomicBool) -> Result<(), String> {
+        ring_reader.stream_state().set_timing(self.block, 2 * self.block);
         let mut latency_query = (0, Instant::now());
         while !stop.load(Ordering::Acquire) {
-            if self.send_requested(drain)? {
+            if self.send_requested(ring_reader)? {
                 continue;
             }
             if latency_query.1.elapsed() > LATENCY_INTERVAL {
@@ -172,20 +174,20 @@ impl PlayingStream {
                     Instant::now(),
                 );
             }
-            let Some(message) = self.connection.message(MESSAGE_TIMEOUT)? else {
+            let Some(message) = self.connection.receive_message(MESSAGE_TIMEOUT)? else {
                 continue;
             };
-            match self.connection.read(&message) {
+            match self.connection.parse_command(&message) {
                 Some((_, Command::Request(request))) if request.channel == self.channel => {
                     self.requested_bytes += request.length as usize;
                 }
-                Some((_, Command::Underflow(_))) => drain.stream_state().add_xruns(1),
+                Some((_, Command::Underflow(_))) => ring_reader.stream_state().add_xruns(1),
                 Some((_, Command::PlaybackStreamKilled(_))) => {
                     return Err("the server ended the stream".into());
                 }
-                Some((ring_reader, Command::Reply)) if ring_reader == latency_query.0 => {
-                    let latency = self.latency(&self.connection.reply(&message)?);
-                    drain.stream_state().set_timing(self.block, latency);
+                Some((reply_serial, Command::Reply)) if reply_serial == latency_query.0 => {
+                    let latency = self.latency(&self.connection.parse_reply(&message)?);
+                    ring_reader.stream_state().set_timing(self.block, latency);
                 }
                 _ => {}
             }
@@ -195,17 +197,17 @@ impl PlayingStream {
     }
 
     /// Send the bytes that the server asked for; whether it had asked for any.
-    fn send_requested(&mut self, drain: &mut RingReader) -> Result<bool, String> {
+    fn send_requested(&mut self, ring_reader: &mut RingReader) -> Result<bool, String> {
         let frames = (self.requested_bytes / (4 * self.channels)).min(self.samples.len() / self.channels);
         if frames == 0 {
             return Ok(false);
         }
         let samples = &mut self.samples[..frames * self.channels];
-        drain.fill(samples);
+        ring_reader.fill(samples);
         self.bytes.clear();
         self.bytes
             .extend(samples.iter().flat_map(|sample| sample.to_le_bytes()));
-        self.connection.samples(self.channel, &self.bytes)?;
+        self.connection.send_samples(self.channel, &self.bytes)?;
         self.requested_bytes -= self.bytes.len();
         Ok(true)
     }
@@ -213,9 +215,9 @@ impl PlayingStream {
     /// Frames that wait in the server and in the sink.
     fn latency(&self, reply: &protocol::PlaybackLatency) -> u32 {
         let frame_bytes = 4 * self.channels as i64;
-        let buffered = (reply.write_offset - reply.read_offset).max(0) / frame_bytes;
+        let buffered_frames = (reply.write_offset - reply.read_offset).max(0) / frame_bytes;
         let sink_frames = u128::from(reply.sink_usec) * u128::from(self.rate) / 1_000_000;
-        u32::try_from(buffered as u128 + sink_frames).unwrap_or(u32::MAX)
+        u32::try_from(buffered_frames as u128 + sink_frames).unwrap_or(u32::MAX)
     }
 }
 
@@ -242,15 +244,17 @@ const AUX_POSITIONS: [ChannelPosition; CHANNELS_MAX] = aux! {
 
 /// What the running server would play on.
 pub(in crate::audio) fn survey() -> Result<String, AudioError> {
-    let mut wire = ServerConnection::connect(c"ergon").map_err(missing)?;
-    let server: ServerInfo = wire.request(&Command::GetServerInfo).map_err(missing)?;
-    let sink_list: protocol::SinkInfoList = wire.request(&Command::GetSinkInfoList).map_err(missing)?;
-    let default = server.default_sink_name.unwrap_or_default();
+    let mut connection = ServerConnection::connect(c"ergon").map_err(unavailable_error)?;
+    let server: ServerInfo = connection.request(&Command::GetServerInfo).map_err(unavailable_error)?;
+    let sink_list: protocol::SinkInfoList = connection
+        .request(&Command::GetSinkInfoList)
+        .map_err(unavailable_error)?;
+    let default_sink = server.default_sink_name.unwrap_or_default();
     let sink_texts: Vec<String> = sink_list
         .iter()
         .map(|sink| {
             let (sample_rate, channels) = (sink.sample_spec.sample_rate, sink.sample_spec.channels);
-            let default_mark = if sink.name == default { ", default" } else { "" };
+            let default_mark = if sink.name == default_sink { ", default" } else { "" };
             format!(
                 "{} ({channels} channels, {sample_rate} Hz{default_mark})",
                 server_words(&sink.name)

@@ -40,29 +40,30 @@ impl ServerConnection {
             }
             _ => format!("no PulseAudio server at {}: {error}", path.display()),
         })?;
-        let mut wire = Self {
+        let mut connection = Self {
             socket,
             version: protocol::MAX_VERSION,
             serial: 0,
             partial_message: Vec::with_capacity(1 << 16),
             read_buffer: vec![0; 1 << 16].into(),
         };
-        wire.socket
+        connection
+            .socket
             .set_write_timeout(Some(SERVER_TIMEOUT))
             .map_err(|error| error.to_string())?;
         let cookie = pulseaudio::cookie_path_from_env().and_then(|path| std::fs::read(path).ok());
-        let auth_reply: protocol::AuthReply = wire.request(&Command::Auth(protocol::AuthParams {
+        let auth_reply: protocol::AuthReply = connection.request(&Command::Auth(protocol::AuthParams {
             version: protocol::MAX_VERSION,
             supports_shm: false,
             supports_memfd: false,
             // The server hangs up unless the cookie has this length, even if there is none.
             cookie: cookie.unwrap_or_else(|| vec![0; 256]),
         }))?;
-        wire.version = wire.version.min(auth_reply.version);
+        connection.version = connection.version.min(auth_reply.version);
         let mut props = protocol::Props::new();
         props.set(Prop::ApplicationName, name);
-        let _: protocol::SetClientNameReply = wire.request(&Command::SetClientName(props))?;
-        Ok(wire)
+        let _: protocol::SetClientNameReply = connection.request(&Command::SetClientName(props))?;
+        Ok(connection)
     }
 
     /// Send a command; returns the serial number of its reply.
@@ -78,14 +79,14 @@ impl ServerConnection {
         let command_serial = self.send(command)?;
         let deadline = Instant::now() + SERVER_TIMEOUT;
         while Instant::now() < deadline {
-            let Some(message) = self.message(SERVER_TIMEOUT)? else {
+            let Some(message) = self.receive_message(SERVER_TIMEOUT)? else {
                 continue;
             };
             match message.command(self.version) {
-                Some((reply_to, Command::Reply)) if reply_to == command_serial => {
+                Some((reply_serial, Command::Reply)) if reply_serial == command_serial => {
                     return message.reply(self.version);
                 }
-                Some((to, Command::Error(error))) if to == command_serial => {
+                Some((error_serial, Command::Error(error))) if error_serial == command_serial => {
                     return Err(format!("the PulseAudio server refuses ({error:?})"));
                 }
                 _ => {}
@@ -95,22 +96,22 @@ impl ServerConnection {
     }
 
     /// The command in a message: (number, command); `None` if it is not known here.
-    pub(super) fn read(&self, message: &Message) -> Option<(u32, Command)> {
+    pub(super) fn parse_command(&self, message: &Message) -> Option<(u32, Command)> {
         message.command(self.version)
     }
 
     /// The reply in a message.
-    pub(super) fn reply<R: CommandReply>(&self, message: &Message) -> Result<R, String> {
+    pub(super) fn parse_reply<R: CommandReply>(&self, message: &Message) -> Result<R, String> {
         message.reply(self.version)
     }
 
     /// Send samples to a stream.
-    pub(super) fn samples(&mut self, channel: u32, bytes: &[u8]) -> Result<(), String> {
+    pub(super) fn send_samples(&mut self, channel: u32, bytes: &[u8]) -> Result<(), String> {
         protocol::write_memblock(&mut self.socket, channel, bytes, 0).map_err(|error| error.to_string())
     }
 
     /// The next whole message, if one comes in time.
-    pub(super) fn message(&mut self, read_wait: Duration) -> Result<Option<Message>, String> {
+    pub(super) fn receive_message(&mut self, read_wait: Duration) -> Result<Option<Message>, String> {
         if let Some(message) = self.complete_message()? {
             return Ok(Some(message));
         }
@@ -199,10 +200,10 @@ fn socket_path() -> Result<PathBuf, String> {
         return local_path
             .ok_or_else(|| format!("PULSE_SERVER={server_list} names no server on this machine (unix:/path)"));
     }
-    let runtime = variable("PULSE_RUNTIME_PATH").map(|path| PathBuf::from(path).join("native"));
+    let runtime_socket = variable("PULSE_RUNTIME_PATH").map(|path| PathBuf::from(path).join("native"));
     let user_socket = variable("XDG_RUNTIME_DIR").map(|path| PathBuf::from(path).join("pulse/native"));
     let system_socket = Some(PathBuf::from("/var/run/pulse/native"));
-    let socket_places = [runtime, user_socket, system_socket].into_iter().flatten();
+    let socket_places = [runtime_socket, user_socket, system_socket].into_iter().flatten();
     socket_places
         .into_iter()
         .find(|path| path.exists())

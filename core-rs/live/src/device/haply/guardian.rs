@@ -82,7 +82,7 @@ pub fn serve() -> io::Result<()> {
     let lockstep = request["lockstep"] == true;
     let open_result = Service::open(service_url, request["id"].as_str());
     let (first_reply, mut service) = match open_result {
-        Ok((service, first)) if lockstep && !first.lockstep => (OpenReply::NotInLockstep, Some(service)),
+        Ok((service, first_state)) if lockstep && !first_state.in_lockstep => (OpenReply::NotInLockstep, Some(service)),
         Ok((service, first)) => (OpenReply::Opened(first.position), Some(service)),
         Err(OpenError::Refused(reason)) => (OpenReply::Refused(reason), None),
         Err(OpenError::NoAnswer) => (OpenReply::NoAnswer, None),
@@ -108,15 +108,15 @@ fn guard_until_closed(line: &mut GuardianLine, service: &mut Service, lockstep: 
         // detects.
         let _ = service.command([0.0; 3]);
     }
-    let Err(gone_cause) = pass_messages(line, service, &mut rules) else {
+    let Err(loss) = pass_messages(line, service, &mut rules) else {
         return send_final_zero(service, lockstep);
     };
-    if gone_cause == DeviceLoss::Silent {
+    if loss == DeviceLoss::Silent {
         send_final_zero(service, lockstep);
     } else if rules.may_push() {
-        service.send_zero_anew();
+        service.reconnect_and_send_zero();
     }
-    let _ = line.send(&GuardianReply::Gone(gone_cause).bytes());
+    let _ = line.send(&GuardianReply::Gone(loss).bytes());
 }
 
 /// Pass orders and states; fails when the service is gone, and returns when the host is gone.
@@ -124,9 +124,9 @@ fn pass_messages(line: &mut GuardianLine, service: &mut Service, rules: &mut Gua
     loop {
         // Messages that have arrived are read before a silence is judged, and all with the time from before the reads.
         let pass_instant = Instant::now();
-        let host_result = line.receive(|bytes| rules.order(ForceCommand::parse(bytes), pass_instant));
+        let host_result = line.receive(|bytes| rules.take_order(ForceCommand::parse(bytes), pass_instant));
         let has_more = service.read(|state| {
-            let (number, let_go) = rules.state(pass_instant);
+            let (number, let_go) = rules.take_state(pass_instant);
             let state_reply = GuardianReply::State {
                 number,
                 position: state.position,
@@ -136,7 +136,7 @@ fn pass_messages(line: &mut GuardianLine, service: &mut Service, rules: &mut Gua
             let _ = line.send(&state_reply.bytes());
         })?;
         loop {
-            match rules.next_deadline(pass_instant) {
+            match rules.next_action(pass_instant) {
                 GuardianAction::Nothing => break,
                 GuardianAction::Send(force) => service.command(force)?,
                 GuardianAction::Gone => return Err(DeviceLoss::Silent),
@@ -146,30 +146,30 @@ fn pass_messages(line: &mut GuardianLine, service: &mut Service, rules: &mut Gua
             return Ok(());
         }
         if !has_more {
-            wait([line.stream(), service.stream()], rules.next(pass_instant));
+            wait([line.stream(), service.stream()], rules.next_deadline(pass_instant));
         }
     }
 }
 
 /// Send zero until a state answers; in lockstep a command is a period, so one is enough.
 fn send_final_zero(service: &mut Service, lockstep: bool) {
-    let (attempts, patience) = if lockstep {
+    let (attempts, timeout) = if lockstep {
         (1, LOCKSTEP_TIMEOUT)
     } else {
         (ZERO_REPEATS, ZERO_REPLY_TIMEOUT)
     };
     for _ in 0..attempts {
         if service.command([0.0; 3]).is_err() {
-            return service.send_zero_anew();
+            return service.reconnect_and_send_zero();
         }
-        let (deadline, mut answered) = (Instant::now() + patience, false);
-        while !answered && Instant::now() < deadline {
+        let (deadline, mut is_answered) = (Instant::now() + timeout, false);
+        while !is_answered && Instant::now() < deadline {
             service.wait(deadline);
-            if service.read(|_| answered = true).is_err() {
-                return service.send_zero_anew();
+            if service.read(|_| is_answered = true).is_err() {
+                return service.reconnect_and_send_zero();
             }
         }
-        if answered {
+        if is_answered {
             return;
         }
     }
@@ -178,7 +178,7 @@ fn send_final_zero(service: &mut Service, lockstep: bool) {
 /// Close the files that were inherited from the host, and ignore the signals of the host's terminal.
 #[cfg(unix)]
 fn isolate_process() {
-    const IGNORED: [i32; 8] = [
+    const IGNORED_SIGNALS: [i32; 8] = [
         libc::SIGINT,
         libc::SIGTERM,
         libc::SIGHUP,
@@ -188,7 +188,7 @@ fn isolate_process() {
         libc::SIGTTIN,
         libc::SIGTTOU,
     ];
-    for signal in IGNORED {
+    for signal in IGNORED_SIGNALS {
         // SAFETY: no handler is installed.
         unsafe { libc::signal(signal, libc::SIG_IGN) };
     }

@@ -128,7 +128,7 @@ fn read_vector(bytes: &MessageBytes) -> [f64; 3] {
 pub(super) struct GuardianLine {
     stream: LineStream,
     bytes: [u8; MESSAGE_BYTES * BATCH_MESSAGES],
-    len: usize,
+    filled_bytes: usize,
 }
 
 impl GuardianLine {
@@ -137,7 +137,7 @@ impl GuardianLine {
         Ok(Self {
             stream,
             bytes: [0; MESSAGE_BYTES * BATCH_MESSAGES],
-            len: 0,
+            filled_bytes: 0,
         })
     }
 
@@ -147,25 +147,25 @@ impl GuardianLine {
             Ok(MESSAGE_BYTES) => Ok(()),
             // Only part of the message was written: the following messages would be read wrongly.
             Ok(_) => Err(DeviceLoss::Closed),
-            Err(error) => is_quiet(&error).then_some(()).ok_or(DeviceLoss::Closed),
+            Err(error) => is_transient(&error).then_some(()).ok_or(DeviceLoss::Closed),
         }
     }
 
     /// Hand all messages that are there to `visit`; fails once the other end is gone and all its messages are read.
     pub(super) fn receive(&mut self, mut visit: impl FnMut(&MessageBytes)) -> Result<(), DeviceLoss> {
         loop {
-            let bytes_read = match self.stream.read(&mut self.bytes[self.len..]) {
+            let bytes_read = match self.stream.read(&mut self.bytes[self.filled_bytes..]) {
                 Ok(0) => return Err(DeviceLoss::Closed),
                 Ok(bytes_read) => bytes_read,
-                Err(error) if is_quiet(&error) => return Ok(()),
+                Err(error) if is_transient(&error) => return Ok(()),
                 Err(_) => return Err(DeviceLoss::Closed),
             };
-            self.len += bytes_read;
-            let (messages, partial_bytes) = self.bytes[..self.len].as_chunks::<MESSAGE_BYTES>();
+            self.filled_bytes += bytes_read;
+            let (messages, partial_bytes) = self.bytes[..self.filled_bytes].as_chunks::<MESSAGE_BYTES>();
             messages.iter().for_each(&mut visit);
-            let (partial_start, partial_length) = (self.len - partial_bytes.len(), partial_bytes.len());
-            self.bytes.copy_within(partial_start..self.len, 0);
-            self.len = partial_length;
+            let (partial_start, partial_length) = (self.filled_bytes - partial_bytes.len(), partial_bytes.len());
+            self.bytes.copy_within(partial_start..self.filled_bytes, 0);
+            self.filled_bytes = partial_length;
             if partial_start + partial_length < self.bytes.len() {
                 return Ok(());
             }
@@ -173,8 +173,8 @@ impl GuardianLine {
     }
 
     /// Wait until there is something to read here.
-    pub(super) fn wait(&self, until: Instant) {
-        wait([&self.stream], until);
+    pub(super) fn wait(&self, deadline: Instant) {
+        wait([&self.stream], deadline);
     }
 
     pub(super) fn stream(&self) -> &LineStream {
@@ -182,7 +182,7 @@ impl GuardianLine {
     }
 }
 
-pub(super) fn is_quiet(error: &io::Error) -> bool {
+pub(super) fn is_transient(error: &io::Error) -> bool {
     use ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
 }
@@ -197,9 +197,9 @@ pub(super) trait Waitable {}
 #[cfg(not(unix))]
 impl<T> Waitable for T {}
 
-/// Wait until one of the streams can be read, or until `until`.
-pub(super) fn wait<const N: usize>(streams: [&dyn Waitable; N], until: Instant) {
-    let time_left = until.saturating_duration_since(Instant::now());
+/// Wait until one of the streams can be read, or until `deadline`.
+pub(super) fn wait<const N: usize>(streams: [&dyn Waitable; N], deadline: Instant) {
+    let time_left = deadline.saturating_duration_since(Instant::now());
     if time_left.is_zero() {
         return;
     }
@@ -220,9 +220,9 @@ pub(super) fn write_text(stream: &mut LineStream, text: &str) -> io::Result<()> 
     stream.write_all(&framed_text)
 }
 
-/// Read a text from a blocking stream, for at most `patience`.
-pub(super) fn read_text(stream: &mut LineStream, patience: Duration) -> io::Result<String> {
-    let deadline = Instant::now() + patience;
+/// Read a text from a blocking stream, for at most `timeout`.
+pub(super) fn read_text(stream: &mut LineStream, timeout: Duration) -> io::Result<String> {
+    let deadline = Instant::now() + timeout;
     let mut text_length = [0; 4];
     fill(stream, &mut text_length, deadline)?;
     let text_length = u32::from_le_bytes(text_length) as usize;
@@ -234,17 +234,17 @@ pub(super) fn read_text(stream: &mut LineStream, patience: Duration) -> io::Resu
     String::from_utf8(text_bytes).map_err(|_| ErrorKind::InvalidData.into())
 }
 
-fn fill(stream: &mut LineStream, mut bytes: &mut [u8], until: Instant) -> io::Result<()> {
+fn fill(stream: &mut LineStream, mut bytes: &mut [u8], deadline: Instant) -> io::Result<()> {
     while !bytes.is_empty() {
-        let time_left = until.saturating_duration_since(Instant::now());
+        let time_left = deadline.saturating_duration_since(Instant::now());
         if time_left.is_zero() {
             return Err(ErrorKind::TimedOut.into());
         }
         stream.set_read_timeout(Some(time_left))?;
         match stream.read(bytes) {
             Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
-            Ok(got) => bytes = &mut bytes[got..],
-            Err(error) if is_quiet(&error) => {}
+            Ok(n_read) => bytes = &mut bytes[n_read..],
+            Err(error) if is_transient(&error) => {}
             Err(error) => return Err(error),
         }
     }

@@ -63,7 +63,7 @@ impl GuardianRules {
     }
 
     /// Take an order of the host.
-    pub(crate) fn order(&mut self, order: ForceCommand, now: Instant) {
+    pub(crate) fn take_order(&mut self, order: ForceCommand, now: Instant) {
         self.last_order_time = now;
         if !self.lockstep {
             self.pending_orders.clear();
@@ -72,7 +72,7 @@ impl GuardianRules {
     }
 
     /// Take a state of the service; returns the number of the order that it answers, and whether the guardian let go.
-    pub(crate) fn state(&mut self, now: Instant) -> (u16, bool) {
+    pub(crate) fn take_state(&mut self, now: Instant) -> (u16, bool) {
         if self.lockstep {
             // Every command has its own state.
             let answered_number = self.unanswered_numbers.pop_front();
@@ -85,23 +85,23 @@ impl GuardianRules {
     }
 
     /// The next action; to be called until it is `Nothing`.
-    pub(crate) fn next_deadline(&mut self, now: Instant) -> GuardianAction {
+    pub(crate) fn next_action(&mut self, now: Instant) -> GuardianAction {
         if self.lockstep {
             // In lockstep the host sets the time, so nothing is late.
             return match self.pending_orders.pop_front() {
-                Some(order) => self.pass(order, now),
+                Some(order) => self.pass_order(order, now),
                 None => GuardianAction::Nothing,
             };
         }
-        let time_since = |deadline: Instant| now.saturating_duration_since(deadline);
-        let unanswered = self.wait_start.map_or(Duration::ZERO, time_since);
-        if unanswered >= SERVICE_LOSS_TIMEOUT {
+        let time_since = |instant: Instant| now.saturating_duration_since(instant);
+        let wait_time = self.wait_start.map_or(Duration::ZERO, time_since);
+        if wait_time >= SERVICE_LOSS_TIMEOUT {
             return GuardianAction::Gone;
         }
-        let service_silent = unanswered >= SERVICE_SILENCE_MAX;
-        if service_silent || time_since(self.last_order_time) >= HOST_SILENCE_MAX {
+        let is_service_silent = wait_time >= SERVICE_SILENCE_MAX;
+        if is_service_silent || time_since(self.last_order_time) >= HOST_SILENCE_MAX {
             self.pending_orders.clear();
-            let repeats_zero = service_silent && time_since(self.last_sent_time) >= ZERO_INTERVAL;
+            let repeats_zero = is_service_silent && time_since(self.last_sent_time) >= ZERO_INTERVAL;
             if self.is_pushing || repeats_zero {
                 self.let_go |= self.is_pushing;
                 return self.send([0.0; 3], now);
@@ -114,24 +114,24 @@ impl GuardianRules {
         match self.pending_orders.front().copied().filter(may_send) {
             Some(order) => {
                 self.pending_orders.clear();
-                self.pass(order, now)
+                self.pass_order(order, now)
             }
             None => GuardianAction::Nothing,
         }
     }
 
-    /// When `next_deadline` must be called again if no message comes.
-    pub(super) fn next(&self, now: Instant) -> Instant {
+    /// When `next_action` must be called again if no message comes.
+    pub(super) fn next_deadline(&self, now: Instant) -> Instant {
         let host_deadline = self.is_pushing.then_some(self.last_order_time + HOST_SILENCE_MAX);
-        let service = self.wait_start.map(|asked| {
-            let silence_instant = asked + SERVICE_SILENCE_MAX;
+        let service_deadline = self.wait_start.map(|wait_start| {
+            let silence_instant = wait_start + SERVICE_SILENCE_MAX;
             if self.is_pushing {
                 silence_instant
             } else {
                 silence_instant.max(self.last_sent_time + ZERO_INTERVAL)
             }
         });
-        let deadlines = [host_deadline, service].into_iter().flatten();
+        let deadlines = [host_deadline, service_deadline].into_iter().flatten();
         deadlines.fold(now + ZERO_INTERVAL, Instant::min)
     }
 
@@ -140,7 +140,7 @@ impl GuardianRules {
         self.is_pushing || self.wait_start.is_some()
     }
 
-    fn pass(&mut self, order: ForceCommand, now: Instant) -> GuardianAction {
+    fn pass_order(&mut self, order: ForceCommand, now: Instant) -> GuardianAction {
         self.last_sent_number = order.number;
         self.let_go = false;
         self.send(order.force, now)

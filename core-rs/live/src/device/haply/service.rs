@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, client::client_with_config};
 
-use super::line::{Waitable, is_quiet, wait};
+use super::line::{Waitable, is_transient, wait};
 use crate::device::{DeviceLoss, FIRST_REPLY_TIMEOUT, REQUEST_RETRY_INTERVAL};
 use crate::wire::haply as wire;
 
@@ -31,21 +31,21 @@ impl Service {
     /// Connects and waits for the first state of the device `id`, or of any device.
     pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::HaplyState), OpenError> {
         let socket = connect(target, FIRST_REPLY_TIMEOUT).map_err(OpenError::Refused)?;
-        let mut new_service = Self {
+        let mut service = Self {
             socket,
             target: target.to_owned(),
             id: id.unwrap_or_default().to_owned(),
         };
         let deadline = Instant::now() + FIRST_REPLY_TIMEOUT;
         while Instant::now() < deadline {
-            new_service.wait(Instant::now() + REQUEST_RETRY_INTERVAL);
+            service.wait(Instant::now() + REQUEST_RETRY_INTERVAL);
             let mut first_state = None;
-            let read_result = new_service.read(|state| {
+            let read_result = service.read(|state| {
                 first_state.get_or_insert(state);
             });
             if let Some(state) = first_state {
-                new_service.id.clone_from(&state.id);
-                return Ok((new_service, state));
+                service.id.clone_from(&state.id);
+                return Ok((service, state));
             }
             if let Err(read_error) = read_result {
                 return Err(OpenError::Refused(read_error.to_string()));
@@ -70,15 +70,15 @@ impl Service {
                 Ok(Message::Text(text)) => wire::parse_state(&text, device_id).into_iter().for_each(&mut visit),
                 Ok(Message::Close(_)) => return Err(DeviceLoss::Closed),
                 Ok(_) => {}
-                Err(Error::Io(error)) if is_quiet(&error) => return Ok(false),
+                Err(Error::Io(error)) if is_transient(&error) => return Ok(false),
                 Err(error) => return Err(loss_from_error(&error)),
             }
         }
         Ok(true)
     }
 
-    pub(super) fn wait(&self, until: Instant) {
-        wait([self.stream()], until);
+    pub(super) fn wait(&self, deadline: Instant) {
+        wait([self.stream()], deadline);
     }
 
     pub(super) fn stream(&self) -> &dyn Waitable {
@@ -86,9 +86,9 @@ impl Service {
     }
 
     /// Send zero on a new connection, because the old one has ended and the force may still act.
-    pub(super) fn send_zero_anew(&mut self) {
-        const PATIENCE: Duration = Duration::from_secs(1);
-        if let Ok(socket) = connect(&self.target, PATIENCE) {
+    pub(super) fn reconnect_and_send_zero(&mut self) {
+        const TIMEOUT: Duration = Duration::from_secs(1);
+        if let Ok(socket) = connect(&self.target, TIMEOUT) {
             self.socket = socket;
             let _ = self.command([0.0; 3]);
         }
@@ -96,8 +96,8 @@ impl Service {
 
     /// Close the WebSocket and wait briefly for the answer, which shows that all commands have arrived.
     pub(super) fn close(mut self) {
-        const PATIENCE: Duration = Duration::from_millis(200);
-        let deadline = Instant::now() + PATIENCE;
+        const TIMEOUT: Duration = Duration::from_millis(200);
+        let deadline = Instant::now() + TIMEOUT;
         let _ = self.socket.close(None);
         while Instant::now() < deadline && self.read(|_| ()).is_ok() {
             self.wait(deadline);
@@ -107,10 +107,10 @@ impl Service {
 
 fn send_result(write_result: Result<(), Error>) -> Result<(), DeviceLoss> {
     match write_result {
-        Err(Error::Io(error)) if is_quiet(&error) => Ok(()),
+        Err(Error::Io(error)) if is_transient(&error) => Ok(()),
         // The write buffer is full: the service reads nothing. `Rules` judge its silence.
         Err(Error::WriteBufferFull(_)) => Ok(()),
-        done => done.map_err(|error| loss_from_error(&error)),
+        other_result => other_result.map_err(|error| loss_from_error(&error)),
     }
 }
 
@@ -122,14 +122,14 @@ fn loss_from_error(error: &Error) -> DeviceLoss {
 }
 
 /// A WebSocket connection in non-blocking mode; or a sentence on why there is none.
-fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, String> {
+fn connect(target: &str, timeout: Duration) -> Result<WebSocket<TcpStream>, String> {
     let address = target.strip_prefix("ws://").unwrap_or(target);
     let host_and_port = address.split('/').next().unwrap_or(address);
-    let tcp_stream = connect_to_first(host_and_port, patience).map_err(|error| error.to_string())?;
+    let tcp_stream = connect_to_first(host_and_port, timeout).map_err(|error| error.to_string())?;
     let set_result = tcp_stream
         .set_nodelay(true)
-        .and_then(|()| tcp_stream.set_write_timeout(Some(patience)))
-        .and_then(|()| tcp_stream.set_read_timeout(Some(patience)));
+        .and_then(|()| tcp_stream.set_write_timeout(Some(timeout)))
+        .and_then(|()| tcp_stream.set_read_timeout(Some(timeout)));
     set_result.map_err(|error| error.to_string())?;
     let config = WebSocketConfig::default()
         .max_write_buffer_size(wire::MESSAGE_BYTES_MAX * 4)
@@ -146,10 +146,10 @@ fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, Str
 }
 
 /// Connects to the first address of `host` that can be reached.
-fn connect_to_first(host_and_port: &str, patience: Duration) -> io::Result<TcpStream> {
+fn connect_to_first(host_and_port: &str, timeout: Duration) -> io::Result<TcpStream> {
     let mut last_error = io::Error::from(io::ErrorKind::AddrNotAvailable);
     for address in host_and_port.to_socket_addrs()? {
-        match TcpStream::connect_timeout(&address, patience) {
+        match TcpStream::connect_timeout(&address, timeout) {
             Ok(stream) => return Ok(stream),
             Err(error) => last_error = error,
         }

@@ -104,7 +104,7 @@ fn frame_with_ask_takes_no_step() {
     let mut request = frame::FrameRequest {
         seq: 9,
         axis_count: 3,
-        wide: true,
+        is_wide: true,
         flags: flag::ENABLE | flag::REQUEST,
         force: [1.0; MAX_AXES],
     };

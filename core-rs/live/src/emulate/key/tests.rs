@@ -40,11 +40,11 @@ fn emulated_key_equals_a_cel_bitwise() {
         .spring("tie", cel_mat, other_mat, link_stiffness, 0.0, 0.0)
         .unwrap();
     let options = SimulationOptions {
-        ledger: false,
-        record: false,
+        keeps_ledger: false,
+        records_ergons: false,
         on_fault: OnFault::Stop,
         threads: 1,
-        unchecked: false,
+        is_unchecked: false,
     };
     let timeline = Timeline::new(Rate::new(key_rate).unwrap());
     let mut complete = Simulation::new(Arc::new(network), &timeline, options).unwrap();
@@ -98,14 +98,14 @@ fn hand_on_path_pulls_as_a_damped_spring() {
             key.positions()[0]
         );
     }
-    assert!(!key.touched(0), "it has let go");
+    assert!(!key.is_touched(0), "it has let go");
 }
 
 #[test]
 fn touched_of_free_and_resting_hands() {
     for (hand, touched) in [(EmulatedHand::Free, false), (EmulatedHand::Resting, true)] {
         let mut single_key = keys(KeyConstants::default(), 1000.0, vec![hand]);
-        assert_eq!(single_key.touched(0), touched);
+        assert_eq!(single_key.is_touched(0), touched);
         single_key.step(&push(0.0));
         assert_eq!(single_key.positions()[0], 0.0);
     }

@@ -10,7 +10,7 @@ use super::LineEvent;
 pub(in crate::emulate) struct Terminal {
     fd: OwnedFd,
     path: String,
-    connected: bool,
+    is_connected: bool,
 }
 
 impl Terminal {
@@ -43,7 +43,7 @@ impl Terminal {
         Ok(Self {
             fd,
             path,
-            connected: false,
+            is_connected: false,
         })
     }
 
@@ -62,7 +62,7 @@ impl Terminal {
             if poll_entry.revents & libc::POLLHUP == 0 {
                 return Ok(LineEvent::Nothing);
             }
-            if std::mem::take(&mut self.connected) {
+            if std::mem::take(&mut self.is_connected) {
                 return Ok(LineEvent::Disconnected);
             }
             // No host has opened it yet: poll then returns at once instead of waiting.
@@ -74,14 +74,14 @@ impl Terminal {
         match usize::try_from(bytes_read) {
             Ok(0) => Ok(LineEvent::Nothing),
             Ok(byte_count) => {
-                self.connected = true;
+                self.is_connected = true;
                 Ok(LineEvent::Bytes(byte_count))
             }
             Err(_) => {
                 let error = io::Error::last_os_error();
                 match error.raw_os_error() {
                     Some(libc::EIO) => Ok(LineEvent::Nothing),
-                    _ => super::quiet(error),
+                    _ => super::ignore_transient(error),
                 }
             }
         }

@@ -31,7 +31,7 @@ pub struct Change {
     /// Stand-in positions of each hand, at each tick from the change on [m]; an empty list keeps the old ones.
     pub standin_positions: Option<Vec<Vec<f64>>>,
     /// With `standin_positions`: for each hand the forces that drive its key along them [N].
-    pub forces: Vec<Vec<f64>>,
+    pub standin_forces: Vec<Vec<f64>>,
     /// Steps of each hand's loose guidance; a hand without steps keeps its factors.
     pub guidance_steps: Option<Vec<Vec<GuidanceStep>>>,
     /// Bounds of the force on each hand; a hand without bounds keeps its scale.
@@ -85,20 +85,20 @@ impl Player {
             .is_some_and(|due_change| due_change.frame <= self.frame)
         {
             let mut due_change = self.scheduled_changes.remove(0);
-            let change_made = due_change.frame == self.frame && self.change(&mut due_change);
-            self.report(due_change.ticket, change_made);
+            let is_done = due_change.frame == self.frame && self.change(&mut due_change);
+            self.report(due_change.ticket, is_done);
             self.discard_change(due_change);
         }
     }
 
     /// Report whether a change was made.
-    fn report(&mut self, ticket: u64, done: bool) {
-        self.send_event(if done {
+    fn report(&mut self, ticket: u64, is_done: bool) {
+        self.send_event(if is_done {
             EventKind::ChangeDone(ticket)
         } else {
             EventKind::ChangeMissed(ticket)
         });
-        self.record_note(format_args!("{{\"change\":{ticket},\"done\":{done}}}"));
+        self.record_note(format_args!("{{\"change\":{ticket},\"done\":{is_done}}}"));
     }
 
     /// Make a change. Return false, with nothing changed, if its simulation cannot take over from the playing one, or
@@ -148,7 +148,7 @@ impl Player {
                 }
                 let position_before = hand.standin_position(self.tick);
                 std::mem::swap(&mut hand.standin_positions, standin);
-                if let Some(written_forces) = change.forces.get_mut(index) {
+                if let Some(written_forces) = change.standin_forces.get_mut(index) {
                     std::mem::swap(&mut hand.forces, written_forces);
                 }
                 hand.start_tick = self.tick;
@@ -192,7 +192,7 @@ impl Player {
                     ..*bound
                 })
             });
-            let scale_now = scale.tick(self.tick, waiting);
+            let scale_now = scale.advance(self.tick, waiting);
             self.slots[slot_index].set_scale(axis_index, scale_now);
         }
     }

@@ -42,12 +42,12 @@ impl Player {
             let (live_hand, hand_source) = (&self.piece.hands[hand], &self.hand_sources[hand]);
             let key_force = if hand_source.is_real {
                 let hand_velocity = (hand_source.x - self.previous_positions[hand]) * tick_rate;
-                let lockstep = !self.slots[slot_index].has_clock();
-                let written_motion = live_hand.written_motion(self.tick, tick_period, lockstep);
-                let force_scale = self.force_scales[hand].now();
-                let guidance =
+                let in_lockstep = !self.slots[slot_index].has_clock();
+                let written_motion = live_hand.written_motion(self.tick, tick_period, in_lockstep);
+                let force_scale = self.force_scales[hand].current();
+                let guidance_force =
                     self.guidance_states[hand].force(written_motion, hand_source.x, hand_velocity, force_scale);
-                (self.piece_forces[hand] + guidance) * hand_source.progress()
+                (self.piece_forces[hand] + guidance_force) * hand_source.progress()
             } else {
                 0.0
             };
@@ -118,7 +118,7 @@ impl Player {
     }
 
     /// The first tick of the next bar, or of a bar that begins now; the present tick if no bar follows.
-    pub(super) fn next_bar(&self) -> u64 {
+    pub(super) fn next_bar_tick(&self) -> u64 {
         let bars = &self.piece.bars;
         let bar_index = bars.partition_point(|&bar| bar < self.frame);
         let start_frame = bars.get(bar_index).copied().unwrap_or(self.frame);

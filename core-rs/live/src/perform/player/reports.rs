@@ -40,12 +40,12 @@ impl Player {
         }
         // If no clock sets the pace, wait for the disk.
         let wait_start = Instant::now();
-        let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-        while !self.is_paced && !row_sink.has_room() && wait_start.elapsed() < RING_TIMEOUT && !stop_requested() {
+        let is_stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
+        while !self.is_paced && !row_sink.has_room() && wait_start.elapsed() < RING_TIMEOUT && !is_stop_requested() {
             self.clock.wait_while_full();
         }
         if !self.hand_samples.is_empty() {
-            row_sink.row(self.tick - 1, &self.hand_samples);
+            row_sink.push_row(self.tick - 1, &self.hand_samples);
         }
     }
 
@@ -90,12 +90,12 @@ impl Player {
             };
             let slot = &self.slots[slot];
             hand_status.sent_force = slot.sent_forces[axis_index];
-            hand_status.force_scale = self.force_scales[hand].now();
+            hand_status.force_scale = self.force_scales[hand].current();
             hand_status.is_touched = source.is_real && slot.sample.is_touched[axis_index];
-            hand_status.is_motor_enabled = source.is_real && slot.sample.force_enabled[axis_index];
+            hand_status.is_motor_enabled = source.is_real && slot.sample.is_force_enabled[axis_index];
             hand_status.is_hot = source.is_real && slot.sample.is_hot;
             [hand_status.let_go, hand_status.stalls] = slot.interruptions();
-            let axis_trip = slot.tripped(axis_index);
+            let axis_trip = slot.trip_cause(axis_index);
             if let Some(trip_cause) = axis_trip.filter(|_| !hand_status.is_tripped) {
                 let trip_event = PerformanceEvent {
                     frame: self.frame,
@@ -116,7 +116,7 @@ impl Player {
     /// Record an event, such as a command, as a line of JSON.
     pub(in crate::perform) fn record_note(&mut self, line: std::fmt::Arguments<'_>) {
         if let Some(row_sink) = &mut self.connections.row_sink {
-            row_sink.event(self.tick, line);
+            row_sink.push_event(self.tick, line);
         }
     }
 }

@@ -32,12 +32,12 @@ impl Player {
             if let Some(frozen_stems) = &mut self.connections.frozen {
                 // If no clock sets the pace, wait for the disk.
                 let wait_start = Instant::now();
-                let is_there = |frozen_stems: &FrozenOutputs| frozen_stems.is_ready(self.frame, frame_count);
-                let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
+                let has_frames = |frozen_stems: &FrozenOutputs| frozen_stems.is_ready(self.frame, frame_count);
+                let is_stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
                 while !self.is_paced
-                    && !is_there(frozen_stems)
+                    && !has_frames(frozen_stems)
                     && wait_start.elapsed() < RING_TIMEOUT
-                    && !stop_requested()
+                    && !is_stop_requested()
                 {
                     self.clock.wait_while_full();
                 }
@@ -71,7 +71,7 @@ impl Player {
     /// Send frames to the card, without those of the limiter's initial delay.
     pub(super) fn push_output(&mut self, n_frames: usize, is_tail: bool) {
         let channels = self.piece.n_heard_channels();
-        let folded = match self.piece.fold {
+        let output_sound = match self.piece.fold {
             Some(_) => &self.folded,
             None => &self.mixed,
         };
@@ -81,8 +81,8 @@ impl Player {
         if is_tail {
             self.tail_frames -= n_frames;
         }
-        for (single, x) in self.output_samples.iter_mut().zip(&folded[..n_frames * channels]) {
-            *single = *x as f32;
+        for (output_sample, x) in self.output_samples.iter_mut().zip(&output_sound[..n_frames * channels]) {
+            *output_sample = *x as f32;
         }
         let peak_decay = (1.0 - self.clock.period() / PEAK_DECAY_SECONDS).max(0.0) as f32;
         self.status.peaks.iter_mut().for_each(|peak| *peak *= peak_decay);
@@ -90,8 +90,8 @@ impl Player {
             // After a panic nothing is heard.
             self.status.peaks.fill(0.0);
         }
-        let folded = if self.is_panicking { 0 } else { n_frames };
-        for frame in self.output_samples[..folded * channels].chunks_exact(channels) {
+        let peak_frames = if self.is_panicking { 0 } else { n_frames };
+        for frame in self.output_samples[..peak_frames * channels].chunks_exact(channels) {
             for (peak, x) in self.status.peaks.iter_mut().zip(frame) {
                 *peak = peak.max(x.abs());
             }
@@ -103,10 +103,10 @@ impl Player {
         }
         let wait_start = Instant::now();
         loop {
-            let taken_frames = self.connections.ring_writer.push(samples_left);
-            samples_left = &samples_left[taken_frames * channels..];
-            let stop_requested = self.connections.flags.stop.load(Ordering::Acquire);
-            if samples_left.is_empty() || stop_requested {
+            let pushed_frames = self.connections.ring_writer.push(samples_left);
+            samples_left = &samples_left[pushed_frames * channels..];
+            let is_stop_requested = self.connections.flags.stop.load(Ordering::Acquire);
+            if samples_left.is_empty() || is_stop_requested {
                 break;
             }
             // Keys are not kept waiting by a card: the frames are dropped.

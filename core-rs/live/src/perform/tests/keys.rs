@@ -19,7 +19,7 @@ fn limit_with_loose_guidance_scales_the_key() {
             ..LiveHand::default()
         };
         let response = guided_hand.piece_response.clone();
-        HandKey::all(&keyboard(0, 0), &[guided_hand])[0]
+        HandKey::from_keyboard(&keyboard(0, 0), &[guided_hand])[0]
             .limit(&response)
             .force_scale
     };
@@ -40,7 +40,8 @@ fn limit_with_measured_key_takes_the_worse_value() {
             measured_key: measured,
             ..LiveHand::default()
         };
-        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&measured_hand))[0].limit(&measured_hand.piece_response)
+        HandKey::from_keyboard(&keyboard(0, 0), std::slice::from_ref(&measured_hand))[0]
+            .limit(&measured_hand.piece_response)
     };
     let measured = |mass, damping, delay| hand_limit(Some(MeasuredKey { mass, damping, delay })).stable_stiffness;
     let reported_limit = hand_limit(None).stable_stiffness;

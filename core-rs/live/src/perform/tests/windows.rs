@@ -102,7 +102,7 @@ fn pages_receive_positions_of_the_engine() {
     let motion_file = MotionFile::new(message_bytes).expect("a motion file");
     let displacements = motion_file.displacements(&seconds).expect("frames");
     let mut second_fork = simulation.fork();
-    let (mut glance, n) = (
+    let (mut snapshot, n) = (
         ergon_engine::simulation::MotionSnapshot::new(&second_fork, &look),
         look.points.len(),
     );
@@ -110,15 +110,15 @@ fn pages_receive_positions_of_the_engine() {
     for (row, &frame) in displacements.chunks(n).zip(&picture_frames) {
         let frames_left = (frame - second_fork.frame()) as usize;
         second_fork.process(&mut vec![0.0; frames_left]).unwrap();
-        second_fork.fill_snapshot(&look, &mut glance);
+        second_fork.fill_snapshot(&look, &mut snapshot);
         for run in point_runs(&look) {
             let (worst_error, peak_swing) = error_by_kind.entry(run.kind).or_default();
             for index in run.points.clone() {
                 let expected = match run.body.map(|body| &look.bodies[body]) {
-                    None => glance.tracks[index],
+                    None => snapshot.tracks[index],
                     Some(body) => {
                         let row = &body.shapes[(index - run.points.start) * body.modes.len()..];
-                        let mode_tracks = &glance.tracks[n + body.first_mode..];
+                        let mode_tracks = &snapshot.tracks[n + body.first_mode..];
                         row.iter()
                             .zip(&mode_tracks[..body.modes.len()])
                             .map(|(a, b)| a * b)

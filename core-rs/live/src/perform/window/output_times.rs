@@ -16,21 +16,18 @@ pub struct PlaybackTimes {
 }
 
 impl PlaybackTimes {
-    /// The times of an output whose first frame is `start`, at `rate` frames per second.
-    pub(in crate::perform) fn new(sound_clock: SoundClock, rate: f64, start: u64) -> Self {
-        let line = FrameTimeLine::new(rate, start);
-        Self {
-            sound_clock,
-            time_line: line,
-        }
+    /// The times of an output whose first frame is `start_frame`, at `rate` frames per second.
+    pub(in crate::perform) fn new(sound_clock: SoundClock, rate: f64, start_frame: u64) -> Self {
+        let time_line = FrameTimeLine::new(rate, start_frame);
+        Self { sound_clock, time_line }
     }
 
-    /// The instant at which a frame is heard, by the clock that says `now` [s]; `dropped` frames before it are never
-    /// heard. `None` if the output has no clock.
-    pub(super) fn playback_time(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
+    /// The instant at which a frame is heard, by the clock that says `now` [s]; `dropped_frames` frames before it are
+    /// never heard. `None` if the output has no clock.
+    pub(super) fn playback_time(&mut self, frame: u64, dropped_frames: u64, now: f64) -> Option<f64> {
         self.time_line
-            .add_report(self.sound_clock.playback_timing(), dropped, now);
-        self.time_line.sounding_at(frame, dropped)
+            .add_report(self.sound_clock.playback_timing(), dropped_frames, now);
+        self.time_line.playback_time(frame, dropped_frames)
     }
 }
 
@@ -54,18 +51,18 @@ impl FrameTimeLine {
         }
     }
 
-    fn add_report(&mut self, sounding: Option<PlaybackTiming>, dropped: u64, now: f64) {
-        let Some(sounding) = sounding else {
+    fn add_report(&mut self, timing: Option<PlaybackTiming>, dropped_frames: u64, now: f64) {
+        let Some(sounding) = timing else {
             return;
         };
-        let zero_time = now - sounding.first_frame_age + sounding.latency;
-        let sound_state = Some((sounding.underruns, dropped, sounding.is_alive));
-        let has_jumped = |last: &(f64, f64)| (zero_time - last.1).abs() > JUMP_SECONDS;
-        if sound_state != self.playback_state || self.start_reports.back().is_some_and(has_jumped) {
+        let start_time = now - sounding.first_frame_age + sounding.latency;
+        let playback_state = Some((sounding.underruns, dropped_frames, sounding.is_alive));
+        let has_jumped = |last: &(f64, f64)| (start_time - last.1).abs() > JUMP_SECONDS;
+        if playback_state != self.playback_state || self.start_reports.back().is_some_and(has_jumped) {
             self.start_reports.clear();
         }
-        self.playback_state = sound_state;
-        self.start_reports.push_back((now, zero_time));
+        self.playback_state = playback_state;
+        self.start_reports.push_back((now, start_time));
         while self
             .start_reports
             .front()
@@ -75,10 +72,10 @@ impl FrameTimeLine {
         }
     }
 
-    fn sounding_at(&self, frame: u64, dropped: u64) -> Option<f64> {
-        let zero_times = self.start_reports.iter().map(|earlier_reports| earlier_reports.1);
-        let zero_time = zero_times.min_by(f64::total_cmp)?;
-        Some(zero_time + (frame as f64 - self.start_frame as f64 - dropped as f64) / self.rate)
+    fn playback_time(&self, frame: u64, dropped_frames: u64) -> Option<f64> {
+        let start_times = self.start_reports.iter().map(|report| report.1);
+        let start_time = start_times.min_by(f64::total_cmp)?;
+        Some(start_time + (frame as f64 - self.start_frame as f64 - dropped_frames as f64) / self.rate)
     }
 }
 
@@ -102,18 +99,18 @@ mod tests {
     #[test]
     fn frame_time_by_the_earliest_report() {
         let mut time_line = FrameTimeLine::new(RATE, 4_410);
-        assert_eq!(time_line.sounding_at(0, 0), None);
+        assert_eq!(time_line.playback_time(0, 0), None);
         // Most reports of a block come up to a block late; some come at once.
         for look in 0..240_u64 {
             let report_time = 4.0 + look as f64 / 60.0;
             let report_delay = (look % 7) as f64 / 7.0 * BLOCK as f64 / RATE;
             time_line.add_report(Some(sounding(report_time, report_delay, 0)), 0, report_time);
         }
-        let sound_time = time_line.sounding_at(4_410 + 44_100, 0).expect("a clock");
+        let sound_time = time_line.playback_time(4_410 + 44_100, 0).expect("a clock");
         assert!((sound_time - 4.01).abs() < 1e-9, "{sound_time}");
         // Dropped frames are not heard: the frames after them come sooner.
         time_line.add_report(Some(sounding(9.0, 0.0, 0)), 441, 9.0);
-        let sound_time = time_line.sounding_at(4_410 + 44_100, 441).expect("a clock");
+        let sound_time = time_line.playback_time(4_410 + 44_100, 441).expect("a clock");
         assert!((sound_time - 4.0).abs() < 1e-9, "{sound_time}");
     }
 
@@ -123,10 +120,10 @@ mod tests {
         time_line.add_report(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
         // 5 ms of silence were inserted: everything after them is heard later.
         time_line.add_report(Some(sounding(4.1, 0.005, 1)), 0, 4.1);
-        let sound_time = time_line.sounding_at(0, 0).expect("a clock");
+        let sound_time = time_line.playback_time(0, 0).expect("a clock");
         assert!((sound_time - 3.015).abs() < 1e-9, "{sound_time}");
         // Without a report the line stays.
         time_line.add_report(None, 0, 4.2);
-        assert_eq!(time_line.sounding_at(0, 0), Some(sound_time));
+        assert_eq!(time_line.playback_time(0, 0), Some(sound_time));
     }
 }

@@ -34,27 +34,27 @@ impl WindowServer {
         let (reader_sender, new_readers) = channel();
         let mut relay = WindowRelay::new(server, new_readers);
         let is_over = Arc::new(AtomicBool::new(false));
-        let (skipped, end_requested) = (relay.n_skipped.clone(), is_over.clone());
+        let (n_skipped, is_thread_over) = (relay.n_skipped.clone(), is_over.clone());
         let relay_thread = thread::Builder::new().name("ergon window".into()).spawn(move || {
             safety::block_signals();
-            while !end_requested.load(Ordering::Acquire) {
+            while !is_thread_over.load(Ordering::Acquire) {
                 relay.poll();
                 thread::sleep(POLL_INTERVAL);
             }
         })?;
         Ok(Self {
             readers: Mutex::new(reader_sender),
-            n_skipped: skipped,
+            n_skipped,
             is_over,
             thread: Some(relay_thread),
         })
     }
 
     /// Show a version from its first picture on; until then the previous version is shown.
-    pub fn show(&self, reader: WindowReader, times_heard: PlaybackTimes) {
+    pub fn show(&self, reader: WindowReader, playback_times: PlaybackTimes) {
         let sender = self.readers.lock().unwrap_or_else(PoisonError::into_inner);
         // If the thread has ended, there is nobody to show it to.
-        let _ = sender.send((reader, times_heard));
+        let _ = sender.send((reader, playback_times));
     }
 
     /// Number of pictures that were skipped because the one before had not been fetched.
@@ -78,7 +78,7 @@ pub(in super::super) struct WindowRelay {
     new_readers: Receiver<(WindowReader, PlaybackTimes)>,
     /// The reader that is shown, then those that wait for their first picture.
     readers: Vec<(WindowReader, PlaybackTimes)>,
-    is_greeted: bool,
+    has_sent_greeting: bool,
     n_skipped: Arc<AtomicU64>,
     /// Skipped pictures of readers that were dropped.
     n_skipped_before: u64,
@@ -90,7 +90,7 @@ impl WindowRelay {
             server,
             new_readers,
             readers: Vec::new(),
-            is_greeted: false,
+            has_sent_greeting: false,
             n_skipped: Arc::default(),
             n_skipped_before: 0,
         }
@@ -101,7 +101,7 @@ impl WindowRelay {
         self.readers.extend(self.new_readers.try_iter());
         let has_picture = |window: &(WindowReader, PlaybackTimes)| window.0.display_frames.updated();
         if let Some(index) = self.readers.iter().rposition(has_picture) {
-            self.is_greeted &= index == 0;
+            self.has_sent_greeting &= index == 0;
             self.n_skipped_before += (self.readers.drain(..index))
                 .map(|(reader, _)| reader.skipped())
                 .sum::<u64>();
@@ -124,35 +124,39 @@ impl WindowRelay {
 
     /// Send the picture of the first scene.
     fn send_picture(&mut self) {
-        let (reader, times_heard) = &mut self.readers[0];
+        let (reader, playback_times) = &mut self.readers[0];
         let (recorder, hub) = (&mut reader.recorder, self.server.hub());
-        let picture = reader.display_frames.read();
-        let seconds = recorder.seconds(picture.glance.frame);
-        let instant = times_heard.playback_time(picture.glance.frame, picture.dropped_frames, self.server.now());
-        recorder.add_squared_levels(&picture.squares, picture.n_heard);
-        for strike in &picture.strikes[..picture.n_strikes] {
+        let display_frame = reader.display_frames.read();
+        let seconds = recorder.seconds(display_frame.snapshot.frame);
+        let playback_time = playback_times.playback_time(
+            display_frame.snapshot.frame,
+            display_frame.dropped_frames,
+            self.server.now(),
+        );
+        recorder.add_squared_levels(&display_frame.square_sums, display_frame.n_level_frames);
+        for strike in &display_frame.strikes[..display_frame.n_strikes] {
             let strike_seconds = recorder.seconds(strike.frame);
             recorder.add_strike(strike_seconds, strike.point, strike.impulse);
         }
-        recorder.record(&picture.glance);
-        if !self.is_greeted {
+        recorder.record(&display_frame.snapshot);
+        if !self.has_sent_greeting {
             hub.set_greeting(&recorder.take_bytes());
-            self.is_greeted = true;
+            self.has_sent_greeting = true;
         }
         let mut live_chunks = recorder.take_live();
-        if let Some(instant) = instant {
+        if let Some(instant) = playback_time {
             let mut clock_bytes = ByteWriter::default();
             clock_bytes.f64(instant);
             clock_bytes.f64(1.0);
             write_chunk(&mut live_chunks.latest, kind::CLOCK, seconds, &clock_bytes.0);
         }
         if !live_chunks.events.is_empty() {
-            let keep_rule = if live_chunks.is_key {
+            let retention = if live_chunks.is_key {
                 Retention::KeyState
             } else {
                 Retention::All
             };
-            hub.publish(&live_chunks.events, keep_rule);
+            hub.publish(&live_chunks.events, retention);
         }
         hub.publish(&live_chunks.latest, Retention::Latest);
     }

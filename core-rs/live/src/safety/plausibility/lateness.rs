@@ -3,7 +3,7 @@
 //! A spring that acts late drives the key to and fro, and the work by the positions that are reported is about zero
 //! meanwhile. So the work is summed for forces that are late by each of some lags. Under a force of angular frequency ω
 //! the sum is greatest for a lag of a quarter of the period, whatever the real delay is, so a few lags show any swing.
-//! A hand that moves a key on a spring shows the same work, and only an answer in time tells that nothing is late.
+//! A hand that moves a key on a spring shows the same work, and only a response in time tells that nothing is late.
 
 /// The lags [s], besides the delay that the device reports. Any swing with a period from 36 ms to 1.2 s shows at least
 /// four fifths of its work at one of them.
@@ -11,9 +11,9 @@ const LAG_SECONDS: [f64; 9] = [0.009, 0.014, 0.021, 0.032, 0.048, 0.075, 0.12, 0
 /// Number of forces that are kept: the longest lag, and a delay of some milliseconds, at 6,000 steps a second.
 const FORCES_STORED: usize = 2_048;
 
-/// Parts of the work that may be done at once. From the first on a question is asked early; from the second on it waits
-/// until the motion of the key is known, because a swing hides answers or imitates them; at the last the force ends.
-const QUESTION_SHARE: f64 = 0.03;
+/// Parts of the work that may be done at once. From the first on a test is made early; from the second on it waits
+/// until the motion of the key is known, because a swing hides responses or imitates them; at the last the force ends.
+const TEST_SHARE: f64 = 0.03;
 const SWING_SHARE: f64 = 0.1;
 const END_SHARE: f64 = 0.5;
 /// The second time within this time is no chance [s]: with a late channel the force ends again after 2 to 4 s, and
@@ -30,7 +30,7 @@ pub(super) struct Lateness {
     sent_forces: [f32; FORCES_STORED],
     newest_index: usize,
     lag_steps: [usize; LAG_SECONDS.len()],
-    /// Work for each lag since the latest answer in time [J].
+    /// Work for each lag since the latest response in time [J].
     work: [f64; LAG_SECONDS.len()],
     /// Work that may be done at once [J], and in each step for long [J].
     work_max: f64,
@@ -68,7 +68,7 @@ impl Lateness {
         }
     }
 
-    /// An answer came in time.
+    /// A response came in time.
     pub(super) fn reset_work(&mut self) {
         self.work = [0.0; LAG_SECONDS.len()];
     }
@@ -79,23 +79,23 @@ impl Lateness {
         self.sent_forces = [0.0; FORCES_STORED];
     }
 
-    /// Whether a question is due.
-    pub(super) fn is_question_due(&self) -> bool {
-        self.exceeds(QUESTION_SHARE)
+    /// Whether a pulse test is due.
+    pub(super) fn is_test_due(&self) -> bool {
+        self.exceeds(TEST_SHARE)
     }
 
-    /// Whether the key swings so much that an answer may be chance.
+    /// Whether the key swings so much that a response may be chance.
     pub(super) fn is_swinging(&self) -> bool {
         self.exceeds(SWING_SHARE)
     }
 
     /// Whether the force has to end.
-    pub(super) fn is_too_great(&self) -> bool {
+    pub(super) fn exceeds_limit(&self) -> bool {
         self.exceeds(END_SHARE)
     }
 
     /// Note that the force ends because of this work. Returns whether it did so a short time before.
-    pub(super) fn note_end(&mut self) -> bool {
+    pub(super) fn record_end(&mut self) -> bool {
         let is_again = self.seconds_since_end <= REPEAT_SECONDS;
         self.seconds_since_end = 0.0;
         is_again
@@ -133,15 +133,15 @@ mod tests {
     }
 
     #[test]
-    fn forget_late_work_after_an_answer() {
+    fn forget_late_work_after_an_response() {
         let mut lateness = Lateness::new(1e-3, 0.0, 1.0, 0.5);
         for i in 0..3_000 {
             let position_at = |i: i32| 0.02 * libm::sin(0.03 * f64::from(i));
             lateness.add_step(-500.0 * position_at(i), position_at(i + 1) - position_at(i));
         }
-        assert!(lateness.is_question_due() && lateness.is_swinging() && lateness.is_too_great());
-        assert!(!lateness.note_end() && lateness.note_end());
+        assert!(lateness.is_test_due() && lateness.is_swinging() && lateness.exceeds_limit());
+        assert!(!lateness.record_end() && lateness.record_end());
         lateness.reset_work();
-        assert!(!lateness.is_question_due());
+        assert!(!lateness.is_test_due());
     }
 }

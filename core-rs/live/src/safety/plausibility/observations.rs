@@ -20,10 +20,10 @@ const DWELL_SECONDS: [f64; 2] = [0.1, 0.15];
 const PULL_FORCE_MIN: f64 = 0.3;
 const PUSH_FORCE_MIN: f64 = 2.0;
 
-/// Time for which a position keeps its last bit before a question is asked [s], and least force for that [N].
+/// Time for which a position keeps its last bit before a pulse test is made [s], and least force for that [N].
 const STILL_SECONDS: f64 = 0.09;
 const STILL_FORCE_MIN: f64 = 0.3;
-/// Where no questions are asked, a position that keeps its last bit is a fault after `FORCE_CHANGE_SECONDS` [s] if the
+/// Where no pulse tests are made, a position that keeps its last bit is a fault after `FORCE_CHANGE_SECONDS` [s] if the
 /// force, averaged over `FORCE_SMOOTHING_SECONDS` [s], changed by `FORCE_CHANGE_MIN` [N] meanwhile.
 const FORCE_SMOOTHING_SECONDS: f64 = 0.02;
 const FORCE_CHANGE_MIN: f64 = 1.0;
@@ -175,7 +175,7 @@ impl AxisObservations {
     }
 
     /// The movement to a new position [m]; none if no position is known before it.
-    pub(super) fn moved_to(&self, x: f64) -> f64 {
+    pub(super) fn displacement_to(&self, x: f64) -> f64 {
         if self.n_positions == 0 {
             0.0
         } else {
@@ -261,12 +261,12 @@ impl AxisObservations {
         (dwells_long && force * self.dwell_side >= PUSH_FORCE_MIN).then_some(self.dwell_side)
     }
 
-    /// A fault that is seen without an answer. A hand may hold a position to the last bit by chance while the force
-    /// changes: where questions are asked (`asks_questions`), they find a frozen sensor.
+    /// A fault that is seen without a response. A hand may hold a position to the last bit by chance while the force
+    /// changes: where pulse tests are made (`has_pulse_tests`), they find a frozen sensor.
     pub(super) fn evident_fault(
         &self,
         sent_force: f64,
-        asks_questions: bool,
+        has_pulse_tests: bool,
         axis: &AxisParameters,
     ) -> Option<TripCause> {
         if self.pushed_into_stop(sent_force, axis).is_some() {
@@ -275,7 +275,7 @@ impl AxisObservations {
         let force_change = self.smoothed_range[1] - self.smoothed_range[0];
         let is_frozen = self.still_steps >= axis.steps(FORCE_CHANGE_SECONDS)
             && force_change >= FORCE_CHANGE_MIN.max(axis.visible_force_change());
-        (is_frozen && !asks_questions && self.dwell_side == 0.0).then_some(TripCause::Frozen)
+        (is_frozen && !has_pulse_tests && self.dwell_side == 0.0).then_some(TripCause::Frozen)
     }
 
     /// A suspicion, and the direction in which to probe it; `confirmed`: whether a probe has shown the right direction
@@ -284,7 +284,7 @@ impl AxisObservations {
         &self,
         sent_force: f64,
         confirmed: bool,
-        asks_questions: bool,
+        has_pulse_tests: bool,
         axis: &AxisParameters,
     ) -> Option<(Suspicion, f64)> {
         if self
@@ -293,9 +293,13 @@ impl AxisObservations {
         {
             return Some((Suspicion::Runaway, -sent_force.signum()));
         }
-        // Without questions a chance answer would decide, so only what may hurt is probed.
-        let pulled_away = if asks_questions { PULL_FORCE_MIN } else { PUSH_FORCE_MIN };
-        if self.dwell_steps >= axis.steps(DWELL_SECONDS[0]) && -sent_force * self.dwell_side >= pulled_away {
+        // Without pulse tests a chance response would decide, so only what may hurt is probed.
+        let force_min = if has_pulse_tests {
+            PULL_FORCE_MIN
+        } else {
+            PUSH_FORCE_MIN
+        };
+        if self.dwell_steps >= axis.steps(DWELL_SECONDS[0]) && -sent_force * self.dwell_side >= force_min {
             return Some((Suspicion::PulledFromStop, self.dwell_side));
         }
         None

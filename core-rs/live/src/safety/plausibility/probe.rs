@@ -1,4 +1,4 @@
-//! A probe: for some milliseconds the force differs from the piece's, and the answer of the key is judged.
+//! A probe: for some milliseconds the force differs from the piece's, and the response of the key is judged.
 
 use super::observations::{AxisObservations, AxisParameters, Suspicion, VELOCITY_STEPS};
 
@@ -27,25 +27,25 @@ const PROBE_SHAPES: [ProbeShape; 2] = [
 ];
 /// Steps between two probes without an offset, so that the course of the key is known.
 const SETTLE_STEPS: u32 = 2 * VELOCITY_STEPS as u32;
-/// Least deviation from its course that counts as an answer [m].
-const ANSWER_DEVIATION_MIN: f64 = 1e-4;
+/// Least deviation from its course that counts as a response [m].
+const RESPONSE_DEVIATION_MIN: f64 = 1e-4;
 
-/// Factors of the displacement of a free key under the probe: an answer is at least the first, a wrong answer to a
+/// Factors of the displacement of a free key under the probe: a response is at least the first, a wrong response to a
 /// probe of `Runaway` at most the second.
-const ANSWER_SHARES: (f64, f64) = (0.25, 2.5);
+const RESPONSE_SHARES: (f64, f64) = (0.25, 2.5);
 
-/// Least share of the displacement of a free key that counts as an answer, for a key that rests at its stop: no hand
+/// Least share of the displacement of a free key that counts as a response, for a key that rests at its stop: no hand
 /// moves it meanwhile, and it may be heavy.
-const STOP_ANSWER_SHARE: f64 = 0.05;
+const STOP_RESPONSE_SHARE: f64 = 0.05;
 
-/// The answer of the key to a probe.
+/// The response of the key to a probe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ProbeAnswer {
-    /// No answer yet.
+pub(super) enum ProbeResponse {
+    /// No response yet.
     Waiting,
     /// The key went the way it was pushed.
     Right,
-    /// The answer could not be told.
+    /// The response could not be told.
     Unclear,
     /// The key went the other way.
     Wrong,
@@ -103,7 +103,7 @@ impl Probe {
 
     /// Another probe of the kind `Runaway` after a few steps, in the direction in which the key then moves. Until it is
     /// over, the piece's force does not act.
-    pub(super) fn repeated_as_run(self) -> Self {
+    pub(super) fn repeated_as_runaway(self) -> Self {
         Self {
             suspicion: Suspicion::Runaway,
             max_force: PROBE_SHAPES[Suspicion::Runaway as usize].force_max,
@@ -135,14 +135,14 @@ impl Probe {
         observations: &AxisObservations,
         sent_force: f64,
         axis: &AxisParameters,
-    ) -> ProbeAnswer {
+    ) -> ProbeResponse {
         if self.steps_to_settle > 0 {
             self.steps_to_settle -= 1;
             if self.steps_to_settle == 0 {
                 self.direction = if observations.velocity(axis) < 0.0 { -1.0 } else { 1.0 };
                 self.begin(observations, sent_force, axis);
             }
-            return ProbeAnswer::Waiting;
+            return ProbeResponse::Waiting;
         }
         let shape = &PROBE_SHAPES[self.suspicion as usize];
         self.steps += 1;
@@ -157,29 +157,29 @@ impl Probe {
         self.free_displacement += self.free_velocity * axis.step_seconds;
         let [x, v, a] = self.unprobed_course;
         let deviation = observations.positions[0] - (x + (v + 0.5 * a * t) * t);
-        let least_deviation = ANSWER_DEVIATION_MIN.max(3.0 * axis.resolution);
+        let least_deviation = RESPONSE_DEVIATION_MIN.max(3.0 * axis.resolution);
         // Nothing can be told if the force hardly changed, if the sensor does not change, or if the deviation is a
         // small part of the displacement of a free key: a hand moves that much meanwhile.
         let free_path = self.free_displacement;
         let path_share = if self.suspicion == Suspicion::PulledFromStop {
-            STOP_ANSWER_SHARE
+            STOP_RESPONSE_SHARE
         } else {
-            ANSWER_SHARES.0
+            RESPONSE_SHARES.0
         };
         let is_clear = deviation.abs() >= least_deviation.max(path_share * free_path.abs()) && !observations.is_still();
         if is_clear && deviation * free_path > 0.0 && free_path.abs() >= 0.3 * least_deviation {
-            return ProbeAnswer::Right;
+            return ProbeResponse::Right;
         }
         let is_moved_by_hand =
-            self.suspicion == Suspicion::Runaway && deviation.abs() > ANSWER_SHARES.1 * free_path.abs();
+            self.suspicion == Suspicion::Runaway && deviation.abs() > RESPONSE_SHARES.1 * free_path.abs();
         if is_clear && deviation * free_path < 0.0 && free_path.abs() >= least_deviation && !is_moved_by_hand {
-            return ProbeAnswer::Wrong;
+            return ProbeResponse::Wrong;
         }
         if t >= shape.duration_max {
-            return ProbeAnswer::Unclear;
+            return ProbeResponse::Unclear;
         }
         let force_offset = self.direction * shape.slope * (t + axis.step_seconds);
         self.force_offset = force_offset.clamp(-self.max_force, self.max_force);
-        ProbeAnswer::Waiting
+        ProbeResponse::Waiting
     }
 }

@@ -59,7 +59,7 @@ impl SimulatedKey {
                 loop_delay_s: None,
                 inertia,
                 damping: Some(1.0),
-                touch_gated: false,
+                is_touch_gated: false,
                 can_lockstep: true,
                 can_send_wide: true,
             },
@@ -141,7 +141,7 @@ impl PlayedKey {
     pub(super) fn new(key: SimulatedKey, piece_force: PieceForce) -> Self {
         let key_limits = SafetyLimits::from_spec(key.spec());
         Self {
-            guarded_device: GuardedDevice::new(key, key_limits, PERIOD).watched(),
+            guarded_device: GuardedDevice::new(key, key_limits, PERIOD).with_plausibility(),
             piece_force,
             position_before: 0.0,
             sample: DeviceSample::default(),

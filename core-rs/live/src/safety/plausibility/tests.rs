@@ -93,7 +93,7 @@ fn reversed_motor_trips_under_moving_and_absent_hands() {
         }
         assert_eq!(harm.why, Some(TripCause::WrongWay), "{name} {position} {harm:?}");
         assert!(harm.lasted < 450.0, "{name} {position} {harm:?}");
-        // In this case the motor is reversed while a probe is under way, which first gets a right answer.
+        // In this case the motor is reversed while a probe is under way, which first gets a right response.
         assert!(
             harm.travel < 12.0 || (name.starts_with("1500") && position == 3.25),
             "{name} {position} {harm:?}"
@@ -115,7 +115,7 @@ fn frozen_sensor_trips_or_moves_little() {
     for grip in [Some(TEST_HAND), Some(SINE)] {
         for (name, position, harm) in harms(FROZEN, grip) {
             if harm.why.is_none() {
-                // The sensor froze when nothing could show it: with hardly any force, or just after a right answer.
+                // The sensor froze when nothing could show it: with hardly any force, or just after a right response.
                 assert!(harm.travel < 1.0, "{name} {position} {harm:?}");
                 continue;
             }
@@ -201,10 +201,10 @@ fn figures() {
     }
 }
 
-/// A key keeps its position until a question is asked; then the host is stopped. Afterwards the force equals the
+/// A key keeps its position until a pulse test is made; then the host is stopped. Afterwards the force equals the
 /// scene's.
 #[test]
-fn restart_ends_questions_and_suspicions() {
+fn restart_ends_tests_and_suspicions() {
     let axis_spec = AxisSpec {
         range: [-0.05, 0.05],
         resolution: 1e-5,

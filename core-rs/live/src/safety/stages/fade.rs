@@ -10,10 +10,10 @@ impl Fade {
     /// The whole force passes.
     pub(in crate::safety) const FULL: Self = Self(1.0);
 
-    /// Advance by a tick of `period`; the whole rise takes `length` [s].
-    pub(in crate::safety) fn advance(&mut self, period: f64, length: f64) {
-        self.0 = if length > 0.0 {
-            (self.0 + period / length).min(1.0)
+    /// Advance by a tick of `period`; the whole rise takes `fade_time` [s].
+    pub(in crate::safety) fn advance(&mut self, period: f64, fade_time: f64) {
+        self.0 = if fade_time > 0.0 {
+            (self.0 + period / fade_time).min(1.0)
         } else {
             1.0
         };
@@ -26,12 +26,12 @@ impl Fade {
 
     /// The part of the force that passes.
     pub(in crate::safety) fn apply(self, force: f64, count: &mut u64) -> f64 {
-        scaled(force, self.0, count)
+        scale_force(force, self.0, count)
     }
 }
 
 /// Scale a force. A factor below 1 counts as an action of the stage; a factor of 1 must not even round.
-pub(in crate::safety) fn scaled(force: f64, factor: f64, count: &mut u64) -> f64 {
+pub(in crate::safety) fn scale_force(force: f64, factor: f64, count: &mut u64) -> f64 {
     if factor >= 1.0 {
         return force;
     }

@@ -15,20 +15,20 @@ impl Heat {
     pub(in crate::safety) fn limit_force(
         self,
         force: f64,
-        continuous: f64,
+        continuous_force: f64,
         is_reported_hot: bool,
         counts: &mut StageCounts,
     ) -> f64 {
-        if (is_reported_hot || self.coil_load > 1.0) && force.abs() > continuous {
+        if (is_reported_hot || self.coil_load > 1.0) && force.abs() > continuous_force {
             counts.hot += 1;
-            return continuous.copysign(force);
+            return continuous_force.copysign(force);
         }
         force
     }
 
     /// Add the load of a force over a tick of `period`; `time_constant`: time constant of the coil [s].
-    pub(in crate::safety) fn add_load(&mut self, force: f64, continuous: f64, period: f64, time_constant: f64) {
-        let heat_load = (force / continuous) * (force / continuous);
+    pub(in crate::safety) fn add_load(&mut self, force: f64, continuous_force: f64, period: f64, time_constant: f64) {
+        let heat_load = (force / continuous_force) * (force / continuous_force);
         self.coil_load += (heat_load - self.coil_load) * (period / time_constant);
     }
 

@@ -48,8 +48,8 @@ pub(in crate::safety) struct Passivity {
     /// The longest delay of a force [ticks].
     delay_max: usize,
     /// Number of forces sent so far, and how many of them had been sent when the newest position came.
-    n_sent: u64,
-    n_seen: u64,
+    n_forces: u64,
+    n_seen_forces: u64,
     /// Number of positions so far, and their times [s].
     n_positions: u64,
     times: [f64; HISTORY],
@@ -68,7 +68,7 @@ struct AxisHistory {
 }
 
 /// Index of an entry in the ring of `HISTORY` entries.
-fn slot(number: u64) -> usize {
+fn ring_index(number: u64) -> usize {
     (number % HISTORY as u64) as usize
 }
 
@@ -92,8 +92,8 @@ impl Passivity {
             sensor_step: spec.pos_lsb,
             velocity_span: velocity_span as u64,
             delay_max: total_delay.min(DELAY_TICKS_MAX),
-            n_sent: 0,
-            n_seen: 0,
+            n_forces: 0,
+            n_seen_forces: 0,
             n_positions: 0,
             times: [0.0; HISTORY],
             axes: [AxisHistory {
@@ -109,24 +109,27 @@ impl Passivity {
     /// Note the forces that are sent (n_axes,) [N].
     pub(in crate::safety) fn send(&mut self, forces: &[f64]) {
         for (axis, force) in self.axes.iter_mut().zip(forces) {
-            axis.forces[slot(self.n_sent)] = *force;
+            axis.forces[ring_index(self.n_forces)] = *force;
         }
-        self.n_sent += 1;
+        self.n_forces += 1;
     }
 
     /// Note that the latest forces were replaced by zero.
     pub(in crate::safety) fn withdraw(&mut self) {
         for axis in &mut self.axes {
-            axis.forces[slot(self.n_sent.wrapping_sub(1))] = 0.0;
+            axis.forces[ring_index(self.n_forces.wrapping_sub(1))] = 0.0;
         }
     }
 
     /// Take positions (n_axes,) [m], received `elapsed` [s] after the previous ones.
     pub(in crate::safety) fn receive(&mut self, positions: &[f64], elapsed: f64) {
-        let ticks_passed = (self.n_sent - self.n_seen).clamp(1, POSITION_GAP_MAX);
-        let (last_slot, now_slot) = (slot(self.n_positions.wrapping_sub(1)), slot(self.n_positions));
+        let ticks_passed = (self.n_forces - self.n_seen_forces).clamp(1, POSITION_GAP_MAX);
+        let (last_slot, now_slot) = (
+            ring_index(self.n_positions.wrapping_sub(1)),
+            ring_index(self.n_positions),
+        );
         self.times[now_slot] = self.times[last_slot] + elapsed;
-        let first_slot = slot(self.n_positions - self.velocity_span.min(self.n_positions));
+        let first_slot = ring_index(self.n_positions - self.velocity_span.min(self.n_positions));
         let span_time = self.times[now_slot] - self.times[first_slot];
         for (axis, &x) in self.axes.iter_mut().zip(positions) {
             let position_before = if self.n_positions == 0 {
@@ -136,8 +139,8 @@ impl Passivity {
             };
             axis.positions[now_slot] = x;
             for (delay, work) in axis.work[..=self.delay_max].iter_mut().enumerate() {
-                let newest_tick = self.n_sent.wrapping_sub(delay as u64);
-                let force_ago = |ticks_ago: u64| axis.forces[slot(newest_tick.wrapping_sub(ticks_ago))];
+                let newest_tick = self.n_forces.wrapping_sub(delay as u64);
+                let force_ago = |ticks_ago: u64| axis.forces[ring_index(newest_tick.wrapping_sub(ticks_ago))];
                 let mean_force = (1..=ticks_passed).map(force_ago).sum::<f64>() / ticks_passed as f64;
                 let change_sum: f64 = (1..=ticks_passed)
                     .map(|ticks_ago| (force_ago(ticks_ago) - force_ago(ticks_ago + 1)).abs())
@@ -150,7 +153,7 @@ impl Passivity {
                 axis.velocity_error = self.sensor_step / span_time;
             }
         }
-        (self.n_positions, self.n_seen) = (self.n_positions + 1, self.n_sent);
+        (self.n_positions, self.n_seen_forces) = (self.n_positions + 1, self.n_forces);
     }
 
     /// The work on an axis [J], for the delay with the greatest work.
@@ -160,7 +163,7 @@ impl Passivity {
     }
 
     /// Continue with work [J] that was done on an axis before.
-    pub(in crate::safety) fn resume(&mut self, axis: usize, work: f64) {
+    pub(in crate::safety) fn restore_work(&mut self, axis: usize, work: f64) {
         self.axes[axis].work = [work; DELAY_TICKS_MAX + 1];
     }
 
@@ -169,8 +172,8 @@ impl Passivity {
     /// A force f that acts for a tick T on a mass m which then moves with w does the work f·w·T + f²T²/(2m).
     pub(in crate::safety) fn allowed_forces(&self, axis: usize) -> [f64; 2] {
         let axis_state = &self.axes[axis];
-        let force = |ticks_ago: u64| axis_state.forces[slot(self.n_sent.wrapping_sub(ticks_ago))];
-        let unseen_ticks = (self.delay_max as u64 + self.n_sent - self.n_seen).min(HISTORY as u64);
+        let force = |ticks_ago: u64| axis_state.forces[ring_index(self.n_forces.wrapping_sub(ticks_ago))];
+        let unseen_ticks = (self.delay_max as u64 + self.n_forces - self.n_seen_forces).min(HISTORY as u64);
         let n_unseen = (unseen_ticks + self.velocity_span).min(HISTORY as u64);
         // Greatest change of the velocity by forces under way and by forces since it was taken.
         let force_sum: f64 = (1..=n_unseen).map(|ticks_ago| force(ticks_ago).abs()).sum();
@@ -182,9 +185,9 @@ impl Passivity {
             .sum();
         let energy_left = (self.work_max - self.work(axis) - reserved_work).max(0.0);
         let force_limit = |side: f64| {
-            let w = speed_towards(side);
-            let reached_speed = (w * w + 2.0 * energy_left / self.mass).sqrt();
-            (reached_speed - w).max(0.0) * self.mass / self.period
+            let speed = speed_towards(side);
+            let reached_speed = (speed * speed + 2.0 * energy_left / self.mass).sqrt();
+            (reached_speed - speed).max(0.0) * self.mass / self.period
         };
         [-force_limit(-1.0), force_limit(1.0)]
     }

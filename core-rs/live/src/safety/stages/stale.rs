@@ -24,9 +24,9 @@ pub(in crate::safety) struct DataAges {
 }
 
 impl DataAges {
-    pub(in crate::safety) fn new(limit: f64) -> Self {
+    pub(in crate::safety) fn new(age_max: f64) -> Self {
         Self {
-            age_max: Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX),
+            age_max: Duration::try_from_secs_f64(age_max).unwrap_or(Duration::MAX),
             last_position: None,
             last_call: None,
             fade: Fade::FULL,
@@ -39,8 +39,8 @@ impl DataAges {
         self.is_stale(self.last_call, now)
     }
 
-    fn is_stale(&self, since: Option<Duration>, now: Duration) -> bool {
-        since.is_some_and(|since| now.saturating_sub(since) > self.age_max)
+    fn is_stale(&self, last_time: Option<Duration>, now: Duration) -> bool {
+        last_time.is_some_and(|since| now.saturating_sub(since) > self.age_max)
     }
 
     /// Whether forces fade in after a stale one.
@@ -65,7 +65,7 @@ impl DataAges {
 
     /// Advance before a force is sent; the fade takes `fade` [s] in ticks of `period`. Returns whether the force is
     /// stale.
-    pub(in crate::safety) fn before_send(
+    pub(in crate::safety) fn update(
         &mut self,
         now: Duration,
         [period, fade]: [f64; 2],

@@ -22,13 +22,13 @@ impl TripState {
         fade: Fade::FULL,
     };
 
-    /// Hold the axis at zero for `hold` [s] from now on; count it if the axis was not held before.
-    pub(in crate::safety) fn start(&mut self, cause: Reason, hold: f64, count: &mut u64) {
+    /// Hold the axis at zero for `hold_time` [s] from now on; count it if the axis was not held before.
+    pub(in crate::safety) fn start(&mut self, cause: Reason, hold_time: f64, count: &mut u64) {
         if !self.is_held() {
             *count += 1;
             self.cause = Some(cause);
         }
-        self.seconds_left = hold;
+        self.seconds_left = hold_time;
     }
 
     /// Hold the axis at zero until `release`.
@@ -48,19 +48,19 @@ impl TripState {
     }
 
     /// Why the axis is held by this stage, if it is.
-    pub(in crate::safety) fn why(&self) -> Option<Reason> {
+    pub(in crate::safety) fn held_cause(&self) -> Option<Reason> {
         self.cause.filter(|_| self.is_held())
     }
 
-    /// Advance by a tick of `period`: the axis is held, or fades in afterwards over `fade` [s]. Returns whether it is
-    /// held in this tick.
-    pub(in crate::safety) fn tick(&mut self, period: f64, fade: f64) -> bool {
+    /// Advance by a tick of `period`: the axis is held, or fades in afterwards over `fade_time` [s]. Returns whether it
+    /// is held in this tick.
+    pub(in crate::safety) fn tick(&mut self, period: f64, fade_time: f64) -> bool {
         let is_held = self.is_held();
         if is_held {
             self.seconds_left -= period;
             self.fade = Fade::ZERO;
         } else {
-            self.fade.advance(period, fade);
+            self.fade.advance(period, fade_time);
         }
         is_held
     }

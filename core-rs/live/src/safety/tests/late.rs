@@ -48,7 +48,7 @@ impl Board {
 
     fn take_force(&mut self, force: f64) {
         let board_time = self.time.load(Ordering::Relaxed);
-        self.sample.let_go = self.reports_let_go && board_time - self.last_force > WATCHDOG;
+        self.sample.has_let_go = self.reports_let_go && board_time - self.last_force > WATCHDOG;
         self.last_force = board_time;
         self.forces.push(force);
     }
@@ -93,7 +93,7 @@ impl Host {
     fn new(board: Board, force: f64) -> Self {
         let time = Arc::clone(&board.time);
         let limits = limits(&board);
-        let guarded_device = GuardedDevice::new(board, limits, PERIOD).by_clock(Arc::clone(&time));
+        let guarded_device = GuardedDevice::new(board, limits, PERIOD).with_clock(Arc::clone(&time));
         let mut new_host = Self {
             guarded_device,
             time,
@@ -229,7 +229,7 @@ fn board_with_released_force_fades_in() {
         let mut host = Host::new(Board::new(), force);
         host.wait(PERIOD);
         host.put(force);
-        host.guarded_device.device.sample.let_go = true;
+        host.guarded_device.device.sample.has_let_go = true;
         host.look();
         let packet_start = host.forces().len();
         host.fades_in(packet_start, force);

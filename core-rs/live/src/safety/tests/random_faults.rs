@@ -241,7 +241,7 @@ impl Key {
                 loop_delay_s: None,
                 inertia: Some(MASS),
                 damping: Some(FRICTION),
-                touch_gated: false,
+                is_touch_gated: false,
                 can_lockstep: true,
                 can_send_wide: true,
             },
@@ -347,7 +347,7 @@ struct Outcome {
 fn play(case: Case, until: f64) -> Outcome {
     let key = Key::new(case);
     let key_limits = SafetyLimits::from_spec(key.spec());
-    let mut guarded_device = GuardedDevice::new(key, key_limits, TICK).watched();
+    let mut guarded_device = GuardedDevice::new(key, key_limits, TICK).with_plausibility();
     // A performance scales a piece that is too stiff for the device.
     let stable_stiffness = 2.0 * FRICTION / (TICK * (1.0 + 2.0 * case.delay as f64));
     guarded_device.scale(0, 0.8 * stable_stiffness / case.piece[0]);

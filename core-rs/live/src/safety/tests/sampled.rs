@@ -66,7 +66,7 @@ impl Sampled {
                 loop_delay_s: setup.tells.then_some(setup.delay as f64 * setup.period),
                 inertia: setup.tells.then_some(MASS),
                 damping: Some(setup.friction),
-                touch_gated: false,
+                is_touch_gated: false,
                 can_lockstep: true,
                 can_send_wide: true,
             },

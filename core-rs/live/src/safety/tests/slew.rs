@@ -90,7 +90,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
         let next_position = board.sample.position[0] + travel_per_tick;
         board.sample.position[0] = if next_position.abs() < 0.05 { next_position } else { 0.0 };
         board.answers = !random_draw.once_in(10) && (board.answers || random_draw.once_in(10));
-        board.sample.let_go = random_draw.once_in(500);
+        board.sample.has_let_go = random_draw.once_in(500);
         board.sample.is_hot = random_draw.once_in(30);
         match random_draw.next() % 1_000 {
             0 => {

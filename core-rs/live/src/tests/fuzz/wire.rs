@@ -11,7 +11,7 @@ use super::dice::{Dice, damaged, text};
 /// Feed bytes in pieces. The calls of the parser are counted, as a measure of its work.
 fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
     let parse_calls = std::cell::Cell::new(0_usize);
-    let mut test_inbox = PacketBuffer::<512>::new_bytes();
+    let mut test_inbox = PacketBuffer::<512>::empty();
     let counted = |bytes: &[u8]| {
         parse_calls.set(parse_calls.get() + 1);
         let parse_result = parse(bytes);
@@ -70,7 +70,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
             frame::FrameRequest {
                 seq,
                 axis_count: n,
-                wide,
+                is_wide: wide,
                 flags,
                 force,
             }
@@ -83,7 +83,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
                 seq,
                 t_us,
                 axis_count: n,
-                wide,
+                is_wide: wide,
                 status,
                 position,
             }

@@ -54,8 +54,8 @@ pub(super) fn inverse(m: &StageMatrix) -> StageMatrix {
     };
     let determinant: f64 = (0..STAGES).map(|column| m[0][column] * cofactor(0, column)).sum();
     let (mut inverse, entry_scale) = ([[0.0; STAGES]; STAGES], 1.0 / determinant);
-    for (row, entry) in inverse.iter_mut().enumerate() {
-        for (column, entry) in entry.iter_mut().enumerate() {
+    for (row, row_entries) in inverse.iter_mut().enumerate() {
+        for (column, entry) in row_entries.iter_mut().enumerate() {
             *entry = cofactor(column, row) * entry_scale;
         }
     }

@@ -1,6 +1,6 @@
 //! One law: its forces and slopes at the Gauss points, and the state that it keeps from frame to frame.
 
-use super::tables::{Division, LawScript, MotionWeights};
+use super::tables::{FrameDivision, LawScript, MotionWeights};
 use super::{GAUSS_WEIGHTS, STAGES, StageMatrix, StageValues, inverse};
 use crate::island::fine::FineScript;
 use crate::island::fine::basis::dot;
@@ -31,9 +31,9 @@ pub(in crate::island::fine) struct LawState {
     /// Rates of these elongations [m/frame].
     pub(super) stage_rates: [f64; STAGES],
     /// Deflection of its bristles at the start of a part [m].
-    pub(super) bristle_at_start: f64,
+    pub(super) start_deflection: f64,
     /// Deflection of its bristles at the end of a part [m].
-    pub(super) bristle_at_end: f64,
+    pub(super) end_deflection: f64,
     /// Deflection of its bristles before a step that may be repeated [m].
     pub(super) saved_deflection: f64,
     /// Elongation and its rate at the start of the frame [m, m/s].
@@ -57,7 +57,7 @@ crate::archive::state!(LawState {
     previous_forces,
     stage_elongations,
     stage_rates,
-    bristle_at_start,
+    start_deflection,
     start_force,
     largest_force,
 });
@@ -72,7 +72,7 @@ pub(super) struct InstantLaw<'a> {
     pub(super) k: f64,
     pub(super) z: f64,
     /// Deflection of its bristles [m].
-    pub(super) bristle: f64,
+    pub(super) deflection: f64,
 }
 
 impl InstantLaw<'_> {
@@ -95,7 +95,7 @@ impl InstantLaw<'_> {
             LinkRunKind::Lnl { law, .. } => law.force(e, v),
             LinkRunKind::Bristle { law: bristle_law, .. } => bristle_law
                 .with_stiffness_and_level(self.k, self.z)
-                .force(self.bristle, v),
+                .force(self.deflection, v),
             LinkRunKind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
             _ => 0.0,
         };
@@ -111,11 +111,11 @@ impl InstantLaw<'_> {
     }
 
     /// Its force halfway through `h` frames of constant elongation and rate.
-    pub(super) fn force_halfway(&self, e: f64, v: f64, h: f64) -> f64 {
+    pub(super) fn midpoint_force(&self, e: f64, v: f64, h: f64) -> f64 {
         match self.bristle() {
             Some(bristle_law) => {
-                let bristle = bristle_law.midpoint_deflection(self.bristle, v, h / self.rate_factor());
-                Self { bristle, ..*self }.force(e, v)
+                let deflection = bristle_law.midpoint_deflection(self.deflection, v, h / self.rate_factor());
+                Self { deflection, ..*self }.force(e, v)
             }
             None => self.force(e, v),
         }
@@ -143,18 +143,18 @@ impl LawState {
     pub(in crate::island::fine) fn continue_from(&mut self, old: &Self) {
         (self.stage_forces, self.stage_elongations, self.stage_rates) =
             (old.stage_forces, old.stage_elongations, old.stage_rates);
-        (self.start_force, self.largest_force, self.bristle_at_start) =
-            (old.start_force, old.largest_force, old.bristle_at_start);
+        (self.start_force, self.largest_force, self.start_deflection) =
+            (old.start_force, old.largest_force, old.start_deflection);
         self.previous_forces = old.previous_forces;
     }
 
     /// Deflection of its bristles at the start of a frame [m].
     pub(in crate::island::fine) fn bristle_at_start(&self) -> f64 {
-        self.bristle_at_start
+        self.start_deflection
     }
 
     pub(in crate::island::fine) fn set_bristle_deflection(&mut self, deflection: f64) {
-        self.bristle_at_start = deflection;
+        self.start_deflection = deflection;
     }
 
     /// Do not extrapolate from parts that were longer than those to come.
@@ -164,17 +164,17 @@ impl LawState {
 
     /// Save what a step changes, if it may be repeated.
     pub(in crate::island::fine) fn save(&mut self) {
-        self.saved_deflection = self.bristle_at_start;
+        self.saved_deflection = self.start_deflection;
     }
 
     /// Undo the last step.
     pub(in crate::island::fine) fn restore(&mut self) {
-        self.bristle_at_start = self.saved_deflection;
+        self.start_deflection = self.saved_deflection;
     }
 
     /// Compute elongations and rates at the Gauss points of a part from the path; returns those at the start of the
     /// frame.
-    pub(super) fn compute_stage_motion(&mut self, division: &Division, part: usize) -> [f64; 2] {
+    pub(super) fn compute_stage_motion(&mut self, division: &FrameDivision, part: usize) -> [f64; 2] {
         let n_instants = self.relative_path.len();
         let mut stage_motion: MotionWeights = [0.0; 2 * STAGES + 2];
         for (x, weights) in self
@@ -182,8 +182,8 @@ impl LawState {
             .iter()
             .zip(&division.motion_weights[part * n_instants..])
         {
-            for (motion_seen, weight) in stage_motion.iter_mut().zip(weights) {
-                *motion_seen += x * weight;
+            for (stage_value, weight) in stage_motion.iter_mut().zip(weights) {
+                *stage_value += x * weight;
             }
         }
         let [x1, x2, x3, v1, v2, v3, start_elongation, start_rate] = stage_motion;
@@ -193,45 +193,50 @@ impl LawState {
 
     /// Extrapolate the forces of the last parts to the next.
     pub(super) fn extrapolate_forces(&mut self, laws: &LawScript) {
-        let near_guess = laws.extrapolation.map(|row| dot(&row, &self.stage_forces));
-        let far_guess = self.previous_forces.map_or(near_guess, |previous_forces| {
-            let by_before = laws.extrapolation_from_previous.map(|row| dot(&row, &previous_forces));
-            let by_last = laws.extrapolation_from_last.map(|row| dot(&row, &self.stage_forces));
-            std::array::from_fn(|stage| by_before[stage] + by_last[stage])
+        let last_part_guess = laws.extrapolation.map(|row| dot(&row, &self.stage_forces));
+        let two_part_guess = self.previous_forces.map_or(last_part_guess, |previous_forces| {
+            let previous_terms = laws.extrapolation_from_previous.map(|row| dot(&row, &previous_forces));
+            let last_terms = laws.extrapolation_from_last.map(|row| dot(&row, &self.stage_forces));
+            std::array::from_fn(|stage| previous_terms[stage] + last_terms[stage])
         });
-        let guess_spread = (far_guess.iter().zip(&near_guess)).fold(0.0_f64, |largest_yet, (far_guess, near_guess)| {
-            largest_yet.max((far_guess - near_guess).abs())
-        });
-        let is_better = EXTRAPOLATION_RANGE.contains(&(guess_spread / self.largest_force));
+        let guess_spread = (two_part_guess.iter().zip(&last_part_guess))
+            .fold(0.0_f64, |largest_yet, (two_part_force, last_part_force)| {
+                largest_yet.max((two_part_force - last_part_force).abs())
+            });
+        let uses_two_parts = EXTRAPOLATION_RANGE.contains(&(guess_spread / self.largest_force));
         self.previous_forces = Some(self.stage_forces);
-        self.stage_forces = if is_better { far_guess } else { near_guess };
+        self.stage_forces = if uses_two_parts {
+            two_part_guess
+        } else {
+            last_part_guess
+        };
     }
 
     /// Forces of the law at three instants of a part of `h` frames [N], and the derivative of what they leave unmet by
-    /// the forces that are assumed, to which elongation and rate respond by `by_x` and `by_v`.
+    /// the forces that are assumed, to which elongation and rate respond by `x_response` and `v_response`.
     pub(super) fn forces_and_slopes(
         &mut self,
         stage_laws: &[InstantLaw<'_>; STAGES],
         (e, v): (&StageValues, &StageValues),
-        (h, [by_x, by_v]): (f64, &[StageMatrix; 2]),
+        (h, [x_response, v_response]): (f64, &[StageMatrix; 2]),
     ) -> (StageValues, StageMatrix) {
         let rate = stage_laws[0].rate_factor();
-        if let Some(bent_bristles) = BristleBend::new(stage_laws, v, h) {
-            self.bristle_at_end = bent_bristles.bristle_at_end;
+        if let Some(bristle_forces) = BristleForces::new(stage_laws, v, h) {
+            self.end_deflection = bristle_forces.end_deflection;
             // A rate at one instant bends the bristles at all later instants.
-            let unmet_slope = |stage: usize, column: usize| {
+            let residual_slope = |stage: usize, column: usize| {
                 let slope_product =
-                    |source_stage: usize| bent_bristles.slopes[stage][source_stage] * by_v[source_stage][column];
+                    |source_stage: usize| bristle_forces.slopes[stage][source_stage] * v_response[source_stage][column];
                 identity_entry(stage, column) - rate * (0..STAGES).map(slope_product).sum::<f64>()
             };
-            return (bent_bristles.force, square(unmet_slope));
+            return (bristle_forces.forces, build_matrix(residual_slope));
         }
         let (force, k, z) = self.tangents(stage_laws, e, v);
-        let unmet_slope = |stage: usize, column: usize| {
-            let (by_x, by_v) = (by_x[stage][column], by_v[stage][column]);
-            identity_entry(stage, column) - k[stage] * by_x - z[stage] * rate * by_v
+        let residual_slope = |stage: usize, column: usize| {
+            let (x_response, v_response) = (x_response[stage][column], v_response[stage][column]);
+            identity_entry(stage, column) - k[stage] * x_response - z[stage] * rate * v_response
         };
-        (force, square(unmet_slope))
+        (force, build_matrix(residual_slope))
     }
 
     /// Forces of a law without bristles, and its slopes in the elongation and in its rate [N/m, N·s/m].
@@ -272,15 +277,15 @@ impl LawState {
 }
 
 /// Bristles over a part of a frame.
-struct BristleBend {
-    force: StageValues,
+struct BristleForces {
+    forces: StageValues,
     /// Bend at the end of the part [m].
-    bristle_at_end: f64,
+    end_deflection: f64,
     /// Derivatives of the forces by the rates of the ends at each instant [N·s/m].
     slopes: StageMatrix,
 }
 
-impl BristleBend {
+impl BristleForces {
     /// Bristles at three instants of a part of `h` frames, from the rates of their ends there [m/s]; `None` for other
     /// laws.
     fn new(stage_laws: &[InstantLaw<'_>; STAGES], v: &StageValues, h: f64) -> Option<Self> {
@@ -289,38 +294,38 @@ impl BristleBend {
             stage_laws[1].bristle()?,
             stage_laws[2].bristle()?,
         ];
-        let (start_bend, h) = (stage_laws[0].bristle, h / stage_laws[0].rate_factor());
+        let (start_deflection, h) = (stage_laws[0].deflection, h / stage_laws[0].rate_factor());
         let relaxation_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].relaxation_and_slope(v[stage]));
-        let relaxation_rates = relaxation_pairs.map(|(wear_rates, _)| wear_rates);
-        let decay_matrix = square(|stage, column| {
+        let relaxation_rates = relaxation_pairs.map(|(relaxation_rate, _)| relaxation_rate);
+        let decay_matrix = build_matrix(|stage, column| {
             identity_entry(stage, column) + h * INTEGRAL_WEIGHTS[stage][column] * relaxation_rates[column]
         });
         let decay_matrix = inverse(&decay_matrix);
-        let free_bends = INTEGRAL_WEIGHTS.map(|row| start_bend + h * dot(&row, v));
-        let stage_bends = decay_matrix.map(|row| dot(&row, &free_bends));
-        let bending_rates: StageValues =
-            std::array::from_fn(|stage| v[stage] - relaxation_rates[stage] * stage_bends[stage]);
+        let free_deflections = INTEGRAL_WEIGHTS.map(|row| start_deflection + h * dot(&row, v));
+        let stage_deflections = decay_matrix.map(|row| dot(&row, &free_deflections));
+        let deflection_rates: StageValues =
+            std::array::from_fn(|stage| v[stage] - relaxation_rates[stage] * stage_deflections[stage]);
         // Slope of the rate of each bend over the rate of its ends.
         let rate_slopes: StageValues =
-            std::array::from_fn(|stage| 1.0 - relaxation_pairs[stage].1 * stage_bends[stage]);
+            std::array::from_fn(|stage| 1.0 - relaxation_pairs[stage].1 * stage_deflections[stage]);
         let stage_force = |stage: usize| {
             stage_laws[stage].gate_opening
-                * bristles[stage].force_at_relaxation(stage_bends[stage], v[stage], relaxation_rates[stage])
+                * bristles[stage].force_at_relaxation(stage_deflections[stage], v[stage], relaxation_rates[stage])
         };
         let stage_slope = |stage: usize, source_stage: usize| {
             let deflection = (0..STAGES)
                 .map(|inner_stage| decay_matrix[stage][inner_stage] * h * INTEGRAL_WEIGHTS[inner_stage][source_stage]);
             let deflection = deflection.sum::<f64>() * rate_slopes[source_stage];
             let bristles = &bristles[stage];
-            let by_deflection = bristles.stiffness - bristles.damping * relaxation_rates[stage];
-            let by_rate = bristles.damping * rate_slopes[source_stage] + bristles.viscosity;
+            let force_per_deflection = bristles.stiffness - bristles.damping * relaxation_rates[stage];
+            let force_per_rate = bristles.damping * rate_slopes[source_stage] + bristles.viscosity;
             stage_laws[stage].gate_opening
-                * (by_deflection * deflection + identity_entry(stage, source_stage) * by_rate)
+                * (force_per_deflection * deflection + identity_entry(stage, source_stage) * force_per_rate)
         };
         Some(Self {
-            force: std::array::from_fn(stage_force),
-            bristle_at_end: start_bend + h * dot(&GAUSS_WEIGHTS, &bending_rates),
-            slopes: square(stage_slope),
+            forces: std::array::from_fn(stage_force),
+            end_deflection: start_deflection + h * dot(&GAUSS_WEIGHTS, &deflection_rates),
+            slopes: build_matrix(stage_slope),
         })
     }
 }
@@ -329,7 +334,7 @@ fn identity_entry(row: usize, column: usize) -> f64 {
     f64::from(u8::from(row == column))
 }
 
-fn square(entry_at: impl Fn(usize, usize) -> f64) -> StageMatrix {
+fn build_matrix(entry_at: impl Fn(usize, usize) -> f64) -> StageMatrix {
     std::array::from_fn(|row| std::array::from_fn(|column| entry_at(row, column)))
 }
 

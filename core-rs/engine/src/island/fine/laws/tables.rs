@@ -9,10 +9,10 @@ use crate::scheme::LinkRunKind;
 /// vector.
 pub(super) type MotionWeights = [f64; 2 * STAGES + 2];
 
-/// A frame in `parts` parts, which are solved one after the other.
+/// A frame in `n_parts` parts, which are solved one after the other.
 #[derive(Clone, Debug)]
-pub(super) struct Division {
-    pub(super) parts: usize,
+pub(super) struct FrameDivision {
+    pub(super) n_parts: usize,
     /// Instants of the Gauss points   (parts·3)
     pub(super) gauss_instants: Vec<f64>,
     /// Weights of the values at the instants of a frame in the value at each Gauss point   (parts·3, n)
@@ -34,7 +34,7 @@ pub(in crate::island::fine) struct LawScript {
     /// Indices of the script's links that are laws.
     pub(in crate::island::fine) links: Vec<usize>,
     /// Parts of a frame: 1, 2, 4, and so on.
-    pub(super) divisions: Vec<Division>,
+    pub(super) divisions: Vec<FrameDivision>,
     /// Largest deviation with which a frame is taken as a whole, relative to the largest force.
     pub(super) deviation_max: f64,
     /// Weights of the values at the instants of a frame in the value, and in the slope, at its end   (n each)
@@ -64,7 +64,7 @@ impl LawScript {
         let end_pairs: Vec<_> = (0..links.len() * links.len())
             .map(|pair| [pair / links.len(), pair % links.len()].map(|law| script.link_joints[links[law]]))
             .collect();
-        let divide = |parts: usize| Division::new(script, &end_pairs, parts);
+        let divide = |parts: usize| FrameDivision::new(script, &end_pairs, parts);
         let end_instant = Instant::new(script.basis.n_polynomials(), 1.0);
         let end_response = |ends: &[(usize, usize); 2]| {
             let mut stage_responses = [[0.0; STAGES]; 2];
@@ -80,7 +80,8 @@ impl LawScript {
         Self {
             divisions: parts.take_while(|&parts| parts <= parts_max).map(divide).collect(),
             deviation_max: DEVIATION_MAX / (part_excess * part_excess * part_excess),
-            end_interpolation: [&end_instant.value, &end_instant.slope].map(|values| script.basis.weights(values)),
+            end_interpolation: [&end_instant.values, &end_instant.slopes]
+                .map(|stage_weights| script.basis.weights(stage_weights)),
             end_responses: end_pairs.iter().map(end_response).collect(),
             extrapolation: GAUSS_POINTS.map(|c| lagrange_weights(1.0 + c)),
             extrapolation_from_previous: GAUSS_POINTS.map(|c| two_part_weights(1.0 + c, 0)),
@@ -91,7 +92,7 @@ impl LawScript {
     }
 }
 
-impl Division {
+impl FrameDivision {
     fn new(script: &FineScript, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
         let (n_instants, part_length) = (script.basis.n_polynomials(), 1.0 / parts as f64);
         let gauss_instants: Vec<f64> = (0..parts)
@@ -119,23 +120,23 @@ impl Division {
                 .map(|instant| script.basis.weights(values(instant)))
                 .collect()
         };
-        let (values, stage_slopes) = (weights(|instant| &instant.value), weights(|instant| &instant.slope));
+        let (values, slope_weights) = (weights(|instant| &instant.values), weights(|instant| &instant.slopes));
         let frame_start = Instant::new(n_instants, 0.0);
-        let start_weights = [&frame_start.value, &frame_start.slope].map(|values| script.basis.weights(values));
-        let part_motion = |part: usize, instant: usize| {
-            let mut part_motion = [0.0; 2 * STAGES + 2];
+        let start_weights = [&frame_start.values, &frame_start.slopes].map(|values| script.basis.weights(values));
+        let motion_weights = |part: usize, instant: usize| {
+            let mut motion_weights = [0.0; 2 * STAGES + 2];
             for stage in 0..STAGES {
-                part_motion[stage] = values[STAGES * part + stage][instant];
-                part_motion[STAGES + stage] = stage_slopes[STAGES * part + stage][instant];
+                motion_weights[stage] = values[STAGES * part + stage][instant];
+                motion_weights[STAGES + stage] = slope_weights[STAGES * part + stage][instant];
             }
-            (part_motion[2 * STAGES], part_motion[2 * STAGES + 1]) =
+            (motion_weights[2 * STAGES], motion_weights[2 * STAGES + 1]) =
                 (start_weights[0][instant], start_weights[1][instant]);
-            part_motion
+            motion_weights
         };
         Self {
-            parts,
+            n_parts: parts,
             motion_weights: (0..parts * n_instants)
-                .map(|index| part_motion(index / n_instants, index % n_instants))
+                .map(|index| motion_weights(index / n_instants, index % n_instants))
                 .collect(),
             interpolation: values.concat(),
             force_responses: pairs
@@ -156,22 +157,22 @@ pub(in crate::island::fine) fn lagrange_weights(s: f64) -> [f64; STAGES] {
 /// The same for the Gauss points of two parts, -1 to 0 and 0 to 1: the weights of the first or of the second.
 fn two_part_weights(s: f64, part: usize) -> StageValues {
     let gauss_points = [-1.0, 0.0].map(|start| GAUSS_POINTS.map(|c| start + c));
-    let point_shares = lagrange::<6>(
+    let point_weights = lagrange::<6>(
         s,
         std::array::from_fn(|point_index| gauss_points[point_index / STAGES][point_index % STAGES]),
     );
-    std::array::from_fn(|stage| point_shares[part * STAGES + stage])
+    std::array::from_fn(|stage| point_weights[part * STAGES + stage])
 }
 
 /// Weights of the values at some points in the value at `s` of the polynomial through them.
 fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
-    let mut point_shares = [1.0; N];
-    for (point_index, share) in point_shares.iter_mut().enumerate() {
-        for other in (0..N).filter(|&other| other != point_index) {
-            *share *= (s - points[other]) / (points[point_index] - points[other]);
+    let mut point_weights = [1.0; N];
+    for (point_index, weight) in point_weights.iter_mut().enumerate() {
+        for other_index in (0..N).filter(|&other| other != point_index) {
+            *weight *= (s - points[other_index]) / (points[point_index] - points[other_index]);
         }
     }
-    point_shares
+    point_weights
 }
 
 impl FineScript {
@@ -179,24 +180,24 @@ impl FineScript {
     /// at the Gauss points of a part of `h` frames.
     fn force_response(&self, [moved_ends, pushed_ends]: [(usize, usize); 2], h: f64) -> [StageMatrix; 2] {
         let n_instants = self.basis.n_polynomials();
-        let mut coefficients = [[[0.0; STAGES]; STAGES]; 2];
+        let mut responses = [[[0.0; STAGES]; STAGES]; 2];
         for (row, c) in GAUSS_POINTS.into_iter().enumerate() {
             let end_instant = Instant::new(n_instants, c * h);
             // Gauss quadrature over each half of the time up to this point: of order 6.
-            for half in 0..2 {
-                for (point, quadrature_weight) in GAUSS_POINTS.into_iter().zip(GAUSS_WEIGHTS) {
-                    let quadrature_time = 0.5 * (half as f64 + point) * c;
+            for half_index in 0..2 {
+                for (gauss_point, quadrature_weight) in GAUSS_POINTS.into_iter().zip(GAUSS_WEIGHTS) {
+                    let quadrature_time = 0.5 * (half_index as f64 + gauss_point) * c;
                     let start_instant = Instant::new(n_instants, quadrature_time * h);
                     let quadrature_weight = 0.5 * quadrature_weight * c * h * self.rate.step();
                     let [x, v] = self.elongation_response([moved_ends, pushed_ends], [&start_instant, &end_instant]);
                     for (column, share) in lagrange_weights(quadrature_time).into_iter().enumerate() {
-                        coefficients[0][row][column] += quadrature_weight * share * x;
-                        coefficients[1][row][column] += quadrature_weight * share * v;
+                        responses[0][row][column] += quadrature_weight * share * x;
+                        responses[1][row][column] += quadrature_weight * share * v;
                     }
                 }
             }
         }
-        coefficients
+        responses
     }
 
     /// Response of the elongation between `moved_ends` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law
@@ -226,10 +227,10 @@ impl FineScript {
     ) -> [f64; 2] {
         let n_instants = self.basis.n_polynomials();
         let mut response = [0.0; 2];
-        let joint_moves = &self.path_responses[pushed_joint * self.joints.len() + moved_joint];
-        for (row, share) in joint_moves.chunks(n_instants).zip(&push_instant.value) {
-            response[0] += share * dot(row, &response_instant.value);
-            response[1] += share * dot(row, &response_instant.slope);
+        let pair_responses = &self.path_responses[pushed_joint * self.joints.len() + moved_joint];
+        for (row, share) in pair_responses.chunks(n_instants).zip(&push_instant.values) {
+            response[0] += share * dot(row, &response_instant.values);
+            response[1] += share * dot(row, &response_instant.slopes);
         }
         response
     }

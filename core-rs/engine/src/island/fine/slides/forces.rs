@@ -1,6 +1,6 @@
 //! Forces of dry friction in a step.
 
-use super::script::Integrals;
+use super::script::ResponseIntegrals;
 use super::{FineLinks, SlideFrame};
 use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{GAUSS_POINTS, GAUSS_WEIGHTS, STAGES};
@@ -20,14 +20,14 @@ impl FineLinks {
     /// Take a step of `h` from `s`.
     pub(super) fn step_frictions(&mut self, frame: SlideFrame<'_>, (s, h): (f64, f64), steps_left: &mut usize) {
         *steps_left = steps_left.saturating_sub(1);
-        self.work.instants += STEP_WORK * frame.slide_script.links.len() as u64;
+        self.work.evaluations += STEP_WORK * frame.slide_script.links.len() as u64;
         self.solve_forces(frame, (s, h));
         self.push_ends(frame, (s, h));
     }
 
     /// Solve for the forces of all links in a step of `h` from `s`.
     pub(super) fn solve_forces(&mut self, frame: SlideFrame<'_>, (s, h): (f64, f64)) {
-        if self.set_known_forces(frame, s) {
+        if self.set_constant_forces(frame, s) {
             return;
         }
         let (script, n_dry) = (frame.script, frame.slide_script.links.len());
@@ -38,7 +38,7 @@ impl FineLinks {
                 .velocity_responses
                 .copy_from_slice(&even_steps.velocity_responses);
         } else {
-            let integrals = Integrals::new(script, h);
+            let integrals = ResponseIntegrals::new(script, h);
             for (velocity_response, response) in frictions
                 .velocity_responses
                 .iter_mut()
@@ -67,15 +67,17 @@ impl FineLinks {
             if slide.direction != 0.0 {
                 // Friction takes energy and never gives any.
                 let force_max = friction.level(0.0).max(friction.gate_opening * friction.dry_law.level);
-                let bounded = |force: f64| (slide.direction * force).clamp(0.0, force_max);
-                slide.stage_forces = slide.stage_forces.map(|force| slide.direction * bounded(force));
+                let bounded_magnitude = |force: f64| (slide.direction * force).clamp(0.0, force_max);
+                slide.stage_forces = slide
+                    .stage_forces
+                    .map(|force| slide.direction * bounded_magnitude(force));
             }
         }
     }
 
     /// Set the forces of a step if every link slides at a level that does not depend on its velocity; returns whether
     /// that is so.
-    fn set_known_forces(&mut self, frame: SlideFrame<'_>, s: f64) -> bool {
+    fn set_constant_forces(&mut self, frame: SlideFrame<'_>, s: f64) -> bool {
         for slide_index in 0..frame.slide_script.links.len() {
             let friction = self.friction(frame, (slide_index, s));
             let slide = &mut self.frictions.friction_links[slide_index];
@@ -132,19 +134,19 @@ impl FineLinks {
     /// `None` if there is no solution.
     fn correct_forces(&mut self, frame: SlideFrame<'_>, s: f64) -> Option<f64> {
         let n_forces = STAGES * frame.slide_script.links.len();
-        self.work.instants += NEWTON_WORK * frame.slide_script.links.len() as u64;
+        self.work.evaluations += NEWTON_WORK * frame.slide_script.links.len() as u64;
         self.work.products += (n_forces * n_forces * n_forces / 3) as u64;
         eliminate(&mut self.frictions.equations, n_forces)?;
-        let mut change_max = 0.0_f64;
+        let mut correction_max = 0.0_f64;
         for slide_index in 0..frame.slide_script.links.len() {
             let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
             for stage in 0..STAGES {
                 let correction = self.frictions.equations[(STAGES * slide_index + stage) * (n_forces + 1) + n_forces];
                 self.frictions.friction_links[slide_index].stage_forces[stage] += correction;
-                change_max = change_max.max(correction.abs() / friction_level.max(f64::MIN_POSITIVE));
+                correction_max = correction_max.max(correction.abs() / friction_level.max(f64::MIN_POSITIVE));
             }
         }
-        Some(change_max)
+        Some(correction_max)
     }
 
     /// Take the rest of a frame in one step, whatever ends in it. Each link gives one force, at most its level, that
@@ -157,9 +159,9 @@ impl FineLinks {
         // velocity of each at the end of the frame.
         let mut compliances = std::mem::take(&mut self.frictions.equations);
         for (compliance, response) in compliances.iter_mut().zip(&frame.slide_script.responses) {
-            let stage_parts = GAUSS_WEIGHTS.iter().zip(&times_to_end);
-            let stage_parts = stage_parts.map(|(weight, since_points)| weight * dot(response, &since_points.value));
-            *compliance = frame_left * script.rate.step() * stage_parts.sum::<f64>();
+            let stage_terms = GAUSS_WEIGHTS.iter().zip(&times_to_end);
+            let stage_terms = stage_terms.map(|(weight, time_to_end)| weight * dot(response, &time_to_end.values));
+            *compliance = frame_left * script.rate.step() * stage_terms.sum::<f64>();
         }
         let end_instant = Instant::new(n_instants, 1.0);
         for slide_index in 0..n_dry {
@@ -177,13 +179,13 @@ impl FineLinks {
                     .map(|(compliance, other)| compliance * other.stage_forces[0]);
                 let v = slides[slide_index].free_velocities[0] + push_velocities.sum::<f64>();
                 let friction_level = self.friction(frame, (slide_index, s)).level(v);
-                let stopping = slides[slide_index].stage_forces[0] - v / compliance_row[slide_index];
-                if stopping.is_finite() {
+                let stopping_force = slides[slide_index].stage_forces[0] - v / compliance_row[slide_index];
+                if stopping_force.is_finite() {
                     self.frictions.friction_links[slide_index].stage_forces =
-                        [stopping.clamp(-friction_level, friction_level); STAGES];
+                        [stopping_force.clamp(-friction_level, friction_level); STAGES];
                 }
             }
-            self.work.instants += n_dry as u64;
+            self.work.evaluations += n_dry as u64;
         }
         self.frictions.equations = compliances;
         self.push_ends(frame, (s, frame_left));
@@ -220,18 +222,18 @@ fn eliminate(system: &mut [f64], n: usize) -> Option<()> {
         }
         let (rows_above, rows_below) = system.split_at_mut((column + 1) * row_width);
         let diagonal_row = &rows_above[column * row_width..];
-        for other in rows_below.chunks_exact_mut(row_width) {
-            let row_factor = other[column] / diagonal_row[column];
+        for lower_row in rows_below.chunks_exact_mut(row_width) {
+            let row_factor = lower_row[column] / diagonal_row[column];
             if row_factor != 0.0 {
-                for (entry, pivot_entry) in other[column..].iter_mut().zip(&diagonal_row[column..]) {
+                for (entry, pivot_entry) in lower_row[column..].iter_mut().zip(&diagonal_row[column..]) {
                     *entry -= row_factor * pivot_entry;
                 }
             }
         }
     }
     for column in (0..n).rev() {
-        let later_terms =
-            (column + 1..n).map(|other| system[column * row_width + other] * system[other * row_width + n]);
+        let later_terms = (column + 1..n)
+            .map(|later_column| system[column * row_width + later_column] * system[later_column * row_width + n]);
         let known_sum = later_terms.sum::<f64>();
         let diagonal_row = &mut system[column * row_width..(column + 1) * row_width];
         diagonal_row[n] = (diagonal_row[n] - known_sum) / diagonal_row[column];

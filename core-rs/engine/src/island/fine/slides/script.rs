@@ -43,7 +43,7 @@ impl SlideScript {
             let (first_joint, second_joint) = script.link_joints[link];
             friction
                 .with(script.links[link].z)
-                .steps(rate * script.velocity_step(first_joint, second_joint) * script.rate.step())
+                .steps(rate * script.velocity_jump(first_joint, second_joint) * script.rate.step())
         };
         let step_factor = links.iter().zip(&dry_laws).map(step_count).fold(1.0, f64::max);
         let slow_steps = (script.steps_min / 2).max(1);
@@ -69,7 +69,7 @@ impl SlideScript {
 
 impl EvenSteps {
     fn new(script: &FineScript, steps_per_frame: usize, responses: &[Vec<f64>]) -> Self {
-        let integrals = Integrals::new(script, 1.0 / steps_per_frame as f64);
+        let integrals = ResponseIntegrals::new(script, 1.0 / steps_per_frame as f64);
         let integral = |response: &Vec<f64>| integrals.velocity_response(response);
         Self {
             steps_per_frame,
@@ -108,14 +108,14 @@ fn velocity_response(script: &FineScript, ends: [(usize, usize); 2]) -> Vec<f64>
 }
 
 /// Integrals of a response over a step, up to each of its Gauss points; by Gauss quadrature, exact to order 6.
-pub(super) struct Integrals {
+pub(super) struct ResponseIntegrals {
     /// Time from each inner point to the outer one   (outer, inner)
     times_since: [[Instant; STAGES]; STAGES],
     /// Weight of the force at each Gauss point in that at each inner point [s]   (outer, inner, Gauss point)
     weights: [StageMatrix; STAGES],
 }
 
-impl Integrals {
+impl ResponseIntegrals {
     /// Of a step of `h` frames.
     pub(super) fn new(script: &FineScript, h: f64) -> Self {
         let (n_instants, step_seconds) = (script.basis.n_polynomials(), h * script.rate.step());
@@ -140,7 +140,7 @@ impl Integrals {
         }
         for (outer, outer_integrals) in integrals.iter_mut().enumerate() {
             for (time_since, inner_weights) in self.times_since[outer].iter().zip(&self.weights[outer]) {
-                let response_since = dot(response, &time_since.value);
+                let response_since = dot(response, &time_since.values);
                 for (integral, weight) in outer_integrals.iter_mut().zip(inner_weights) {
                     *integral += response_since * weight;
                 }

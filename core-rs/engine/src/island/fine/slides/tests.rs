@@ -31,11 +31,11 @@ fn plain(level: f64) -> Dry {
 fn played(network: &Network, (rate, steps): (f64, usize), n_frames: usize) -> Vec<f64> {
     let timeline = Timeline::new(Rate::new(rate).unwrap());
     let options = SimulationOptions {
-        ledger: false,
-        record: false,
+        keeps_ledger: false,
+        records_ergons: false,
         on_fault: OnFault::Stop,
         threads: 1,
-        unchecked: false,
+        is_unchecked: false,
     };
     let step_numbers = StepNumbers {
         contact_substeps: steps,

@@ -29,13 +29,13 @@ impl FramePowers {
     pub(crate) fn new(free_key: &FreeKey) -> Option<Self> {
         let scheme = &*free_key.scheme;
         let n_mat = scheme.n_mat();
-        let are_constant = free_key
+        let has_constant_drives = free_key
             .drives
             .iter()
             .all(|drive| matches!(drive.source, DriveSource::Constant(_)));
         let is_affine = scheme.is_linear && scheme.exact_runs.is_empty() && free_key.slow_bodies.is_empty();
         let state_size = 2 * n_mat + 1;
-        (is_affine && are_constant && n_mat <= MATS_MAX).then(|| Self {
+        (is_affine && has_constant_drives && n_mat <= MATS_MAX).then(|| Self {
             n_mat,
             frame_change: vec![0.0; state_size * state_size],
             squared_change: vec![0.0; state_size * state_size],
@@ -54,14 +54,14 @@ impl FramePowers {
         free_key: &FreeKey,
         motion: &mut FreeMotion,
         mut frames: u64,
-        laws: &mut KernelScratch,
+        scratch: &mut KernelScratch,
         targets: &mut Vec<ImposedTarget>,
     ) {
         let (mat_count, last_index) = (self.n_mat, self.size() - 1);
         self.state[..mat_count].copy_from_slice(&motion.modules.x);
         self.state[mat_count..last_index].copy_from_slice(&motion.modules.d);
         self.state[last_index] = 1.0;
-        self.set_single_frame(free_key, motion, laws, targets);
+        self.set_single_frame(free_key, motion, scratch, targets);
         while frames > 0 {
             if frames % 2 == 1 {
                 self.apply_map();
@@ -80,7 +80,7 @@ impl FramePowers {
         &mut self,
         free_key: &FreeKey,
         motion: &mut FreeMotion,
-        laws: &mut KernelScratch,
+        scratch: &mut KernelScratch,
         targets: &mut Vec<ImposedTarget>,
     ) {
         let (mat_count, state_size) = (self.n_mat, self.size());
@@ -93,7 +93,7 @@ impl FramePowers {
             } else if column < 2 * mat_count {
                 motion.modules.d[column - mat_count] = 1.0;
             }
-            free_key.sum_forces(motion, 0, laws, targets);
+            free_key.sum_forces(motion, 0, scratch, targets);
             free_key.strike_and_move(motion, 0, 0.0, targets);
             for (mat, &step) in motion.modules.d.iter().enumerate() {
                 let step_before = f64::from(u8::from(column == mat_count + mat));
@@ -117,8 +117,8 @@ impl FramePowers {
         {
             *next_state = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
         }
-        for (state, moved) in self.state.iter_mut().zip(&self.state_change) {
-            *state += moved;
+        for (state, change) in self.state.iter_mut().zip(&self.state_change) {
+            *state += change;
         }
     }
 
@@ -128,9 +128,9 @@ impl FramePowers {
         for (row, out) in self.squared_change.chunks_exact_mut(state_size).enumerate() {
             out.fill(0.0);
             let factors = &self.frame_change[row * state_size..(row + 1) * state_size];
-            for (&factor, other) in factors.iter().zip(self.frame_change.chunks_exact(state_size)) {
-                for (out, other) in out.iter_mut().zip(other) {
-                    *out += factor * other;
+            for (&factor, other_row) in factors.iter().zip(self.frame_change.chunks_exact(state_size)) {
+                for (out, other_entry) in out.iter_mut().zip(other_row) {
+                    *out += factor * other_entry;
                 }
             }
         }
@@ -145,7 +145,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::island::written_hand::free::Buffers;
+    use crate::island::written_hand::free::VoiceBuffers;
     use crate::network::{Network, Tie};
     use crate::scheme::Scheme;
     use crate::state::ModuleState;
@@ -175,11 +175,11 @@ mod tests {
         }
     }
 
-    fn buffers(free: &FreeKey) -> Buffers {
-        Buffers {
+    fn buffers(free: &FreeKey) -> VoiceBuffers {
+        VoiceBuffers {
             has_only_flow: false,
             trial_motion: free.motion_at_rest(),
-            laws: KernelScratch::new(&free.scheme),
+            scratch: KernelScratch::new(&free.scheme),
             targets: Vec::new(),
             frame_powers: FramePowers::new(free),
         }
@@ -197,11 +197,13 @@ mod tests {
         for frames in [0, 1, 2, 77, 12_345, 300_001] {
             let mut stepped = moving_key(&free_key);
             for n in 0..frames {
-                free_key.sum_forces(&mut stepped, n, &mut buffers.laws, &mut buffers.targets);
+                free_key.sum_forces(&mut stepped, n, &mut buffers.scratch, &mut buffers.targets);
                 free_key.strike_and_move(&mut stepped, n, 0.0, &mut buffers.targets);
             }
             let mut advanced = moving_key(&free_key);
-            let Buffers { laws, targets, .. } = &mut buffers;
+            let VoiceBuffers {
+                scratch: laws, targets, ..
+            } = &mut buffers;
             frame_powers.advance(&free_key, &mut advanced, frames, laws, targets);
             for (stepped, advanced, error_max) in [
                 (&stepped.modules.x, &advanced.modules.x, 1e-11),
@@ -222,8 +224,8 @@ mod tests {
         let (n, to, x) = (1_000, 86_399 * 44_100, 0.5e-3);
         let force = free_key.force_to_arrive(&moving_key(&free_key), n, to, x, &mut buffers);
         let mut key_motion = moving_key(&free_key);
-        let Buffers {
-            laws,
+        let VoiceBuffers {
+            scratch: laws,
             targets,
             frame_powers,
             ..

@@ -32,7 +32,7 @@ impl Voice {
         request: &Request,
         last_requested_position: f64,
     ) -> f64 {
-        let wanted_force = self.unlimited_force(script, scene, n, request);
+        let unlimited_force = self.unlimited_force(script, scene, n, request);
         let Some(running) = self.running_gesture.as_mut() else {
             return 0.0;
         };
@@ -48,7 +48,7 @@ impl Voice {
         if target_frame == n + 1 {
             self.requested_position = requested_position;
         }
-        let is_over_limit = wanted_force.abs() > force_limit;
+        let is_over_limit = unlimited_force.abs() > force_limit;
         scene.reports[gesture_index].n_missed_steps += u64::from(is_over_limit);
         if let (Request::Pass(x), Touch::Tracked) = (request, manner.touch) {
             // A tracked step that would need more than the limit leaves the key free.
@@ -63,7 +63,7 @@ impl Voice {
             self.tracked_frame = Some(TrackedFrame {
                 gesture_index,
                 source,
-                x: *x,
+                position: *x,
             });
             // The free copy follows the key.
             return script
@@ -71,9 +71,9 @@ impl Voice {
                 .force_to_reach(&self.free_motion, *x, &self.targets, &mut self.buffers);
         }
         let force = match *request {
-            _ if !is_over_limit => wanted_force,
-            Request::Pass(x) => self.catch_up(script, [last_requested_position, x], force_limit),
-            Request::Aim { .. } => maths::copysign(force_limit, wanted_force),
+            _ if !is_over_limit => unlimited_force,
+            Request::Pass(x) => self.catch_up_force(script, [last_requested_position, x], force_limit),
+            Request::Aim { .. } => maths::copysign(force_limit, unlimited_force),
         };
         if !force.is_finite() || force == 0.0 {
             return 0.0;
@@ -108,7 +108,7 @@ impl Voice {
     ///
     /// The distance e is closed no faster than half the limit can brake, √(2·½a·|e|): pushing with all force until the
     /// path is crossed would make the key swing far beyond it, again and again.
-    fn catch_up(
+    fn catch_up_force(
         &self,
         script: &VoiceScript,
         [last_requested_position, requested_position]: [f64; 2],
@@ -125,26 +125,26 @@ impl Voice {
         let closing_step = (force_limit * scheme.w[mat_index] * path_distance.abs())
             .sqrt()
             .min(path_distance.abs());
-        let aim_position = self.free_motion.modules.x[mat_index]
+        let target_position = self.free_motion.modules.x[mat_index]
             + (requested_position - last_position)
             + maths::copysign(closing_step, path_distance);
-        kernel::force_to_reach(scheme, &self.free_motion.modules, mat_index, aim_position)
+        kernel::force_to_reach(scheme, &self.free_motion.modules, mat_index, target_position)
             .clamp(-force_limit, force_limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
     pub(crate) fn record_tracked_ergon(&mut self, script: &VoiceScript, scene: &mut VoiceScene<'_>, n: u64) {
-        if let Some(tracked) = self.tracked_frame.take() {
-            let force = kernel::force_to_reach(scene.scheme, scene.modules, script.struck_mat, tracked.x);
+        if let Some(tracked_frame) = self.tracked_frame.take() {
+            let force = kernel::force_to_reach(scene.scheme, scene.modules, script.struck_mat, tracked_frame.position);
             let ergon_entry = ErgonEntry {
                 frame: n,
                 mat: script.struck_mat,
-                source: tracked.source,
+                source: tracked_frame.source,
                 force,
                 particle: None,
                 is_stream: true,
             };
-            let report = &mut scene.reports[tracked.gesture_index];
+            let report = &mut scene.reports[tracked_frame.gesture_index];
             let sparks = &mut self.sparks;
             ergon_entry.record(scene.scheme, scene.modules, report, scene.ergon_stream, sparks);
         }
@@ -170,7 +170,7 @@ impl Voice {
                         self.free_motion.modules.x[key_mat] = scene.modules.x[scene_mat];
                         self.free_motion.modules.d[key_mat] = scene.modules.d[scene_mat];
                     }
-                    free_key.sum_forces(&mut self.free_motion, n, &mut self.buffers.laws, &mut self.targets);
+                    free_key.sum_forces(&mut self.free_motion, n, &mut self.buffers.scratch, &mut self.targets);
                 }
                 free_key.force_to_arrive(&self.free_motion, n, arrival_frame, x, &mut self.buffers)
             }
@@ -206,7 +206,7 @@ impl ErgonEntry {
             let velocity = kernel::centred_velocity(scheme, modules, self.mat);
             stream.add(self.frame, record(velocity));
         }
-        if sparks.are_watched() {
+        if sparks.is_watched() {
             sparks.add(&record(0.0), self.is_stream);
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{RunningGesture, Voice, VoiceScene, VoiceScript};
 use crate::gesture::quintic::{Knot, Quintic};
-use crate::island::written_hand::framed::{FramedGesture, Leg};
+use crate::island::written_hand::framed::{FramedGesture, FramedSegment};
 
 /// A key closer than this to the beginning of a gesture needs no joining curve [m].
 const JOINING_DISTANCE_MIN: f64 = 1e-9;
@@ -11,15 +11,15 @@ const JOINING_SECONDS_MIN: f64 = 5e-3;
 
 /// A curve that leads onto a gesture's path, up to an instant [s].
 #[derive(Clone, Debug, Default)]
-pub(super) struct Joining {
+pub(super) struct JoiningCurve {
     pub(super) curve: Quintic,
     pub(super) end_time: f64,
 }
 
-crate::archive::option!(Joining, optional);
-crate::archive::state!(Joining { curve, end_time });
+crate::archive::option!(JoiningCurve, optional);
+crate::archive::state!(JoiningCurve { curve, end_time });
 
-impl Joining {
+impl JoiningCurve {
     fn new(start_state: Knot, end_state: Knot) -> Self {
         Self {
             curve: Quintic::between_knots(start_state, end_state),
@@ -45,7 +45,7 @@ impl Voice {
                 if has_joined {
                     continue;
                 }
-                let late_curve = self.late_joining(script, scene, gesture, n);
+                let late_curve = self.late_joining_curve(script, scene, gesture, n);
                 scene.reports[gesture_index].is_first_point_missed = late_curve.is_some();
                 self.running_gesture = Some(RunningGesture::new(gesture_index, late_curve));
                 continue;
@@ -60,7 +60,7 @@ impl Voice {
                 if !is_at_entry && gesture.gesture.manner.join_seconds > 0.0 {
                     self.running_gesture = Some(RunningGesture::new(
                         gesture_index,
-                        Some(Joining::new(key_knot, gesture.gesture.entry_knot)),
+                        Some(JoiningCurve::new(key_knot, gesture.gesture.entry_knot)),
                     ));
                 }
             }
@@ -69,14 +69,14 @@ impl Voice {
     }
 
     /// The curve by which a gesture joins its own path after its start, if the key is elsewhere.
-    fn late_joining(
+    fn late_joining_curve(
         &self,
         script: &VoiceScript,
         scene: &VoiceScene<'_>,
         gesture: &FramedGesture,
         n: u64,
-    ) -> Option<Joining> {
-        let Leg::Path { path, .. } = gesture.legs.first()? else {
+    ) -> Option<JoiningCurve> {
+        let FramedSegment::Path { path, .. } = gesture.segments.first()? else {
             return None;
         };
         let knot_now = self.key_motion(script, scene, gesture.gesture.manner.touch, n);
@@ -102,6 +102,6 @@ impl Voice {
             .min(path.stop())
             .min(last_time);
         let (x, v, a) = path.evaluate(t);
-        (t > knot_now.t).then(|| Joining::new(knot_now, Knot { t, x, v, a }))
+        (t > knot_now.t).then(|| JoiningCurve::new(knot_now, Knot { t, x, v, a }))
     }
 }

@@ -37,15 +37,15 @@ pub(crate) fn equal_gestures(
     }
     let mut gesture_pairs = Vec::new();
     for &other_index in &other_script.gesture_indices {
-        let Some(same_start) = indices_by_start.get_mut(&other_gestures[other_index].gesture.start.to_bits()) else {
+        let Some(candidates) = indices_by_start.get_mut(&other_gestures[other_index].gesture.start.to_bits()) else {
             continue;
         };
-        if let Some(match_index) = same_start.iter().position(|&gesture_index| {
+        if let Some(match_index) = candidates.iter().position(|&gesture_index| {
             gestures[gesture_index]
                 .gesture
                 .is_same(&other_gestures[other_index].gesture)
         }) {
-            gesture_pairs.push((other_index, same_start.remove(match_index)));
+            gesture_pairs.push((other_index, candidates.remove(match_index)));
         }
     }
     gesture_pairs.sort_unstable();
@@ -72,16 +72,16 @@ impl Voice {
         match &takeover.mat_pairs {
             None => std::mem::swap(&mut self.free_motion, &mut old.free_motion),
             Some(pairs) => {
-                let (body, old_body) = (&mut self.free_motion.modules, &old.free_motion.modules);
+                let (modules, old_modules) = (&mut self.free_motion.modules, &old.free_motion.modules);
                 for &(new_mat, old_mat) in pairs {
-                    (body.x[new_mat], body.d[new_mat]) = (old_body.x[old_mat], old_body.d[old_mat]);
+                    (modules.x[new_mat], modules.d[new_mat]) = (old_modules.x[old_mat], old_modules.d[old_mat]);
                 }
                 self.free_motion.set_slow_bodies();
             }
         }
         let latest_gesture = |voice: &Self, script: &VoiceScript| {
-            let playing = voice.running_gesture.as_ref().map(|running| running.gesture_index);
-            playing.or_else(|| {
+            let running_index = voice.running_gesture.as_ref().map(|running| running.gesture_index);
+            running_index.or_else(|| {
                 voice
                     .begun_count
                     .checked_sub(1)

@@ -119,7 +119,7 @@ fn pages_receive_strikes_of_gestures() {
     let mut reference = {
         let plan = Plan::new(scene.0.clone(), &scene.1, &Budget::default(), None).unwrap();
         let options = SimulationOptions {
-            record: true,
+            records_ergons: true,
             ..OPTIONS
         };
         Simulation::from_plan(Arc::new(plan), options).unwrap()

@@ -1,4 +1,4 @@
-//! Answers of bodies and hands to a question.
+//! Responses of bodies and hands to a pulse test.
 
 use super::*;
 
@@ -35,10 +35,10 @@ impl Body {
     }
 }
 
-/// The weighted sum of the answer of a body to pulses of one newton [m].
-fn answer(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
-    let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
-    questions.active_question = Some(ActiveQuestion {
+/// The weighted sum of the response of a body to pulses of one newton [m].
+fn response(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
+    let mut pulse_tester = PulseTester::new(1e-3, mass, 0.0, 0.0);
+    pulse_tester.active_test = Some(ActiveTest {
         sign: 1.0,
         force: 1.0,
         pass_share: 1.0,
@@ -47,32 +47,32 @@ fn answer(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
     });
     let mut body = Body::new(mass, damping, stiffness);
     let mut delayed_forces = vec![0.0; delay];
-    for step in 0..QUESTION_STEPS {
-        delayed_forces.push(questions.pulse_force());
-        questions.positions.copy_within(1.., 0);
-        questions.positions[WEIGHTED_POSITIONS - 1] = body.step(delayed_forces[step]);
-        questions.active_question.as_mut().unwrap().steps += 1;
+    for step in 0..TEST_STEPS {
+        delayed_forces.push(pulse_tester.pulse_force());
+        pulse_tester.positions.copy_within(1.., 0);
+        pulse_tester.positions[WEIGHTED_POSITIONS - 1] = body.step(delayed_forces[step]);
+        pulse_tester.active_test.as_mut().unwrap().steps += 1;
     }
-    questions.weighted_sum()
+    pulse_tester.weighted_sum()
 }
 
 #[test]
-fn answer_sum_of_polynomial_paths() {
+fn response_sum_of_polynomial_paths() {
     for degree in 0..=6 {
-        let mut questions = Questions::new(1e-3, 0.05, 0.0, 0.0);
-        for (i, x) in questions.positions.iter_mut().enumerate() {
+        let mut pulse_tester = PulseTester::new(1e-3, 0.05, 0.0, 0.0);
+        for (i, x) in pulse_tester.positions.iter_mut().enumerate() {
             *x = libm::pow(i as f64 / 55.0 - 0.4, f64::from(degree));
         }
         assert!(
-            questions.weighted_sum().abs() < 1e-5,
+            pulse_tester.weighted_sum().abs() < 1e-5,
             "{degree}: {}",
-            questions.weighted_sum()
+            pulse_tester.weighted_sum()
         );
     }
 }
 
 #[test]
-fn answer_of_all_hands_is_positive() {
+fn response_of_all_hands_is_positive() {
     let hand_loads = [
         [0.1, 0.0],
         [1.0, 0.0],
@@ -89,38 +89,38 @@ fn answer_of_all_hands_is_positive() {
     for mass in [0.03, 0.05, 0.1, 0.2, 0.4] {
         for [damping, stiffness] in hand_loads {
             for delay in 0..=5 {
-                let answer_sum = answer(mass, damping, stiffness, delay);
+                let response_sum = response(mass, damping, stiffness, delay);
                 let case_text = format!("{mass} kg, {damping} N·s/m, {stiffness} N/m, {delay} steps");
-                assert!(answer_sum > 4e-6, "{case_text}: {answer_sum}");
+                assert!(response_sum > 4e-6, "{case_text}: {response_sum}");
                 assert!(
-                    answer_sum < ANSWER_RATIO_MAX * FREE_RESPONSE / mass,
-                    "{case_text}: {answer_sum}"
+                    response_sum < RESPONSE_RATIO_MAX * FREE_RESPONSE / mass,
+                    "{case_text}: {response_sum}"
                 );
             }
         }
     }
 }
 
-/// The reply of a body whose answer is `delay` steps late, to a question that is doubtful.
-fn doubtful_answer([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> QuestionAnswer {
-    let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
-    while !questions.is_calm() {
-        questions.add_step(0.0, 0.0, true);
+/// The reply of a body whose response is `delay` steps late, to a pulse test whose response may be late.
+fn late_response([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> PulseResponse {
+    let mut pulse_tester = PulseTester::new(1e-3, mass, 0.0, 0.0);
+    while !pulse_tester.is_noise_known() {
+        pulse_tester.add_step(0.0, 0.0, true);
     }
-    questions.begin(3.0, 1.0, true);
+    pulse_tester.begin(3.0, 1.0, true);
     let mut body = Body::new(mass, damping, stiffness);
     let mut delayed_forces = std::collections::VecDeque::from(vec![0.0; delay]);
     loop {
-        delayed_forces.push_back(questions.pulse_force());
+        delayed_forces.push_back(pulse_tester.pulse_force());
         let delayed_force = delayed_forces.pop_front().unwrap();
-        if let Some(reply) = questions.add_step(body.step(delayed_force), delayed_force, true) {
+        if let Some(reply) = pulse_tester.add_step(body.step(delayed_force), delayed_force, true) {
             return reply;
         }
     }
 }
 
 #[test]
-fn doubtful_reply_of_late_bodies() {
+fn response_of_late_bodies() {
     let hand_loads = [
         [0.1, 0.0],
         [1.0, 0.0],
@@ -133,16 +133,16 @@ fn doubtful_reply_of_late_bodies() {
     for hand in hand_loads {
         for mass in [0.05, 0.1, 0.2] {
             for delay in 0..=2 {
-                let body_answer = doubtful_answer(hand, mass, delay);
-                assert_eq!(body_answer, QuestionAnswer::Right, "{hand:?} {mass} kg, {delay} steps");
+                let response = late_response(hand, mass, delay);
+                assert_eq!(response, PulseResponse::Right, "{hand:?} {mass} kg, {delay} steps");
             }
         }
     }
     // Without the comparison all of these are right.
-    let late_replies = hand_loads.map(|hand| doubtful_answer(hand, 0.1, 26));
+    let late_replies = hand_loads.map(|hand| late_response(hand, 0.1, 26));
     let right_count = late_replies
         .iter()
-        .filter(|body_answer| **body_answer == QuestionAnswer::Right)
+        .filter(|response| **response == PulseResponse::Right)
         .count();
     assert!(right_count <= 2, "{late_replies:?}");
 }

@@ -20,12 +20,12 @@ struct MatSource {
     motion: PointMotion,
     rest: f64,
     unit: usize,
-    origin: Origin,
+    position_source: PositionSource,
 }
 
 /// What computes the position of a MAT, and the MAT's index there.
 #[derive(Clone, Copy)]
-enum Origin {
+enum PositionSource {
     Mass(usize),
     Mesh(usize, usize),
     Slow(usize, usize),
@@ -123,7 +123,7 @@ impl<'a> LookBuilder<'a> {
         }
     }
 
-    fn record_sampled(&mut self, mat: Option<usize>, unit: usize, origin: Origin) {
+    fn record_sampled(&mut self, mat: Option<usize>, unit: usize, origin: PositionSource) {
         let rest = mat.map_or(0.0, |mat| self.rest_position(mat));
         let motion = PointMotion::Sampled;
         self.record_source(
@@ -132,7 +132,7 @@ impl<'a> LookBuilder<'a> {
                 motion,
                 rest,
                 unit,
-                origin,
+                position_source: origin,
             },
         );
     }
@@ -143,7 +143,7 @@ impl<'a> LookBuilder<'a> {
             // A held point may be a guest of several islands; the first of them gives its position.
             let network_mat = to_network_index(&island.network_indices.mats, mat);
             if !kind.is_held() || self.sources[network_mat].is_none() {
-                self.record_sampled(Some(network_mat), unit, Origin::Mass(mat));
+                self.record_sampled(Some(network_mat), unit, PositionSource::Mass(mat));
             }
         }
         for (body_index, body_plan) in island.bodies.iter().enumerate() {
@@ -151,18 +151,18 @@ impl<'a> LookBuilder<'a> {
                 BodyPlan::Mesh(mesh) => {
                     for mesh_mat in moving_mats(&mesh.network) {
                         let mat = self.network_index(&mesh.network, mesh_mat);
-                        self.record_sampled(mat, unit, Origin::Mesh(body_index, mesh_mat));
+                        self.record_sampled(mat, unit, PositionSource::Mesh(body_index, mesh_mat));
                     }
                 }
                 BodyPlan::Slow(slow) => {
                     for (slot, &mat) in slow.free_mats.iter().enumerate() {
                         let mat = self.network_index(&slow.network, mat);
-                        self.record_sampled(mat, unit, Origin::Slow(body_index, slot));
+                        self.record_sampled(mat, unit, PositionSource::Slow(body_index, slot));
                     }
                 }
                 BodyPlan::Modal(modal) => {
                     let mode_shapes = match &modal.complex_responses {
-                        Some(answers) => ModeShapes::complex(&modal.network, &answers.mode_parts, modal.rate),
+                        Some(responses) => ModeShapes::complex(&modal.network, &responses.mode_parts, modal.rate),
                         None => ModeShapes::new(
                             &modal.network,
                             (&modal.mode_numbers, modal.alignment_mats.as_deref()),
@@ -195,11 +195,11 @@ impl<'a> LookBuilder<'a> {
             let island_mats = island.network_indices.mats.clone();
             self.gestures_by_unit.push((unit, island_mats));
         }
-        let breaking: Vec<(u32, u32)> =
+        let breakable: Vec<(u32, u32)> =
             breakable_links(network, |mat| to_network_index(&island.network_indices.mats, mat))
                 .filter_map(|(link, ends)| Some((link as u32, *self.breakable_by_ends.get(&ends)?)))
                 .collect();
-        self.breakable_by_unit.push((unit, breaking));
+        self.breakable_by_unit.push((unit, breakable));
     }
 
     pub(super) fn add_bank(&mut self, unit: usize, bank: &BankPlan) {
@@ -207,7 +207,7 @@ impl<'a> LookBuilder<'a> {
         let oscillations: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
         if bank.mats_and_rests.len() == oscillations.len() && !oscillations.is_empty() {
             for (cell, (&(mat, rest), &free_oscillation)) in bank.mats_and_rests.iter().zip(&oscillations).enumerate() {
-                let origin = Origin::Bank(cell);
+                let origin = PositionSource::Bank(cell);
                 let motion = PointMotion::Free(free_oscillation);
                 self.record_source(
                     Some(mat as usize),
@@ -215,7 +215,7 @@ impl<'a> LookBuilder<'a> {
                         motion,
                         rest,
                         unit,
-                        origin,
+                        position_source: origin,
                     },
                 );
             }
@@ -261,14 +261,14 @@ impl<'a> LookBuilder<'a> {
         let body_index = known_body.unwrap_or(self.bodies.len());
         if known_body.is_none() {
             for (&mat, &rest) in mats.iter().zip(mode_shapes.rest()) {
-                let (motion, origin) = (PointMotion::Modal(body_index), Origin::Body);
+                let (motion, origin) = (PointMotion::Modal(body_index), PositionSource::Body);
                 self.record_source(
                     mat,
                     MatSource {
                         motion,
                         rest,
                         unit: unit_and_body.0,
-                        origin,
+                        position_source: origin,
                     },
                 );
             }
@@ -320,11 +320,11 @@ impl<'a> LookBuilder<'a> {
         let (mut bodies, mut n_modes) = (Vec::new(), 0);
         for body in &mut self.bodies {
             let mode_count = body.modes.len();
-            let by_pitch = |a: &TrackedMode, b: &TrackedMode| {
+            let compare_pitch = |a: &TrackedMode, b: &TrackedMode| {
                 (a.oscillation.omega.total_cmp(&b.oscillation.omega))
                     .then((a.unit_and_body, a.mode).cmp(&(b.unit_and_body, b.mode)))
             };
-            body.modes.sort_by(by_pitch);
+            body.modes.sort_by(compare_pitch);
             body.modes.truncate(MODES_MAX);
             let body_modes = &body.modes;
             let shape_rows = body.mats.iter();
@@ -358,23 +358,23 @@ impl<'a> LookBuilder<'a> {
         type SourceKey = (usize, u8, usize);
         let mut source_by_key: BTreeMap<SourceKey, TrackSource> = BTreeMap::new();
         for (point_index, point) in points.iter().enumerate() {
-            let (Some(recorded), track) = (&self.sources[point.mat], point_index as u32) else {
+            let (Some(mat_source), track) = (&self.sources[point.mat], point_index as u32) else {
                 continue;
             };
-            let (source_key, index) = match recorded.origin {
-                Origin::Mass(index) => ((recorded.unit, 0, 0), index),
-                Origin::Mesh(body, index) => ((recorded.unit, 1, body), index),
-                Origin::Slow(body, index) => ((recorded.unit, 2, body), index),
-                Origin::Bank(index) => ((recorded.unit, 3, 0), index),
-                Origin::Body => continue,
+            let (source_key, index) = match mat_source.position_source {
+                PositionSource::Mass(index) => ((mat_source.unit, 0, 0), index),
+                PositionSource::Mesh(body, index) => ((mat_source.unit, 1, body), index),
+                PositionSource::Slow(body, index) => ((mat_source.unit, 2, body), index),
+                PositionSource::Bank(index) => ((mat_source.unit, 3, 0), index),
+                PositionSource::Body => continue,
             };
             let source = source_by_key
                 .entry(source_key)
-                .or_insert_with(|| match recorded.origin {
-                    Origin::Mass(_) => TrackSource::Masses(Vec::new()),
-                    Origin::Mesh(body, _) => TrackSource::Mesh(body, Vec::new()),
-                    Origin::Slow(body, _) => TrackSource::Slow(body, Vec::new()),
-                    Origin::Bank(_) | Origin::Body => TrackSource::Bank(Vec::new()),
+                .or_insert_with(|| match mat_source.position_source {
+                    PositionSource::Mass(_) => TrackSource::Masses(Vec::new()),
+                    PositionSource::Mesh(body, _) => TrackSource::Mesh(body, Vec::new()),
+                    PositionSource::Slow(body, _) => TrackSource::Slow(body, Vec::new()),
+                    PositionSource::Bank(_) | PositionSource::Body => TrackSource::Bank(Vec::new()),
                 });
             match source {
                 TrackSource::Masses(mat_tracks)
@@ -431,9 +431,9 @@ fn breakable_links(
     to_network: impl Fn(usize) -> usize,
 ) -> impl Iterator<Item = (usize, NumberedEnds)> {
     let mut pair_counts: HashMap<(usize, usize), u32> = HashMap::new();
-    let breaking_runs = network.runs().iter().filter(|run| run.kind.may_break());
-    let breaking_links = breaking_runs.flat_map(|run| (0..run.len).map(move |i| (run.first + i, run.pair(i, 0))));
-    breaking_links.map(move |(link, (first_end, second_end))| {
+    let breakable_runs = network.runs().iter().filter(|run| run.kind.may_break());
+    let links = breakable_runs.flat_map(|run| (0..run.len).map(move |i| (run.first + i, run.pair(i, 0))));
+    links.map(move |(link, (first_end, second_end))| {
         let (first_end, second_end) = (to_network(first_end), to_network(second_end));
         let next_number = pair_counts.entry((first_end, second_end)).or_default();
         *next_number += 1;

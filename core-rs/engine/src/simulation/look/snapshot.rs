@@ -4,7 +4,7 @@ use super::MotionLook;
 use crate::island::ErgonRecord;
 use crate::simulation::Simulation;
 
-/// The strongest push of a contact between two glances.
+/// The strongest push of a contact between two snapshots.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactPush {
     /// The frame in which it pushed most.
@@ -22,11 +22,11 @@ pub struct MotionSnapshot {
     pub tracks: Vec<f64>,
     /// Position that the gesture of each key requires [m]; NaN for keys without a running gesture   (n_keys)
     pub gesture_positions: Vec<f64>,
-    /// Strongest push of each contact since the last glance   (n_contacts)
+    /// Strongest push of each contact since the last snapshot   (n_contacts)
     pub pushes: Vec<ContactPush>,
     /// Whether each link that may break is broken   (n_breakable)
     pub is_broken: Vec<bool>,
-    /// Strikes of written hands since the last glance, as they are drawn: the first `n_sparks` are valid
+    /// Strikes of written hands since the last snapshot, as they are drawn: the first `n_sparks` are valid
     sparks: Vec<ErgonRecord>,
     n_sparks: usize,
 }
@@ -45,14 +45,14 @@ impl MotionSnapshot {
         }
     }
 
-    /// Strikes of written hands since the last glance, as [`Simulation::take_sparks`] reports them.
+    /// Strikes of written hands since the last snapshot, as [`Simulation::take_sparks`] reports them.
     pub fn sparks(&self) -> &[ErgonRecord] {
         &self.sparks[..self.n_sparks]
     }
 }
 
 impl Simulation {
-    /// Fills `snapshot` with the state at this frame and the contacts and strikes since the last glance. Only copies.
+    /// Fills `snapshot` with the state at this frame and the contacts and strikes since the last snapshot. Only copies.
     pub fn fill_snapshot(&mut self, look: &MotionLook, snapshot: &mut MotionSnapshot) {
         snapshot.frame = self.frame;
         self.write_tracks(look, &mut snapshot.tracks);
