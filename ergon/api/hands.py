@@ -171,14 +171,14 @@ def _tried_together(
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    from ergon.live.calibration import axes_as_known
+    from ergon.live.calibration import confirmed_axes
 
     def trial(board_index: int) -> dict[int, Axis]:
         axis_numbers = [number for number, _ in uncalibrated_axes[board_index]]
         if not axis_numbers or boards[board_index].kind == "haply":
             return {}
         calibrations_before = calibrations[board_index]
-        return axes_as_known(
+        return confirmed_axes(
             boards[board_index].url,
             {number: calibrations_before.get(number) for number in axis_numbers},
         )

@@ -84,10 +84,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         raise
     try:
         take_path = free_path(journal.path.with_suffix(".take")) if real_hands else None
-        about = {"journal": journal.path.name}
-        config = replace(
-            config, record=take_path, about=about, pages=pages, boards=led.boards, driven=driven
-        )
+        header = {"journal": journal.path.name}
+        config = replace(config, record=take_path, header=header, pages=pages, boards=led.boards)
+        config = replace(config, driven_players=driven)
         make_engine, opening = _make_engine(
             version,
             first_version.clock,
@@ -302,7 +301,7 @@ def _performance_config(
         reference=reference,
         boards=boards,
         force_max=session_options.force_max,
-        ahead=session_options.ahead,
+        frames_ahead=session_options.ahead,
         audio_in=session_options.audio_in,
         fold=fold_of(piece, session_options, report),
     )

@@ -92,7 +92,8 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
         stems = freeze.verified(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = replace(
-        _performance_config(piece, stage, boards, options, stems, report), driven=driven_names
+        _performance_config(piece, stage, boards, options, stems, report),
+        driven_players=driven_names,
     )
     hands = led_hands(piece, boards, report)
     try:
@@ -218,16 +219,16 @@ def _performance_config(
         boards=boards,
         guides=guide_stiffnesses(piece, boards, play_options.guide),
         force_max=play_options.force_max,
-        ahead=play_options.ahead,
+        frames_ahead=play_options.ahead,
         audio_in=play_options.audio_in,
         record_in=_input_file(play_options, piece),
         record=record_target,
-        frozen=frozen,
+        frozen_stems=frozen,
         fold=fold_of(piece, play_options, report),
     )
     if record_target is None:
         return config
-    return replace(config, about=_recording_description(piece, stage, config, play_options))
+    return replace(config, header=_recording_description(piece, stage, config, play_options))
 
 
 def _recording_description(

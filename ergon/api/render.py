@@ -176,7 +176,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         report,
         rate=options.rate,
         threads=options.threads,
-        real_hands=None if recorded is None else recorded.hands,
+        real_hands=None if recorded is None else recorded.positions,
         is_seen=file_options.see is not None,
         recalls_sound=True,
         complete=complete_piece,

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon._core import has_let_go, let_go
-from ergon.live.display import event_sentence, why_too_stiff
+from ergon.live.display import event_sentence, stiffness_refusal
 from ergon.live.force_bounds import ForceBoundsFinder
 from ergon.live.perform import PlaybackConfig, bar_frames, perform, tick_frames
 from ergon.live.repeated_notices import RepeatedNotices
@@ -45,7 +45,7 @@ class LiveEngine:
         self._pages = config.pages
         self.n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
-            stage, replace(config, endless=True, loose=True)
+            stage, replace(config, is_endless=True, loose=True)
         )
         self._players = [hand.player for hand in stage.live_hands]
         self._real_players = {player for board in config.boards for _, player in board.axes}
@@ -82,7 +82,7 @@ class LiveEngine:
         bounds = self.bounds_finder.force_bounds(stage, start, glides, before)
         for bound in bounds:
             if not bound.least_scale.is_enough:
-                raise NotTakenError(why_too_stiff(bound))
+                raise NotTakenError(stiffness_refusal(bound))
         return bounds
 
     def change(self, change: Change) -> int:
@@ -209,16 +209,20 @@ class LiveEngine:
                 lost_duration = value if event_kind == "lost" else 0.0
                 engine_events += [
                     EngineEvent(event_frame, sentence=line, real_now=real_players)
-                    for event_frame, line in self._notices.shown(
+                    for event_frame, line in self._notices.add_notice(
                         frame, event_kind, event_text, lost_duration
                     )
                 ]
         self._unreported = []
-        notice_lines = self._notices.rest() if self._final_status else self._notices.due(self.frame)
+        notice_lines = (
+            self._notices.last_lines()
+            if self._final_status
+            else self._notices.due_lines(self.frame)
+        )
         if self._final_status is None:
             sound_events = self._performance.sound_events()
             for _, event_text in sound_events[self._n_sound_events :]:
-                notice_lines += self._notices.shown(self.frame, "sound", event_text)
+                notice_lines += self._notices.add_notice(self.frame, "sound", event_text)
             self._n_sound_events = len(sound_events)
         engine_events += [
             EngineEvent(event_frame, sentence=line) for event_frame, line in notice_lines

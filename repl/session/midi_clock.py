@@ -182,7 +182,7 @@ class ClockIn:
             beat_estimate = (
                 self._follower.estimate() if self._follower.is_receiving(instant_now) else None
             )
-            is_placed = self._follower.is_placed
+            is_placed = self._follower.has_position
         for transport, position in asked_transport:
             self._start_or_stop(transport, position)
         if beat_estimate is not None and self._session.schedule.running.clock.is_running:
@@ -230,14 +230,14 @@ class ClockIn:
                 error = beat_there - beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS)
             else:
                 beat_length, error = (
-                    beat_estimate.length,
-                    (beat_there - beat_here) - _CORRECTION_BEATS * beat_estimate.length,
+                    beat_estimate.beat_length,
+                    (beat_there - beat_here) - _CORRECTION_BEATS * beat_estimate.beat_length,
                 )
             if abs(error) <= _ERROR_MAX:
                 return
             beat_length = min(
-                max(beat_length, beat_estimate.length / _TEMPO_RATIO_MAX),
-                beat_estimate.length * _TEMPO_RATIO_MAX,
+                max(beat_length, beat_estimate.beat_length / _TEMPO_RATIO_MAX),
+                beat_estimate.beat_length * _TEMPO_RATIO_MAX,
             )
             bpm = 60.0 / beat_length
             line = f"tempo {bpm:.8g} at {session.position_text(correction_beat)}"

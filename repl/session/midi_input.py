@@ -8,12 +8,12 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from ergon.live.midi_messages import (
-    Control,
-    Note,
-    NoteEnd,
-    Played,
+    ControlChange,
+    NoteOff,
+    NoteOn,
+    PlayedMessage,
     Pressure,
-    Program,
+    ProgramChange,
     SongPosition,
     Transport,
     parse_message,
@@ -90,11 +90,11 @@ class MidiInput:
         is_mapped = self._act_on(message, channel)
         self.monitor.note(message, channel, is_mapped=is_mapped)
 
-    def _act_on(self, message: Played, channel: int) -> bool:
+    def _act_on(self, message: PlayedMessage, channel: int) -> bool:
         """Act on a message; whether anything is mapped to it."""
-        if isinstance(message, NoteEnd):
+        if isinstance(message, NoteOff):
             self._end_note(message.number)
-        elif isinstance(message, Note):
+        elif isinstance(message, NoteOn):
             if self._learn(message):
                 return True
             self._begin_note(message, channel)
@@ -105,7 +105,7 @@ class MidiInput:
             ):
                 self._fast_values.set_soon(name, line)
             return any(maps_of(self._schedule.head, message.number))
-        elif not isinstance(message, Program):
+        elif not isinstance(message, ProgramChange):
             return self._move_controller(message, channel)
         return False
 
@@ -119,18 +119,18 @@ class MidiInput:
         action_text = "strike a note" if isinstance(wanted_map, MapNotes) else "move a controller"
         return f"{action_text}: it will be mapped; `unmap learn` lets it be"
 
-    def _learn(self, message: Played) -> bool:
+    def _learn(self, message: PlayedMessage) -> bool:
         """Take a message as that to which the wanted map is; False if none is wanted of its kind.
 
         A pair of controllers is learnt as the one of its upper bits.
         """
         wanted_map = self._wanted
-        is_note = isinstance(message, Note)
+        is_note = isinstance(message, NoteOn)
         if wanted_map is None or is_note is not isinstance(wanted_map, MapNotes):
             return False
         self._wanted = None
         if isinstance(wanted_map, MapNotes):
-            assert isinstance(message, Note)
+            assert isinstance(message, NoteOn)
             wanted_map = replace(wanted_map, low=message.number, high=message.number)
         else:
             wanted_map = replace(wanted_map, source=source_of(message))
@@ -144,7 +144,7 @@ class MidiInput:
         """Set what a controller leads to; whether it leads to anything."""
         if self._learn(message):
             return True
-        is_pedal = isinstance(message, Control) and message.number == _SUSTAIN_CONTROLLERS
+        is_pedal = isinstance(message, ControlChange) and message.number == _SUSTAIN_CONTROLLERS
         if is_pedal:
             self._move_pedal(is_down=message.value >= _PEDAL_DOWN)
         head = self._schedule.head
@@ -155,7 +155,7 @@ class MidiInput:
             return self._press(message, channel)
         return is_mapped or is_pedal
 
-    def _type_lines(self, note: Note) -> None:
+    def _type_lines(self, note: NoteOn) -> None:
         """Run the blocks and play the gestures to which a note is mapped, each by its own line."""
         for note_line in note_lines(self._schedule.running.version, note.number):
             self._n_lines += 1
@@ -163,7 +163,7 @@ class MidiInput:
                 f"note {note.number}, line {self._n_lines}", partial(_constant_line, note_line)
             )
 
-    def _begin_note(self, note: Note, channel: int) -> None:
+    def _begin_note(self, note: NoteOn, channel: int) -> None:
         """Strike what a note is mapped to in the running version; do nothing during a panic."""
         if self._stops.panicked:
             return

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import TYPE_CHECKING
 
-from ergon.live.midi_messages import Control, Note, NoteEnd, Played, Pressure, Program, Wheel
+from ergon.live.midi_messages import (
+    ControlChange,
+    NoteOff,
+    NoteOn,
+    PitchWheel,
+    PlayedMessage,
+    Pressure,
+    ProgramChange,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,13 +37,13 @@ class MidiMonitor:
         self._n_left = _LINES_MAX
         self._rest: Counter[str] = Counter()
 
-    def note(self, message: Played, channel: int, *, is_mapped: bool) -> None:
+    def note(self, message: PlayedMessage, channel: int, *, is_mapped: bool) -> None:
         """Note a message of a channel from 1 to 16."""
         message_source = source_of(message)
-        if not is_mapped and not isinstance(message, NoteEnd):
+        if not is_mapped and not isinstance(message, NoteOff):
             self._unmapped[message_source] += 1
         if self.is_on:
-            unmapped_text = "" if is_mapped or isinstance(message, NoteEnd) else ", not mapped"
+            unmapped_text = "" if is_mapped or isinstance(message, NoteOff) else ", not mapped"
             text = f"MIDI {_message_text(message)}, channel {channel}{unmapped_text}"
             self._waiting.append((message_source, text))
 
@@ -66,32 +74,32 @@ class MidiMonitor:
         return f"not mapped: {_counts_text(counts)}" if counts else None
 
 
-def source_of(message: Played) -> str:
+def source_of(message: PlayedMessage) -> str:
     """What a message comes from, as a map names it."""
     match message:
-        case Note(source_number) | NoteEnd(source_number):
+        case NoteOn(source_number) | NoteOff(source_number):
             return f"note {source_number}"
-        case Control(source_number):
+        case ControlChange(source_number):
             return f"cc {source_number}"
-        case Wheel():
+        case PitchWheel():
             return "bend"
-        case Program(source_number):
+        case ProgramChange(source_number):
             return f"program {source_number}"
         case Pressure(_, source_number):
             return "pressure" if source_number is None else f"pressure {source_number}"
 
 
-def _message_text(message: Played) -> str:
+def _message_text(message: PlayedMessage) -> str:
     match message:
-        case Note(message_number, velocity):
+        case NoteOn(message_number, velocity):
             return f"note {message_number} ({_note_name(message_number)}), velocity {velocity}"
-        case NoteEnd(message_number):
+        case NoteOff(message_number):
             return f"note {message_number} ({_note_name(message_number)}) ends"
-        case Control(message_number, message_value):
+        case ControlChange(message_number, message_value):
             return f"cc {message_number} at {message_value}"
-        case Wheel(message_value):
+        case PitchWheel(message_value):
             return f"bend at {message_value}"
-        case Program(message_number):
+        case ProgramChange(message_number):
             return f"program {message_number}"
         case Pressure(message_value, message_number):
             return (

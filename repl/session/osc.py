@@ -133,8 +133,10 @@ class SessionOsc:
         self._osc.close()
         self._lines.end()
         self._worker.join()
-        if self._osc.malformed:
-            malformed_text = f"{self._osc.malformed} datagrams were not valid OSC and were ignored"
+        if self._osc.n_malformed:
+            malformed_text = (
+                f"{self._osc.n_malformed} datagrams were not valid OSC and were ignored"
+            )
             self._session.say(malformed_text)
 
 
