@@ -298,7 +298,7 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
 
     Raises NotBundledError.
     """
-    plan, planned_accuracy = stage.plan, stage.planned_for
+    plan, planned_accuracy = stage.plan, stage.planned_accuracy
     assert plan is not None
     assert planned_accuracy is not None
     score = next(iter(loaded.files))  # the score is read first

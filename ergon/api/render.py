@@ -299,7 +299,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         block=options.block,
         threads=options.threads,
         force=file_options.force,
-        fades_from=stage.fades_from,
+        fades_from=stage.fade_start,
         is_part=options.until is not None,
         # The end of a written `tail` stays: a performance ends so, and a render is equal to it.
         edges=Edges(start_frame > 0, options.until is not None),

@@ -55,7 +55,7 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
         moved, closed, bows = measure_excursions(stage, probed_piece, progress.update)
     fidelities = gesture_fidelities(stage)
-    return Simulated(fidelities, moved, closed, stage.rate, probed_piece.left_out, bows, stage)
+    return Simulated(fidelities, moved, closed, stage.rate, probed_piece.n_left_out, bows, stage)
 
 
 def never_stuck_warnings(simulated: Simulated) -> list[Diagnostic]:

@@ -171,7 +171,7 @@ def _closing_direction(contact: Module, end: Target) -> float:
 
 def _gesture_strokes(gesture: StagedGesture, direction: float) -> Iterator[_StrokeReach]:
     """The strokes of a written gesture in a direction, each from one turn to the turn back."""
-    if gesture.layer:
+    if gesture.is_layer:
         return  # a layer adds to an unknown path
     begin_instant, lowest, highest = gesture.start, float("inf"), -float("inf")
     for begins_at, x in zip(gesture.t, gesture.x, strict=True):

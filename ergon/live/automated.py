@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ergon.scores.staging.automating import value_at
+from ergon.scores.staging.automating import numbers_at
 
 if TYPE_CHECKING:
     from ergon.scores.staging.parameter_values import ModuleKey, Points
@@ -126,10 +126,10 @@ def _values_along(
     """
     begin_instant, values_before = (
         path_instants[0],
-        [value_at(points, path_instants[0]) for points in module_paths],
+        [numbers_at(points, path_instants[0]) for points in module_paths],
     )
     for end_instant in path_instants[1:]:
-        values_now = [value_at(points, end_instant) for points in module_paths]
+        values_now = [numbers_at(points, end_instant) for points in module_paths]
         yield values_before, values_now == values_before
         if end_instant - begin_instant > SHORT_CHANGE and values_now != values_before:
             n_steps = max(

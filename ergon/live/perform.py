@@ -117,8 +117,8 @@ def perform(
         header_json = json.dumps({**config.header, "sent": "wire"}, ensure_ascii=False)
         record_target = _core.RecordTarget(config.record, axes, header_json)
     fades_from = None
-    if stage.fades_from is not None and not config.is_endless and config.end is None:
-        fades_from = max(0, stage.fades_from - config.start // tick_size * tick_size)
+    if stage.fade_start is not None and not config.is_endless and config.end is None:
+        fades_from = max(0, stage.fade_start - config.start // tick_size * tick_size)
     try:
         window = config.pages and config.pages.make_window(stage, simulation)
         performance = _core.Performance(

@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
     from ergon.repl.session.frozen_parts import LoadedPart
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.staging.live import Real
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.live import RealHands
+    from ergon.scores.staging.planning import TrialStore
     from ergon.scores.staging.stage import Stage
 
 _BAR_DURATION = Length(bars=1.0)
@@ -76,8 +76,8 @@ class SessionCore:
         *,
         margin: float,
         journal: Journal | None = None,
-        real: Real | None = None,
-        store: Store | None = None,
+        real: RealHands | None = None,
+        store: TrialStore | None = None,
         clock: Clock | None = None,
         hands: Path | None = None,
         disk: Disk | None = None,

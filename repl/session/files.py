@@ -16,7 +16,7 @@ from ergon.repl.session.version import NotTakenError, piece_of
 from ergon.scores.edits import excerpt, parts
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.digest import digest_of
-from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.automating import value_on_beat
 
 if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
@@ -39,7 +39,12 @@ def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str
             start_beat = stop_beat - tempo.after(0.0, excerpt_length)
         try:
             excerpt_texts = excerpt.excerpt_between(
-                version.texts, version.piece, file_name, max(0.0, start_beat), stop_beat, value_on
+                version.texts,
+                version.piece,
+                file_name,
+                max(0.0, start_beat),
+                stop_beat,
+                value_on_beat,
             )
             break
         except EditError:

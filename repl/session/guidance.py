@@ -181,7 +181,7 @@ def _guided_path(
     step_now = (0, *steps[first_step][1:])
     until_end = (step for step in steps[first_step + 1 :] if step[0] <= len(path))
     return GuidedPath(
-        path, (step_now, *until_end), () if path_forces is None else path_forces.newtons
+        path, (step_now, *until_end), () if path_forces is None else path_forces.forces
     )
 
 

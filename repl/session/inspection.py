@@ -20,7 +20,7 @@ from ergon.scores.edits.matter import quantity_text
 from ergon.scores.edits.positions import ENDLESS_POSITION
 from ergon.scores.gesture import space_path
 from ergon.scores.reading import automatable
-from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.automating import value_on_beat
 from ergon.scores.staging.live import leading_positions
 from ergon.scores.staging.parameter_values import AutomatedModule
 
@@ -205,7 +205,7 @@ def _value_at_beat(
     """
     for entry in piece.automation:
         if module_place in entry.modules and entry.parameter == parameter_name:
-            return value_on(piece, module_place, parameter_name, beat_now), True
+            return value_on_beat(piece, module_place, parameter_name, beat_now), True
     field_value = {**written_module.fields.get("constants", {}), **written_module.fields}.get(
         parameter_name
     )
@@ -217,7 +217,7 @@ def _value_at_beat(
         field_value = (
             None
             if automated_module is None
-            else automated_module.numbers_written.get(parameter_name)
+            else automated_module.written_values.get(parameter_name)
         )
     return (field_value, False) if isinstance(field_value, float) else (None, False)
 

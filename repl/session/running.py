@@ -14,11 +14,7 @@ from ergon.repl.session.struck_places import strike_points
 from ergon.scores.reading.playing import NO_OPTIONS, Play
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.stage import StageTakeover, stage
-from ergon.scores.staging.version_glides import (
-    Glide,
-    LeavingLink,
-    with_leaving,
-)
+from ergon.scores.staging.version_glides import FadingLink, Glide, with_fading_links
 
 if TYPE_CHECKING:
     from ergon.live.force_bounds import HandForceBounds
@@ -26,8 +22,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.live import Real
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.live import RealHands
+    from ergon.scores.staging.planning import TrialStore
     from ergon.scores.staging.stage import Stage
 
 # Endless parts are put on the timeline this many seconds ahead, with a least and a greatest number
@@ -56,7 +52,7 @@ class RunningVersion:
     timeline_end: float
     glides: tuple[Glide, ...] = ()
     force_bounds: Sequence[HandForceBounds] = ()
-    leaving: tuple[LeavingLink, ...] = ()
+    leaving: tuple[FadingLink, ...] = ()
     frozen: tuple[LoadedPart, ...] = ()
     is_seen: bool = False
     damp: float | None = None
@@ -138,8 +134,8 @@ def rehearsal_piece(piece: Piece) -> Piece:
 def stage_first(
     version: Version,
     clock: Clock,
-    real_hands: Real,
-    store: Store | None,
+    real_hands: RealHands,
+    store: TrialStore | None,
     frozen: tuple[LoadedPart, ...] = (),
     *,
     is_seen: bool = False,
@@ -159,10 +155,10 @@ def stage_spans(
     spans: tuple[Span, ...],
     old_stage: Stage | None,
     start_frame: int,
-    real_hands: Real,
-    store: Store | None,
+    real_hands: RealHands,
+    store: TrialStore | None,
     moving_glides: tuple[Glide, ...] = (),
-    leaving_links: tuple[LeavingLink, ...] = (),
+    leaving_links: tuple[FadingLink, ...] = (),
     *,
     frozen: tuple[LoadedPart, ...],
     is_seen: bool,
@@ -171,7 +167,7 @@ def stage_spans(
 
     `moving_glides` are parameters that glide, `leaving_links` removed links that still separate.
     """
-    piece = with_leaving(version.sounding, leaving_links)
+    piece = with_fading_links(version.sounding, leaving_links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if old_stage is None else start_frame / old_stage.rate)
     piece = replace(piece, tempo_map=tempo)
     new_stage = stage(

@@ -46,8 +46,8 @@ from ergon.repl.session.waiting_lines import REFUSALS, WaitingLine, WaitingLines
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine, EngineEvent
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.staging.live import Real
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.live import RealHands
+    from ergon.scores.staging.planning import TrialStore
 
 # A change is handed to the engine this long before the last moment at which it is in time [s].
 _AHEAD_SECONDS = 0.3
@@ -64,9 +64,9 @@ class Schedule:
         self,
         engine: Engine,
         running: RunningVersion,
-        real: Real,
+        real: RealHands,
         margin: int,
-        store: Store | None = None,
+        store: TrialStore | None = None,
     ) -> None:
         """Begin with a version that plays; a change reaches the engine within `margin` frames.
 

@@ -101,8 +101,8 @@ def _shown_place(event: _Begun, score_texts: Texts) -> SoundingPlace:
 
 def _begun_places(running: RunningVersion, since: float, before_beat: float) -> Iterator[_Begun]:
     for gesture in running.stage.gestures:
-        if since <= gesture.begins < before_beat:
-            yield _Begun(gesture.begins, gesture.stop, gesture.place, gesture.name)
+        if since <= gesture.written_start < before_beat:
+            yield _Begun(gesture.written_start, gesture.stop, gesture.place, gesture.name)
     piece = running.stage.piece
     first_beat, last_beat = (piece.tempo_map.beats(instant) for instant in (since, before_beat))
     for strikes in piece.strikes:

@@ -15,11 +15,11 @@ from ergon.repl.session.waiting_lines import WaitingLine, line_beat
 from ergon.scores.staging.cutting import cut_stage
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
-from ergon.scores.staging.version_glides import glides, leaving_links
+from ergon.scores.staging.version_glides import fading_links, glides
 
 if TYPE_CHECKING:
-    from ergon.scores.staging.live import Real
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.live import RealHands
+    from ergon.scores.staging.planning import TrialStore
     from ergon.scores.staging.stage import Stage
 
 
@@ -30,8 +30,8 @@ class Takeovers:
     """
 
     timing: Timing
-    real: Real
-    store: Store | None = None
+    real: RealHands
+    store: TrialStore | None = None
 
     def staged(
         self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float = math.inf
@@ -121,7 +121,7 @@ class Takeovers:
         start = frame / self.timing.rate
         old_and_new = old_version.sounding, version.sounding
         moving_glides = glides(*old_and_new, running.glides, start, version.glide)
-        leaving_links_now = leaving_links(*old_and_new, running.glides, running.leaving, start)
+        leaving_links_now = fading_links(*old_and_new, running.glides, running.leaving, start)
         return replace(
             running_after,
             spans=spans,
@@ -171,7 +171,7 @@ def continuing_spans(
     """The spans of earlier versions, the last one cut at a beat, of which something goes on after
     `after_instant` [s].
     """
-    tracked_spans = [(gesture.begins, gesture.stop) for gesture in stage.gestures]
+    tracked_spans = [(gesture.written_start, gesture.stop) for gesture in stage.gestures]
     running_spans = []
     for index, (piece, window) in enumerate(old_running.spans):
         is_last = index == len(old_running.spans) - 1 and old_running.clock.is_running

@@ -58,7 +58,7 @@ from ergon.scores.edits.matter import TRANSPOSE
 from ergon.scores.edits.scenes import has_events_from
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture import space_path
-from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.automating import value_on_beat
 
 if TYPE_CHECKING:
     from ergon.repl.session.running import RunningVersion
@@ -214,7 +214,7 @@ def _set_gliding(command: Set) -> VersionEdit:
         is_written = duration >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
         if version.is_running and is_written:
             value, glide_length = command_words["change"].text, command_words["over"].text
-            args = command.target, edit_beat, value, {"over": glide_length}, value_on
+            args = command.target, edit_beat, value, {"over": glide_length}, value_on_beat
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
         automation.check_can_glide(version.piece, command.target)
         edited_version = with_texts(version, _set(command, version, edit_beat))
