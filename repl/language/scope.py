@@ -179,7 +179,7 @@ def _line_count(block: Sequence[str]) -> str:
 
 def _path_of(gesture: Gesture) -> str:
     """The name of the path in space of which a gesture is one axis; "" if it is not one."""
-    is_path = gesture.written is not None and space_path.axes(gesture.written.text) > 1
+    is_path = gesture.written is not None and space_path.axis_count(gesture.written.text) > 1
     return gesture.name.rpartition(".")[0] if is_path else ""
 
 

@@ -341,16 +341,14 @@ def _example_completions(
 
 def _read_notation(slot_text: str) -> notation.Notation:
     """Read a gesture; for a path in space, its first axis."""
-    if space_path.axes(slot_text) > 1:
+    if space_path.axis_count(slot_text) > 1:
         return space_path.parse(slot_text, events_max=MAX_POINTS)[0]
     return notation.parse(slot_text, events_max=MAX_POINTS)
 
 
 _METRE_UNITS = [unit for unit in UNITS_PER_METRE if unit and unit.isascii()]
 NOTATION_VALUE = Value(
-    "a gesture, such as 0@0 6@1/8 0@1/4",
-    lambda text, *_: _read_notation(text),
-    _point_completions,
+    "a gesture, such as 0@0 6@1/8 0@1/4", lambda text, *_: _read_notation(text), _point_completions
 )
 DO_VALUE = Value(
     "transformations, such as rev, every 4 mirror",

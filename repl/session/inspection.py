@@ -67,7 +67,7 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, beat_now: fl
     from ergon.view.motion import wanted_and_actual
 
     piece = version.piece
-    axes = space_path.played(gesture_name, piece.gestures)
+    axes = space_path.played_names(gesture_name, piece.gestures)
     if gesture_name not in piece.gestures and axes:
         return [line for axis in axes for line in draw_name(version, axis, sounding, beat_now)]
     if gesture_name not in piece.gestures and gesture_name not in piece.takes:

@@ -65,7 +65,7 @@ def gesture_lines(piece: Piece) -> list[str]:
     gesture_rows: dict[str, str] = {}
     for gesture_name, gesture in piece.gestures.items():
         path = gesture_name.rpartition(".")[0]
-        axes = space_path.played(path, piece.gestures) if path else []
+        axes = space_path.played_names(path, piece.gestures) if path else []
         if gesture_name in axes:
             gesture_rows[path] = f"a path in space, {_shape_text(gesture)}"
         else:

@@ -237,7 +237,7 @@ def _define_rehearsed(command: Define) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         edited_version = with_texts(version, _define(command, version, beat))
-        for name in space_path.played(command.name, edited_version.piece.gestures):
+        for name in space_path.played_names(command.name, edited_version.piece.gestures):
             rehearsal_stage(edited_version.piece, name)
         return edited_version
 
@@ -403,7 +403,7 @@ def command_summary(command: Command, running: RunningVersion, where_text: str) 
 def _defined_text(command: Define, running: RunningVersion) -> str:
     piece = running.version.piece
     if command.name not in piece.gestures:
-        axes = space_path.played(command.name, piece.gestures)
+        axes = space_path.played_names(command.name, piece.gestures)
         n_points = max(len(piece.gestures[name].points) for name in axes)
         return f"{command.name}: a path in space of {n_points} points, played by {', '.join(axes)}"
     gesture = piece.gestures[command.name]

@@ -77,7 +77,7 @@ def _gesture_transform_text(transform: str) -> str:
     if transform.split()[:1] not in (["fast"], ["slow"]):
         return transform
     try:
-        return f"stretch {parse_transform(transform).lengthening!r}"
+        return f"stretch {parse_transform(transform).time_factor!r}"
     except TextError as error:
         raise EditError(f"{quote(transform)} cannot be written out: {error.message}") from None
 

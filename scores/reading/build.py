@@ -121,7 +121,7 @@ def gestures(values: Values, points_left: int = notation.MAX_EVENTS) -> dict[str
         return None
 
     def parse(source: str) -> tuple[notation.Notation, ...]:
-        if name == "notation" and space_path.axes(source) > 1:
+        if name == "notation" and space_path.axis_count(source) > 1:
             return space_path.parse(source, values["curve"], points_left)
         parse_one = notation.parse if name == "notation" else notation.parse_table
         return (parse_one(source, values["curve"], points_left),)

@@ -286,7 +286,7 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         note_names = (
             Name(midi_note.word or tuning.current().key_word(midi_note.number), file_place),
         )
-        note_length = None if midi_note.lasting is None else Length(beats=midi_note.lasting)
+        note_length = None if midi_note.length is None else Length(beats=midi_note.length)
         note_rows.append(
             Row(Length(beats=midi_note.at), note_names, note_level, file_place, length=note_length)
         )
@@ -309,7 +309,7 @@ def _pressure_rows(take: Values, files: Files) -> Iterator[Row]:
         return
     for pressure in pressures:
         note_names = (Name(tuning.current().key_word(pressure.number), file_place),)
-        start, pressure_length = Length(beats=pressure.start), Length(beats=pressure.lasting)
+        start, pressure_length = Length(beats=pressure.start), Length(beats=pressure.length)
         level = velocity_level(pressure.value)
         yield Row(start, note_names, level, file_place, length=pressure_length, act=PRESS)
 

@@ -99,7 +99,7 @@ def _repetition_length(
     """The time between repetitions, which `fast` and `slow` change; None where a gesture's own
     length says it.
     """
-    factor = prod(change.spacing for change in transform_chain)
+    factor = prod(change.period_factor for change in transform_chain)
     if factor != 1.0 and step_length is None and pattern.euclid is not None:
         step_length = Length(bars=1.0 / pattern.euclid.steps)  # a round lasts a bar
     return step_length if step_length is None or factor == 1.0 else step_length.times(factor)

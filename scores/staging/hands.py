@@ -328,7 +328,9 @@ class Hands:
         begin_beat = tempo.resolve(play.at)
         until_beat = None if play.until is None else tempo.resolve(play.until)
         take_shape = apply_to_take(play.do, 60.0 / tempo.bpm(begin_beat))
-        take_seconds = (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
+        take_seconds = (
+            take.duration - take_shape.front_cut - take_shape.back_cut
+        ) * take_shape.stretch
         length = Length(0.0, take_shape.shift.beats, take_shape.shift.seconds + take_seconds)
         try:
             return starts(tempo, begin_beat, length, times=play.times, until=until_beat)
@@ -460,7 +462,10 @@ class Hands:
         tempo = self.piece.tempo_map
         take_shape = apply_to_take(part_play.do, 60.0 / tempo.bpm(start_beat))
         begin = tempo.instant(start_beat, take_shape.shift)
-        stop = begin + (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
+        stop = (
+            begin
+            + (take.duration - take_shape.front_cut - take_shape.back_cut) * take_shape.stretch
+        )
         if stop <= self.window.after_instant:
             return
         take_options = self._engine_options(
@@ -468,8 +473,8 @@ class Hands:
         )
         key_index, struck_mat = self._keys[self._key_of(part_play)]
         try:
-            if take_shape.front or take_shape.back:
-                take = take.part(take_shape.front, take.duration - take_shape.back)
+            if take_shape.front_cut or take_shape.back_cut:
+                take = take.part(take_shape.front_cut, take.duration - take_shape.back_cut)
             self.timeline.take(
                 key_index,
                 take,
