@@ -84,7 +84,7 @@ def _read_play(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> P
         gesture_names.append(play_words.Word(word, offset))
         return word
 
-    parsed_words = play_words.parse(slot_text, name_at=name_at)
+    parsed_words = play_words.parse(slot_text, read_name=name_at)
     for played_name in gesture_names or [parsed_words.played]:
         _with_offset(played_name.offset, v.PLAYED_VALUE, played_name.text, scope)
     play_options = {}

@@ -122,7 +122,7 @@ class PlacedEntry:
                 at=written_at(starts[first_start]), until=None, times=str(n_entries)
             )
             return part_entry if n_entries > 1 else part_entry.with_fields(every=None, times=None)
-        return self.entry.with_fields(**starts.from_place(first_start, stop_start, written_at))
+        return self.entry.with_fields(**starts.excerpt_fields(first_start, stop_start, written_at))
 
 
 def entry_of_play(play_words: words.PlayWords, play_text: str) -> Entry:

@@ -149,7 +149,7 @@ class _Window:
             )
             if first_place == stop_place:
                 return texts.remove(path), False
-            changed_fields |= pattern_steps.from_place(first_place, stop_place, self.position)
+            changed_fields |= pattern_steps.excerpt_fields(first_place, stop_place, self.position)
         elif strikes.rate is not None:
             first_beat, last_beat = max(begin_beat, self.start), min(stop_beat, self.stop)
             if last_beat <= first_beat + SAME:
@@ -229,7 +229,7 @@ class _Window:
                 if first_place == len(pattern_steps):
                     score_texts = without_entry(score_texts, "automation", entry_index)
                     continue
-                entry_fields |= pattern_steps.from_place(
+                entry_fields |= pattern_steps.excerpt_fields(
                     first_place, len(pattern_steps), self.position
                 )
                 entry_fields["until"] = self.position(min(end_beat, self.stop))

@@ -13,7 +13,7 @@ from ergon.scores.pattern import words
 from ergon.scores.pattern.order import REST, Group, Leaf
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.turn_chain import as_turn, is_turn, parse_change
-from ergon.scores.pattern.turns import Turn, numbered
+from ergon.scores.pattern.turns import Turn, with_numbers
 from ergon.scores.pattern.turns import parse as parse_turns
 
 _STEPS_MAX = 192  # steps of a round that is written out
@@ -44,7 +44,7 @@ def entries(
             chain = tuple(
                 text[transform.offset : transform.offset + transform.length]
                 for turn, text in turns
-                for transform in places.transforms_due(place_index, (turn,))
+                for transform in places.due_transforms(place_index, (turn,))
                 if transform is not None
             )
             beats_by_chain.setdefault(chain, []).append((pattern_steps[place_index], played_name))
@@ -69,7 +69,7 @@ def _numbered_turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
             turn_pairs.append((as_turn(parse_change(later_turn)), later_turn))
         except TextError as error:
             raise EditError(f"{quote(later_turn)} cannot be written out: {error.message}") from None
-    turns = numbered(turn for turn, _ in turn_pairs)
+    turns = with_numbers(turn for turn, _ in turn_pairs)
     return [*zip(turns, (text for _, text in turn_pairs), strict=True)]
 
 

@@ -20,8 +20,8 @@ from ergon.scores.pattern import words
 from ergon.scores.pattern.order import Group, name_of, parse, single_name_pattern
 from ergon.scores.pattern.pattern import Pattern, iteration_mistake
 from ergon.scores.pattern.turn_chain import Change, as_turns
-from ergon.scores.pattern.turns import numbered
 from ergon.scores.pattern.turns import parse as parse_turns
+from ergon.scores.pattern.turns import with_numbers
 from ergon.scores.reading.patterns import PATTERN_TABLE, PatternValues, pattern_of
 from ergon.scores.reading.playing import Play
 from ergon.scores.reading.playing_options import (
@@ -72,7 +72,7 @@ def _play_of_entry(
 ) -> Play:
     transform_chain, turns = as_turns(entry_values.get("do", ()))
     if turns:
-        entry_values = {**entry_values, "nth": numbered((*entry_values.get("nth", ()), *turns))}
+        entry_values = {**entry_values, "nth": with_numbers((*entry_values.get("nth", ()), *turns))}
     pattern = pattern_of(entry_values, played.order or single_name_pattern(played.text))
     if iteration_error := iteration_mistake(pattern):
         context.error("E305", f"{quote(played.text)}: {iteration_error}", played.place)

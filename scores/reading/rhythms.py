@@ -28,7 +28,7 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
 from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, chance_from
 from ergon.scores.pattern.phrasing import swell
-from ergon.scores.pattern.rhythm_text import WORD, line_begins, parse
+from ergon.scores.pattern.rhythm_text import WORD, line_offsets, parse
 from ergon.scores.pattern.struck import Struck, key_of, name_of, note_of, notes_of
 
 ANY_WORD = "x"  # the word for what `to` names
@@ -90,12 +90,7 @@ class Rhythm:
         return high
 
     def strokes(
-        self,
-        tempo: TempoMap,
-        start: float,
-        levels: Levels,
-        draws: tuple[int, str],
-        cycles: range,
+        self, tempo: TempoMap, start: float, levels: Levels, draws: tuple[int, str], cycles: range
     ) -> Iterator[Stroke]:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
         cycles_source = _cycle_events(self.text, self.do, self.tuning, *draws)
@@ -245,7 +240,7 @@ def compiled_in_tuning(
     rhythm_text: str, transforms_text: str, tuned: Tuning | None
 ) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in a tuning. Raises TextError."""
-    begins = line_begins(rhythm_text)
+    begins = line_offsets(rhythm_text)
 
     def read(word: str, offset: int) -> Struck:
         return Struck(word, offset, line=bisect(begins, offset) - 1)
