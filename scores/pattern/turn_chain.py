@@ -156,7 +156,8 @@ def split_chain(chain_text: str) -> tuple[str, ...]:
 class _Parser(ChainParser[Change]):
     """Reads the changes of a chain.
 
-    Among `other_words`, the words of a line, a transformation takes no more words than it has values.
+    Among `other_words`, the words of a line, a transformation takes no more words than it has
+    values.
     """
 
     def __init__(
