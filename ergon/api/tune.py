@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from ergon import _core
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.edits.tunable import FieldKey, TunablePart, Value
+    from ergon.scores.edits.tunable import FieldKey, TunablePart, TunableValue
     from ergon.scores.reading.load import Loaded
 
 REACHED_CENTS = 1e-6  # [cents] within which a target counts as reached
@@ -244,7 +244,7 @@ def _parse_ratio(ratio_word: str) -> float:
     return ratio_value
 
 
-def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Value]:
+def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> list[TunableValue]:
     """The values that `target_names` names. Raises OptionError."""
     from ergon.notation.text.spelling import nearest
 
@@ -253,14 +253,14 @@ def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> li
         raise OptionError("part", f"{tunable_part.name} has no value above 0 that moves its modes")
     if not target_names:
         return part_values
-    values_by_name: dict[str, list[Value]] = {}
+    values_by_name: dict[str, list[TunableValue]] = {}
     for part_value in part_values:
         full = tunable_part.target(part_value)
         value_words = [part_value.field, tunable_part.field_name(part_value), full]
         value_words += [word.removeprefix(f"{tunable_part.name}.") for word in value_words[1:]]
         for name in dict.fromkeys(value_words):
             values_by_name.setdefault(name, []).append(part_value)
-    chosen_values: dict[Value, None] = {}
+    chosen_values: dict[TunableValue, None] = {}
     for target_word in target_names:
         matches = values_by_name.get(_FIELD_BY_WORD.get(target_word, target_word))
         if matches is None:
@@ -281,7 +281,7 @@ def _edited_texts(
     tune_options: TuneOptions,
     loaded: Loaded,
     tunable_part: TunablePart,
-    tuned_values: Sequence[Value],
+    tuned_values: Sequence[TunableValue],
 ) -> tuple[Texts | None, str]:
     """The texts with the values in them; or why they could not be written."""
     from ergon.notation.text.edit import EditError
@@ -319,12 +319,15 @@ class _Search:
     """
 
     def __init__(
-        self, part: TunablePart, values: Sequence[Value], target_frequencies: Mapping[int, float]
+        self,
+        part: TunablePart,
+        values: Sequence[TunableValue],
+        target_frequencies: Mapping[int, float],
     ) -> None:
         import numpy as np
 
         self.part, self.wanted = part, target_frequencies
-        self.values: list[Value] = []
+        self.values: list[TunableValue] = []
         self.log_targets = np.log(list(target_frequencies.values()))
         self.rank = 0
         poles, shapes, elements = self._modes({})
@@ -452,7 +455,7 @@ class _Search:
         poles: NDArray[np.complex128],
         shapes: NDArray[np.complex128],
         elements: _core.Elements,
-        value: Value,
+        value: TunableValue,
         number: float,
         numbers: Mapping[FieldKey, float],
     ) -> NDArray[np.float64]:

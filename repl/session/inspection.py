@@ -249,7 +249,7 @@ def playing_lines(
         entry_lines = entries.placed_entries(version.texts, piece, player.name)
         sounding_names = [played_name for name, played_name in playing if name == player.name]
         entries_begun = [line for line in entry_lines if line.begin <= beat_now]
-        goes_on = [line for line in entries_begun if line.is_open(beat_now, piece)]
+        goes_on = [line for line in entries_begun if line.is_continuing(beat_now, piece)]
         # An entry that begins nothing more may still have its last occurrence in flight.
         shown_names = {name for line in goes_on for name in line.play.names}
         for shown_name in dict.fromkeys(sounding_names):

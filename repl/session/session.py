@@ -172,7 +172,7 @@ class Session(SessionCore):
         """End every force at once, until `release`; the sound goes on."""
         self.stops.let_go()
 
-    def input_ends(self) -> None:
+    def end_input(self) -> None:
         """End all forces, because no further line can stop one."""
         self.stops.let_go()
 

@@ -229,7 +229,7 @@ class SessionLog:
         for version_before, version_after in itertools.pairwise(
             reversed(past_versions[-_LOOKS_BACK:])
         ):
-            if merging.is_different_at(version_before.texts, version_after.texts, place):
+            if merging.is_different(version_before.texts, version_after.texts, place):
                 return version_before.line
         return ""
 

@@ -121,7 +121,7 @@ def _strikes(command: StrikeModules, version: Version, beat: float) -> Texts:
     # First what is struck: a text that strikes what is not there cannot be read for its routes.
     texts, piece = families.with_definitions(version.texts, version.piece, command.struck)
     texts = strikes.strike(texts, piece, command.name, beat, command.fields)
-    return families.with_routes_of(texts, piece, command.struck)
+    return families.with_routes(texts, piece, command.struck)
 
 
 @edits_texts(DoStrikes)
@@ -268,7 +268,7 @@ def _map(command: midi_maps.Map) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         struck_paths = [] if isinstance(command, MapControl) else [command.target]
-        played_texts = families.with_routes_of(version.texts, version.piece, struck_paths)
+        played_texts = families.with_routes(version.texts, version.piece, struck_paths)
         if isinstance(command, Hear) or (isinstance(command, MapNotes) and command.impulse is None):
             played_texts = families.with_act_modules(played_texts, command.target)
         mapped_version = (

@@ -38,7 +38,7 @@ from ergon.notation.text.files import installed_path
 from ergon.notation.text.format import formatted
 from ergon.notation.text.syntax import MAX_BYTES
 from ergon.notation.text.values import Place
-from ergon.scores.edits.renaming import rename, spans_of_references
+from ergon.scores.edits.renaming import reference_spans, rename
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import Loaded, load
 
@@ -151,7 +151,7 @@ class Server(LanguageServer):
             bounds=scores.bounds(path, False),
         )
         rename(texts, loaded.piece, old, new)  # this also tests that the piece is the same
-        return spans_of_references(texts, loaded.piece, old, new)
+        return reference_spans(texts, loaded.piece, old, new)
 
     def _publish(
         self, uri: str, open_document: _OpenDocument, reported: Sequence[Diagnostic]
