@@ -27,10 +27,10 @@ def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str
     """Write the last bars as a score beside this one; the names of the written files."""
     version, beat_now = session.schedule.head, session.schedule.beat_now()
     tempo = version.piece.tempo_map
-    bar = tempo.bars.start(tempo.bar_beat(beat_now)[0])
+    bar_start = tempo.bars.start(tempo.bar_beat(beat_now)[0])
     is_bars = excerpt_length.bars and not excerpt_length.beats and not excerpt_length.seconds
     end_beats = (
-        [bar, beat_now] if is_bars and bar > 0.0 else [beat_now]
+        [bar_start, beat_now] if is_bars and bar_start > 0.0 else [beat_now]
     )  # whole bars are those that are over
     while True:
         stop_beat = end_beats.pop(0)

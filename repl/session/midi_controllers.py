@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.midi_maps import Map
 
 _CONTROLLER_COUNT = 128
-Moved = ControlChange | PitchWheel | Pressure
+ControllerMessage = ControlChange | PitchWheel | Pressure
 
 
 class Controllers:
@@ -22,7 +22,9 @@ class Controllers:
         """Begin with all of them at 0."""
         self._values = [0] * _CONTROLLER_COUNT
 
-    def positions(self, message: Moved, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
+    def positions(
+        self, message: ControllerMessage, maps: Mapping[str, Map]
+    ) -> Iterator[tuple[str, float]]:
         """What a message moves, and its position now, from 0 to 1; of pairs of controllers
         those that are mapped.
 

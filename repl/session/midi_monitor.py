@@ -32,10 +32,10 @@ class MidiMonitor:
         """Begin without messages, and print none."""
         self.is_on = False
         self._unmapped: Counter[str] = Counter()
-        self._waiting: deque[tuple[str, str]] = deque(maxlen=_WAITING_MAX)
-        self._ends_at = 0.0  # [s] end of the present period
+        self._waiting_lines: deque[tuple[str, str]] = deque(maxlen=_WAITING_MAX)
+        self._period_end = 0.0  # [s] end of the present period
         self._n_left = _LINES_MAX
-        self._rest: Counter[str] = Counter()
+        self._omitted_counts: Counter[str] = Counter()
 
     def note(self, message: PlayedMessage, channel: int, *, is_mapped: bool) -> None:
         """Note a message of a channel from 1 to 16."""
@@ -45,27 +45,28 @@ class MidiMonitor:
         if self.is_on:
             unmapped_text = "" if is_mapped or isinstance(message, NoteOff) else ", not mapped"
             text = f"MIDI {_message_text(message)}, channel {channel}{unmapped_text}"
-            self._waiting.append((message_source, text))
+            self._waiting_lines.append((message_source, text))
 
     def lines_due(self, instant_now: float) -> Sequence[str]:
         """The lines to print at an instant [s]: a bounded number each half second, and the
         number of the others.
         """
         monitor_lines = []
-        if instant_now >= self._ends_at:
-            if self._rest:
+        if instant_now >= self._period_end:
+            if self._omitted_counts:
+                n_omitted = self._omitted_counts.total()
                 monitor_lines.append(
-                    f"MIDI {self._rest.total():,} more: {_counts_text(self._rest)}"
+                    f"MIDI {n_omitted:,} more: {_counts_text(self._omitted_counts)}"
                 )
-            self._rest.clear()
-            self._ends_at, self._n_left = instant_now + _PERIOD_SECONDS, _LINES_MAX
-        while self._waiting:
-            message_source, monitor_text = self._waiting.popleft()
+            self._omitted_counts.clear()
+            self._period_end, self._n_left = instant_now + _PERIOD_SECONDS, _LINES_MAX
+        while self._waiting_lines:
+            message_source, monitor_text = self._waiting_lines.popleft()
             if self._n_left:
                 self._n_left -= 1
                 monitor_lines.append(monitor_text)
             else:
-                self._rest[message_source] += 1
+                self._omitted_counts[message_source] += 1
         return monitor_lines
 
     def unmapped_line(self) -> str | None:

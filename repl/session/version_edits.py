@@ -131,14 +131,8 @@ def _do_strikes(command: DoStrikes, version: Version, beat: float) -> Texts:
 
 @edits_texts(Automate)
 def _automate(command: Automate, version: Version, beat: float) -> Texts:
-    playing_command = command
     return automation.automate(
-        version.texts,
-        version.piece,
-        playing_command.target,
-        beat,
-        playing_command.kind,
-        playing_command.fields,
+        version.texts, version.piece, command.target, beat, command.kind, command.fields
     )
 
 
@@ -329,11 +323,11 @@ def _reload(command: Reload) -> VersionEdit:
             new_name,
         ) in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
-                block_lines = [
+                renamed = [
                     renaming.rename(renamed_texts, piece_of(renamed_texts), old_name, new_name)
                     for renamed_texts in (texts_before, current_texts)
                 ]
-                texts_before, current_texts = block_lines
+                texts_before, current_texts = renamed
         texts, discarded_places = merging.merged_texts(texts_before, current_texts, version.texts)
         reloaded_version = with_texts(version, texts)
         return replace(
@@ -369,8 +363,8 @@ READS_FILES = (Load, Reload, Retune, Scene, Use)
 # --- replies -------------------------------------------------------------------------------------
 
 
-def command_summary(command: Command, running: RunningVersion, where_text: str) -> str:
-    """The part of a reply about a command, after `ok` and `where_text` it acts."""
+def command_summary(command: Command, running: RunningVersion, position_text: str) -> str:
+    """The part of a reply about a command, after `ok` and `position_text` it acts."""
     if isinstance(command, Define):
         return _defined_text(command, running)
     if isinstance(command, Plays):
@@ -388,7 +382,11 @@ def command_summary(command: Command, running: RunningVersion, where_text: str) 
         )
     if isinstance(command, Use):
         return family_edits.family_summary(command, running.version.piece)
-    if isinstance(command, Load) and running.version.takeover_beat == 0.0 and where_text != "1|1":
+    if (
+        isinstance(command, Load)
+        and running.version.takeover_beat == 0.0
+        and position_text != "1|1"
+    ):
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, Guide):
         source = command.by
@@ -414,10 +412,10 @@ def _defined_text(command: Define, running: RunningVersion) -> str:
         reply_sentence += f", {int(seconds * running.stage.rate + 0.5):,} ergons"
     if any(command.name in play.names for play in piece.parts):
         return reply_sentence
-    able = keys_for(piece, command.name)
-    if len(able) == len(piece.keys):
+    able_keys = keys_for(piece, command.name)
+    if len(able_keys) == len(piece.keys):
         return reply_sentence
     return (
-        f"{reply_sentence}; no player plays it yet, and of the keys only {', '.join(able)} can "
-        "follow it"
+        f"{reply_sentence}; no player plays it yet, and of the keys only {', '.join(able_keys)} "
+        "can follow it"
     )

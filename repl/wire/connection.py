@@ -32,8 +32,8 @@ class RequestRefusedError(ErgonError):
 
 
 class Connection:
-    """A connection; `is_closed` is True once it has ended, and `end_reason` is the reason if the session
-    ended.
+    """A connection; `is_closed` is True once it has ended, and `end_reason` is the reason if the
+    session ended.
     """
 
     def __init__(self, path: Path) -> None:
