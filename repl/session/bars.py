@@ -131,7 +131,7 @@ def _strokes(
             if note is not None:
                 yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
     elif strikes.rate is not None:
-        begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        begin, stop = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
         if begin < last_beat and (stop is None or stop > first_beat):
             yield max(begin, bar_starts[0]), _CONTINUED_SIGN
     else:

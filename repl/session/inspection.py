@@ -286,7 +286,7 @@ def _level_state(levels: Faders | StrikeLevels, strikes_name: str) -> list[str]:
 
 
 def _continues_after(strikes: Strikes, piece: Piece, beat_now: float) -> bool:
-    stop = strikes.stop(piece.tempo_map)
+    stop = strikes.stop_beat(piece.tempo_map)
     return stop is None or stop > beat_now
 
 

@@ -154,7 +154,7 @@ def _strokes_between(
                     note_word if strikes.voices else strikes.name,
                 )
     elif strikes.rate is not None:
-        stroke_beat, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        stroke_beat, stop = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
         if first_beat <= stroke_beat < last_beat:
             yield begun_stroke(stroke_beat, stroke_beat if stop is None else stop, strikes.name)
     else:

@@ -35,7 +35,7 @@ def transform(
     strikes_tree = edit.tree(score_texts.section("strikes"))
     taken_names = {strikes.name for strikes in piece.strikes}
     for strikes in edits.strikes_named(piece, strikes_name):
-        stop_beat = strikes.stop(tempo)
+        stop_beat = strikes.stop_beat(tempo)
         if stop_beat is not None and stop_beat <= from_beat + SAME:
             continue
         assert isinstance(strikes_tree, dict)

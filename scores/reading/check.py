@@ -32,7 +32,7 @@ from ergon.scores.reading.piece import Hit, Piece, Strikes
 from ergon.scores.reading.playing import Coupling, Play, Player
 from ergon.scores.reading.routing import routed_mix
 from ergon.scores.reading.schedule import start_beats
-from ergon.scores.reading.struck_tuning import in_tuning
+from ergon.scores.reading.struck_tuning import strikes_tuning
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Names, Uses
 from ergon.scores.reading.wheels import with_wheels
@@ -85,7 +85,7 @@ class Checker:
         automation_targets = AutomationTargets(self.parts, self.part_names, self.uses.midi)
         for entry in strikes:
             automation_targets.check_glides(entry)
-        part_plays = self._plays(score_times.known)
+        part_plays = self._plays(score_times.known_plays)
         automation_changes = KnownEntries(memory, "automation", score_file).read(
             self.score["automation"] or (),
             automation_targets.read,
@@ -132,7 +132,9 @@ class Checker:
         begins = score_times.check(score, piece)
         if self.collector.has_errors():
             return piece
-        return replace(piece, starts=start_beats(piece, begins, score_times.known, self.collector))
+        return replace(
+            piece, starts=start_beats(piece, begins, score_times.known_plays, self.collector)
+        )
 
     def _computed_instruments(
         self,
@@ -299,7 +301,7 @@ class Checker:
         if not isinstance(values, Values) or not melodies.has_required_fields(values):
             return None
         phrase = self._phrases().get(values["play"]) if values.written("play") else None
-        tuning_context = in_tuning(values, phrase, self.part_names)
+        tuning_context = strikes_tuning(values, phrase, self.part_names)
         if tuning_context is None:
             return None
         with tuning_context:

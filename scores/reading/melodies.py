@@ -163,8 +163,8 @@ def in_quarter_notes(
     if not is_midi(phrase):
         return phrase_hits, phrase_length
 
-    def quarters(of_file: Length) -> Length:
-        return replace(of_file, beats=0.0, quarters=of_file.beats)
+    def quarters(file_length: Length) -> Length:
+        return replace(file_length, beats=0.0, quarters=file_length.beats)
 
     hits_in_quarters = (
         replace(hit, at=quarters(hit.at), lasting=hit.lasting and quarters(hit.lasting))
@@ -177,13 +177,13 @@ def in_quarter_notes(
 def played_rows(
     phrase: Values,
     strike_values: Values,
-    chain: Iterable[Transform],
+    transforms: Iterable[Transform],
     voices: NoteTargets,
     score_files: Files,
     phrases: Mapping[str, Any],
 ) -> tuple[Sequence[Row], NoteTargets, Length] | None:
-    """The rows of a phrase as strikes play them after the transformations of a `chain`, with the
-    notes they may name and the phrase's length; None if an error was reported.
+    """The rows of a phrase as strikes play them after the `transforms`, with
+    the notes they may name and the phrase's length; None if an error was reported.
     """
     phrase_length: Length | None
     if is_midi(phrase):
@@ -214,7 +214,7 @@ def played_rows(
         )
         return None
     try:
-        rows, phrase_length = transformed_rows(rows, phrase_length, chain, voices.mirrored)
+        rows, phrase_length = transformed_rows(rows, phrase_length, transforms, voices.mirrored)
     except TextError as error:
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
@@ -342,13 +342,13 @@ def _hits_of_rows(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) 
         if not row_level.is_strength:
             phrase_hits.append(replace(phrase_hit, to=strike_targets))
             continue
-        by_reach: dict[ImpulseRange, list[Target]] = {}
+        targets_by_range: dict[ImpulseRange, list[Target]] = {}
         for strike_target in strike_targets:
             impulse_range = voices.part_names.required_impulse_range(strike_target, strikes_label)
             if impulse_range is not None:
-                by_reach.setdefault(impulse_range, []).append(strike_target)
+                targets_by_range.setdefault(impulse_range, []).append(strike_target)
         phrase_hits += [
             replace(phrase_hit, to=tuple(targets), reach=impulse_range)
-            for impulse_range, targets in by_reach.items()
+            for impulse_range, targets in targets_by_range.items()
         ]
     return tuple(phrase_hits)

@@ -68,7 +68,7 @@ class Striking:
         piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
         if strikes.along:
             return max(axis.play(collector) for axis in self._strikes_by_axis())
-        begin_beat, stop_beat = tempo.resolve(strikes.at), strikes.stop(tempo)
+        begin_beat, stop_beat = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
         try:
             if strikes.is_melody:
                 return self._strike_melody()

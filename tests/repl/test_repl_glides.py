@@ -57,7 +57,7 @@ def test_pitch_glide_of_string_live_and_saved(session, tmp_path):
     session.ok("play from 1|1")
     session.ok("set bell.s.f A3 over 2bar")
     session.run(8.0)
-    begun = session.session.schedule.running.clock.began_at
+    begun = session.session.schedule.running.clock.begin_instant
     (entry,) = session.session.schedule.head.piece.automation
     tempo = session.session.schedule.head.piece.tempo_map
     start = begun + tempo.seconds(tempo.resolve(entry.at))
