@@ -141,9 +141,9 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
         if players:
             request_text = _LET_GO_MESSAGE if len(players) == 1 else _LET_GO_ALL_MESSAGE
             report.say(request_text.format(", ".join(players)))
-        axes_tried = _tried_together(boards, uncalibrated_axes, calibrations)
+        tried_axes = _try_together(boards, uncalibrated_axes, calibrations)
         for board, axes, board_calibrations, new_axes in zip(
-            boards, uncalibrated_axes, calibrations, axes_tried, strict=True
+            boards, uncalibrated_axes, calibrations, tried_axes, strict=True
         ):
             for number, player in axes:
                 _find_direction(
@@ -160,7 +160,7 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
     ]
 
 
-def _tried_together(
+def _try_together(
     boards: Sequence[Board],
     uncalibrated_axes: Sequence[Sequence[tuple[int, str]]],
     calibrations: Sequence[dict[int, Axis]],

@@ -93,13 +93,13 @@ def never_closed_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic
         for closing in simulated.contacts
         if closing.times
     }
-    nearest_of: dict[str, ContactClosings] = {}
+    nearest_by_contact: dict[str, ContactClosings] = {}
     for closing in simulated.contacts:
-        nearest_before = nearest_of.get(closing.contact.full_name)
+        nearest_before = nearest_by_contact.get(closing.contact.full_name)
         if nearest_before is None or closing.deepest > nearest_before.deepest:
-            nearest_of[closing.contact.full_name] = closing
+            nearest_by_contact[closing.contact.full_name] = closing
     warnings = []
-    for closing in nearest_of.values():
+    for closing in nearest_by_contact.values():
         if shared_name(closing.contact.full_name, families) in closed:
             continue
         contact, nearest = closing.contact, scores.where(piece, closing.deepest_at / simulated.rate)

@@ -296,13 +296,13 @@ def _edited_texts(
         edited_texts = tunable_part.with_values(edited_texts, tuned_values)
     except EditError as error:
         return None, str(error)
-    other_files = [
+    linked_files = [
         file
         for file, text in edited_texts.overlay.items()
         if original_texts.overlay.get(file) != text
     ]
-    if other_files:
-        file_list = ", ".join(other_files)
+    if linked_files:
+        file_list = ", ".join(linked_files)
         return (
             None,
             f"{tunable_part.name} is written in {file_list}, which other scores may use: set it "
@@ -420,7 +420,7 @@ class _Search:
 
         network = self.part.network(values)
         elements = network.elements([self.part.name])
-        n, last_mode = len(elements.mats), max(self.wanted)
+        n_mats, last_mode = len(elements.mats), max(self.wanted)
         n_modes = last_mode + 2
         while True:
             try:
@@ -430,9 +430,9 @@ class _Search:
             swings = np.flatnonzero(
                 (part_modes.poles.imag > 0) & ~stretches_no_spring(part_modes.shapes, elements)
             )
-            if len(swings) >= last_mode or n_modes >= n:
+            if len(swings) >= last_mode or n_modes >= n_mats:
                 break
-            n_modes = min(n, 2 * n_modes)
+            n_modes = min(n_mats, 2 * n_modes)
         if len(swings) < last_mode:
             has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
             reason = f"mode {last_mode} is wanted, but {self.part.name} has {has}"
@@ -455,7 +455,7 @@ class _Search:
         poles: NDArray[np.complex128],
         shapes: NDArray[np.complex128],
         elements: _core.Elements,
-        value: TunableValue,
+        tunable: TunableValue,
         number: float,
         numbers: Mapping[FieldKey, float],
     ) -> NDArray[np.float64]:
@@ -463,14 +463,14 @@ class _Search:
 
         from ergon import _core
 
-        def elements_at(factor: float) -> _core.Elements:
-            network = self.part.network({**numbers, value.field_key: number * factor})
+        def elements_with(factor: float) -> _core.Elements:
+            network = self.part.network({**numbers, tunable.field_key: number * factor})
             return network.elements([self.part.name])
 
         try:
             modes_above, modes_below = (
-                elements_at(math.exp(_LOG_NUDGE)),
-                elements_at(math.exp(-_LOG_NUDGE)),
+                elements_with(math.exp(_LOG_NUDGE)),
+                elements_with(math.exp(-_LOG_NUDGE)),
             )
         except _core.EngineError:  # the value is at the limit of its range, and stays
             return np.zeros(len(poles))
@@ -506,10 +506,10 @@ def _least_step(
     """The smallest step that minimises the error for these slopes, and their rank."""
     import numpy as np
 
-    u, singular_values, v = np.linalg.svd(slopes, full_matrices=False)
+    left_vectors, singular_values, right_vectors = np.linalg.svd(slopes, full_matrices=False)
     sensitive = singular_values > _SLOPE_RATIO_MIN
-    weights = (u.T @ -residuals)[sensitive] / singular_values[sensitive]
-    return np.asarray(v[sensitive].T @ weights), int(sensitive.sum())
+    weights = (left_vectors.T @ -residuals)[sensitive] / singular_values[sensitive]
+    return np.asarray(right_vectors[sensitive].T @ weights), int(sensitive.sum())
 
 
 if TYPE_CHECKING:

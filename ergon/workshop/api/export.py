@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.api import score as scores
-from ergon.api.modes import modes_of
+from ergon.api.modes import compute_modes
 from ergon.api.options import ReadOptions
 from ergon.api.parts import frequency_option, selected_parts
 from ergon.common.option import documented, option
@@ -80,7 +80,7 @@ def mode_tables(
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
         all_modes = [
-            modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in part_names
+            compute_modes(piece, built, name, {"to": upto}, loaded.inputs) for name in part_names
         ]
         modes_and_points = [
             (modes, {**modes.points, **shapes_at_contacts(piece, built, modes)})
@@ -185,7 +185,7 @@ def part_banks(
     with (report or Report()).waiting("computing modes"):
         prepared = prepare(piece)
         for name in names:
-            modes = modes_of(piece, prepared.built, name, {"to": upto}, inputs)
+            modes = compute_modes(piece, prepared.built, name, {"to": upto}, inputs)
             if modes.masses:
                 bank = bank_of(piece, prepared, modes, n_modes_max)
                 banks.append((bank, tuple(omissions(modes))))
@@ -287,9 +287,7 @@ def _struck_points(piece: Piece, part_names: Sequence[str]) -> list[Target]:
 
 
 def _table(
-    part_modes: PartModes,
-    shapes: Mapping[str, NDArray[np.complex128]],
-    ca_rate: float | None,
+    part_modes: PartModes, shapes: Mapping[str, NDArray[np.complex128]], ca_rate: float | None
 ) -> ExportedPart:
     import numpy as np
 
