@@ -51,7 +51,7 @@ class ListEdit:
 
     def window(self, text: str, section: Section) -> Window | None:
         """The changed items as a text of their own; None if they cannot stand alone."""
-        return last_items(text, section.name, section.value, self.path[1:], self.first_index)
+        return last_items(text, section.name, section.node, self.path[1:], self.first_index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class Texts:
         The result of a sealed score without mistakes is kept.
         """
         with self.memory.lock:
-            last_loaded = self.memory.last
+            last_loaded = self.memory.last_reading
             if self.sealed and last_loaded is not None and last_loaded[0] == self:
                 loaded: Loaded = last_loaded[1]
                 return loaded
@@ -112,7 +112,7 @@ class Texts:
                 sealed=self.sealed,
             )
             if self.sealed and loaded.piece is not None:
-                self.memory.last = self, loaded
+                self.memory.last_reading = self, loaded
             return loaded
 
     def document(self, file: str | None = None) -> Document:
@@ -206,7 +206,7 @@ class Texts:
         """Edit the value at a path; if possible, only its line and those below it are parsed."""
 
         def window(text: str, section: Section) -> Window | None:
-            return line_window(text, section.name, section.value, path[1:])
+            return line_window(text, section.name, section.node, path[1:])
 
         def change_document(document_now: Document, _: int) -> str:
             return change(document_now)
@@ -295,7 +295,7 @@ class Texts:
     def section(self, name: str) -> Node | None:
         """The node of a section; its line numbers may be relative to the section."""
         if (section := self._composed_section(name)) is not None:
-            return section.value
+            return section.node
         read_document = self.load().files.get(self.path) if self.sealed else None
         root = (self.document() if read_document is None else read_document).root
         return root.get(name) if isinstance(root, document.Mapping) else None

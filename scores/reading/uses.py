@@ -106,7 +106,7 @@ class Uses:
                 if document_names.tunings
                 else document_names.tuning
             )
-            memory.under(document.file, all_tunings)
+            memory.set_condition(document.file, all_tunings)
         context = Context(self.collector, memory=memory, tunings=document_names.tunings)
         with tuning.used(document_names.tuning):
             score = SCORE.read(document.root, "", context)
