@@ -79,12 +79,12 @@ def mode_tables(
     ca_rates = {name: modes.ca_rate for name, modes in piece.instruments.items()}
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        all_modes = [
+        modes_by_part = [
             compute_modes(piece, built, name, {"to": upto}, loaded.inputs) for name in part_names
         ]
         modes_and_points = [
             (modes, {**modes.points, **shapes_at_contacts(piece, built, modes)})
-            for modes in all_modes
+            for modes in modes_by_part
         ]
     return tuple(
         _table(modes, points, ca_rates.get(modes.part))
@@ -123,13 +123,13 @@ def faust_programs(
     bank_names = [name for name in options.parts if _is_bank(piece, name)]
     if not bank_names:
         return _programs(score, loaded, options, program, points_max=NETWORK_MAX)
-    other_parts = [name for name in options.parts if name not in bank_names]
+    remaining_parts = [name for name in options.parts if name not in bank_names]
     with scores.staging(lambda: loaded, report):
         exported = banks_of(
             piece, loaded.inputs, bank_names, FREQUENCY_MAX, bank_program, RESONATORS, report
         )
-    if other_parts:
-        part_options = replace(options, parts=other_parts)
+    if remaining_parts:
+        part_options = replace(options, parts=remaining_parts)
         exported += _programs(score, loaded, part_options, program, points_max=NETWORK_MAX)
     return tuple(
         sorted(exported, key=lambda exported_part: options.parts.index(exported_part.part))

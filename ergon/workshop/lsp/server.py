@@ -157,19 +157,21 @@ class Server(LanguageServer):
         self, uri: str, open_document: _OpenDocument, reported: Sequence[Diagnostic]
     ) -> None:
         """Publish each diagnostic in the document that it is about, and clear the earlier ones."""
-        by_uri: dict[str, list[t.Diagnostic]] = {
+        diagnostics_by_uri: dict[str, list[t.Diagnostic]] = {
             uri: [],
             **{old: [] for old in open_document.diagnostic_uris},
         }
         for diagnostic in reported:
             diagnostic_uri = _uri(diagnostic.place.file, uri)
-            by_uri.setdefault(diagnostic_uri, []).append(
+            diagnostics_by_uri.setdefault(diagnostic_uri, []).append(
                 self._diagnostic(diagnostic_uri, diagnostic)
             )
         open_document.diagnostic_uris = {
-            diagnostic_uri for diagnostic_uri, diagnostics in by_uri.items() if diagnostics
+            diagnostic_uri
+            for diagnostic_uri, diagnostics in diagnostics_by_uri.items()
+            if diagnostics
         }
-        for diagnostic_uri, diagnostics in by_uri.items():
+        for diagnostic_uri, diagnostics in diagnostics_by_uri.items():
             self.text_document_publish_diagnostics(
                 t.PublishDiagnosticsParams(diagnostic_uri, diagnostics)
             )
