@@ -39,13 +39,13 @@ def has_single(values: Values, *groups: tuple[str, ...]) -> bool:
     """Whether fields of exactly one group are written; reports two, or none."""
     written_groups = [group for group in groups if values.written(*group)]
     if len(written_groups) > 1:
-        kept_field, surplus_field = (
+        first_field, surplus_field = (
             values.written(*written_groups[0])[0],
             values.written(*written_groups[1])[0],
         )
         values.error(
             "E111",
-            f"{values.context.label(surplus_field)}: {kept_field} is written too; keep one of "
+            f"{values.context.label(surplus_field)}: {first_field} is written too; keep one of "
             "the two",
             surplus_field,
         )

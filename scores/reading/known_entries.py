@@ -62,42 +62,30 @@ class KnownEntries:
         `find_modules` tells on which modules something depends; None: it is read each time.
         `owner` gives the part of a name.
         """
-        old_section: _Section | None = None
+        memo: _Section | None = None
         if self._memory is not None:
-            old_section = self._memory.held(self._name, None)
-        if old_section is None:
-            old_section = _Section(None, (), (), [], Counter(), {})
-        new_states = {module: _module_state(module, names, owner) for module in old_section.states}
-        changed_modules = {
-            module for module, state in old_section.states.items() if new_states[module] != state
-        }
-        if (
-            old_section.section is section
-            and not changed_modules
-            and None not in old_section.results
-        ):
-            names.referenced_parts |= {
-                part for part, _ in old_section.uses if owner(part) is not None
-            }
-            return old_section.meanings
+            memo = self._memory.held(self._name, None)
+        if memo is None:
+            memo = _Section(None, (), (), [], Counter(), {})
+        new_states = {module: _module_state(module, names, owner) for module in memo.states}
+        changed = {module for module, state in memo.states.items() if new_states[module] != state}
+        if memo.section is section and not changed and None not in memo.results:
+            names.referenced_parts |= {part for part, _ in memo.uses if owner(part) is not None}
+            return memo.meanings
         section_entries = tuple(section.values() if isinstance(section, Mapping) else section)
-        change = changed_part(old_section.entries, section_entries)
-        removed = old_section.results[change.start : change.start + len(change.before)]
-        known_results: list[_Meaning | None] = change.put(
-            old_section.results, [None] * len(change.now)
-        )
-        if changed_modules:
+        change = changed_part(memo.entries, section_entries)
+        removed = memo.results[change.start : change.start + len(change.before)]
+        known_results: list[_Meaning | None] = change.put(memo.results, [None] * len(change.now))
+        if changed:
             stale: list[_Meaning | None] = [
                 result
                 for result in known_results
-                if result and not changed_modules.isdisjoint(result.modules or ())
+                if result and not changed.isdisjoint(result.modules or ())
             ]
             removed += stale
-            stale_ids = {*map(id, stale)}
-            known_results = [
-                None if id(result) in stale_ids else result for result in known_results
-            ]
-        uses = old_section.uses.copy()
+            ids = {*map(id, stale)}
+            known_results = [None if id(result) in ids else result for result in known_results]
+        uses = memo.uses.copy()
         uses.subtract(chain.from_iterable(result.modules or () for result in removed if result))
         unknown_indices = [number for number, result in enumerate(known_results) if result is None]
         for entry_index in unknown_indices:
@@ -115,28 +103,26 @@ class KnownEntries:
             w: new_states[w] if w in new_states else _module_state(w, names, owner) for w in uses
         }
         names.referenced_parts |= {part for part, _ in uses if owner(part) is not None}
-        is_replacement = len(unknown_indices) == len(change.now) and len(
-            old_section.meanings
-        ) == len(old_section.entries)
+        is_replacement = len(unknown_indices) == len(change.now) and len(memo.meanings) == len(
+            memo.entries
+        )
         new_entries = [
             known_result.entry
             for number in unknown_indices
             if (known_result := known_results[number]) is not None
         ]
-        if is_replacement and len(new_entries) == len(unknown_indices) and not changed_modules:
-            meanings = tuple(change.put(old_section.meanings, new_entries))
+        if is_replacement and len(new_entries) == len(unknown_indices) and not changed:
+            meanings = tuple(change.put(memo.meanings, new_entries))
         else:
             meanings = tuple([result.entry for result in known_results if result is not None])
         if self._memory is not None:
-            remembered_results = [*known_results]
+            remembered = [*known_results]
             for entry_index in unknown_indices:
                 if (
                     known_result := known_results[entry_index]
                 ) is not None and known_result.modules is None:
-                    remembered_results[entry_index] = None
-            new_section = _Section(
-                section, section_entries, meanings, remembered_results, uses, states
-            )
+                    remembered[entry_index] = None
+            new_section = _Section(section, section_entries, meanings, remembered, uses, states)
             self._memory.hold(self._name, None, new_section)
         return meanings
 

@@ -532,15 +532,15 @@ def integer(text: str, low_bound: int, high_bound: int) -> int:
     """A whole number within bounds; `1e4` is accepted."""
     word = _trimmed(text)
     if re.fullmatch(r"[+-]?\d{1,30}", word):  # not through a float: seeds have 64 bits
-        whole_number = int(word)
+        integer_value = int(word)
     elif (number := quantity(word, NUMBER)) == int(number):
-        whole_number = int(number)
+        integer_value = int(number)
     else:
         raise TextError(f"{quote(word)} is not a whole number", length=len(word), code="E201")
-    if not low_bound <= whole_number <= high_bound:
+    if not low_bound <= integer_value <= high_bound:
         message = f"{quote(word)} lies outside the range from {low_bound:,} to {high_bound:,}"
         raise TextError(message, length=len(word), code="E202")
-    return whole_number
+    return integer_value
 
 
 def level_between(low: float, high: float, share: float) -> float:

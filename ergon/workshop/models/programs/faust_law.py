@@ -152,29 +152,23 @@ class Laws:
         """A power by repeated squaring, from the highest bit of the exponent down, as the engine
         does.
         """
-        whole_exponent = _integer_exponent(exponent)
-        if whole_exponent is None:
+        degree = _integer_exponent(exponent)
+        if degree is None:
             return f"pow({self._faust(base, faust_names)}, {self._faust(exponent, faust_names)})"
         base_text = power_text = self._faust(base, faust_names, _PRECEDENCE_MAX)
-        for bit in bin(abs(whole_exponent))[3:]:
+        for bit in bin(abs(degree))[3:]:
             self.helpers.add("square")
             power_text = f"square({power_text})" + (f"*{base_text}" if bit == "1" else "")
-        power_text = (
-            power_text
-            if abs(whole_exponent) == 1
-            else f"({power_text})"
-            if whole_exponent
-            else "1.0"
-        )
-        return f"(1.0/{power_text})" if whole_exponent < 0 else power_text
+        power_text = power_text if abs(degree) == 1 else f"({power_text})" if degree else "1.0"
+        return f"(1.0/{power_text})" if degree < 0 else power_text
 
 
 def _integer_exponent(node: ast.expr) -> int | None:
     match node:
-        case ast.Constant(value=float(exponent_value)) if (
-            exponent_value == int(exponent_value) and exponent_value <= _INTEGER_EXPONENT_MAX
+        case ast.Constant(value=float(degree)) if (
+            degree == int(degree) and degree <= _INTEGER_EXPONENT_MAX
         ):
-            return int(exponent_value)
+            return int(degree)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             magnitude = _integer_exponent(operand)
             return None if magnitude is None else -magnitude
