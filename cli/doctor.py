@@ -181,8 +181,8 @@ def _device(console: Console, url: str, test_seconds: float, ticks: bool) -> Non
 
 def _tell(console: Console, finding: Finding) -> None:
     if console.json:
-        console.record(finding.what, **finding.numbers, said=finding.sentence, todo=finding.todo)
+        console.record(finding.topic, **finding.numbers, said=finding.sentence, todo=finding.advice)
         return
-    console.data(f"{finding.what:8} {finding.sentence}\n")
-    if finding.todo:
-        console.data(f"{'':8} -> {finding.todo}\n")
+    console.data(f"{finding.topic:8} {finding.sentence}\n")
+    if finding.advice:
+        console.data(f"{'':8} -> {finding.advice}\n")

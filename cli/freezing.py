@@ -63,8 +63,8 @@ def _say(console: Console, prepared: PreparedFreeze, *, dry: bool) -> None:
     console.say(
         f"{prepared.folder} {holds_word} {', '.join(taps)}: {length}, {outputs}, {octets(n_bytes)}"
     )
-    if prepared.stage.fades_from is not None:
-        tail = seconds((n_frames - prepared.stage.fades_from) / prepared.stage.rate)
+    if prepared.stage.fade_start is not None:
+        tail = seconds((n_frames - prepared.stage.fade_start) / prepared.stage.rate)
         console.say(
             f"of this, {tail} come after the last event, for the tail of the score is `auto` and "
             "frozen parts have to last until everything has faded; `render: {tail: 10s}` in the "

@@ -63,7 +63,7 @@ def compare(console: Console, first_path: str, other: str) -> None:
                 "figure",
                 name=_called(difference),
                 a=difference.first,
-                b=difference.other,
+                b=difference.second,
                 deviation=difference.deviation,
                 deviations=difference.deviations,
             )
@@ -78,7 +78,7 @@ def compare(console: Console, first_path: str, other: str) -> None:
 def _called(difference: Difference) -> str:
     """The name of a figure; with both numbers of its mode if the files number it differently."""
     figure_name, second_name = difference.names
-    if figure_name == second_name or difference.other is None:
+    if figure_name == second_name or difference.second is None:
         return figure_name
     return (
         second_name
@@ -96,12 +96,12 @@ def _row(difference: Difference) -> str:
     label = f"{mode.replace('mode', 'mode ')} {parameter_name}" if parameter_name else figure_name
     a, b = (
         f"{'none':>12}" if x is None else f"{x * scale:12.5g}"
-        for x in (difference.first, difference.other)
+        for x in (difference.first, difference.second)
     )
     interval_text = (
         ""
-        if difference.first is None or difference.other is None
-        else f"{(difference.other - difference.first) * scale:.4g}"
+        if difference.first is None or difference.second is None
+        else f"{(difference.second - difference.first) * scale:.4g}"
     )
     deviations_text = "" if difference.deviations is None else f"{difference.deviations:.3g}"
     return (
@@ -124,7 +124,7 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
     without_deviation = [
         _called(difference)
         for difference in compared
-        if difference.first is None or difference.other is None
+        if difference.first is None or difference.second is None
     ]
     if deviating:
         listing = ", ".join(

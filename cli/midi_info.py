@@ -51,7 +51,7 @@ def midi(console: Console, path: Path) -> None:
             "midi",
             file=str(path),
             format=file.format,
-            ticks_per_quarter=file.ticks,
+            ticks_per_quarter=file.ticks_per_quarter,
             duration_s=duration,
             quarters=file.length,
             tracks=[_fields(track) for track in file.tracks],
@@ -63,7 +63,7 @@ def midi(console: Console, path: Path) -> None:
         return
     lines = [
         f"{path}: MIDI file of format {file.format}, {seconds(duration)} "
-        f"({file.length:g} quarters of {plural(file.ticks, 'tick')}), "
+        f"({file.length:g} quarters of {plural(file.ticks_per_quarter, 'tick')}), "
         f"{plural(len(file.tracks), 'track')}"
     ]
     for number, track in enumerate(file.tracks, 1):

@@ -42,5 +42,7 @@ def musicxml(path: Path) -> tuple[dict[str, object], list[str]]:
         "tempo": changes(tempos, "120 bpm, for the file says none"),
         "meter": changes(score.meters, "4/4, for the file says none"),
     }
-    passed_over = [plural(count, noun) for noun, count in sorted(score.passed.items()) if count]
+    passed_over = [
+        plural(count, noun) for noun, count in sorted(score.skipped_counts.items()) if count
+    ]
     return figures_read, passed_over

@@ -121,10 +121,10 @@ class ShownPerformance:
         sound_events = performance.sound_events()
         status = performance.status()
         for _, sentence in sound_events[self._sound_events :]:
-            for _, line in self._notices.shown(status.frame, "sound", sentence):
+            for _, line in self._notices.add_notice(status.frame, "sound", sentence):
                 self._say(line)
         self._sound_events = len(sound_events)
-        self._say_at(self._notices.due(status.frame))
+        self._say_at(self._notices.due_lines(status.frame))
         self._remark()
         recording = performance.recording_trouble()
         self._doubt(recording)
@@ -159,7 +159,7 @@ class ShownPerformance:
             event_frame, event_kind, number = event
             if sentence := event_sentence(event, self._players, self._boards):
                 seconds = number if event_kind == "lost" else 0.0
-                self._say_at(self._notices.shown(event_frame, event_kind, sentence, seconds))
+                self._say_at(self._notices.add_notice(event_frame, event_kind, sentence, seconds))
 
     def _say_at(self, lines: Sequence[tuple[int, str]]) -> None:
         """Say lines, each with the place in the piece of its frame."""
@@ -178,7 +178,7 @@ class ShownPerformance:
         was ended.
         """
         self._clear()
-        self._say_at(self._notices.rest())
+        self._say_at(self._notices.last_lines())
         for sentence in self._hands.summaries():
             self._say(sentence)
 
@@ -201,7 +201,7 @@ class ShownPerformance:
         }
         if sound_input.live:
             record_fields["input_gaps"] = sound_input.gaps
-        if self._osc is not None and (ignored := self._osc.malformed):
+        if self._osc is not None and (ignored := self._osc.n_malformed):
             self._console.warn(f"{ignored} datagrams were not valid OSC and were ignored")
         if self._console.json:
             self._console.record("played", **record_fields)

@@ -88,7 +88,7 @@ def _play(
                 console, stage, performance, prepared.hands, strict=strict, plain=plain
             )
             shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
-            if not play_options.loop or (osc is not None and osc.stopped):
+            if not play_options.loop or (osc is not None and osc.is_stop_requested):
                 return
             if play_options.until is None:
                 config = replace(config, start=0)

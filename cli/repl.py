@@ -74,7 +74,7 @@ def repl(
 
 def _prompt(session: SessionProtocol, watch: SignalWatch, *, plain: bool, strict: bool) -> None:
     """Read lines until the user leaves."""
-    from ergon.repl.prompt.run import history_of_user, run
+    from ergon.repl.prompt.run import run, user_history
 
-    if run(session, plain=plain, strict=strict, history=history_of_user(), watch=watch):
+    if run(session, plain=plain, strict=strict, history=user_history(), watch=watch):
         raise Findings

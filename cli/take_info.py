@@ -152,7 +152,7 @@ def _table(console: Console, path: Path) -> None:
                 {"name": c.name, "low": c.low, "high": c.high, "not_finite": c.n_missing}
                 for c in channels
             ],
-            passed_over=list(table.passed_over),
+            passed_over=list(table.unread),
         )
         return
     words = [plural(table.n_rows, "sample")]
@@ -165,7 +165,7 @@ def _table(console: Console, path: Path) -> None:
         else f"  {c.name}: never seen"
         for c in channels
     ]
-    lines += [f"  passed over: {passed_over}" for passed_over in table.passed_over]
+    lines += [f"  passed over: {passed_over}" for passed_over in table.unread]
     console.data("\n".join(printable(line) for line in lines) + "\n")
 
 

@@ -160,13 +160,13 @@ def shown_of(
 
 
 def _shown_motion(console: Console, path: Path, sound_path: Path | None, folder: Path) -> Shown:
-    from ergon.api.viewing import Shown, for_two_ears, sound_beside
+    from ergon.api.viewing import Shown, binaural_file, sound_beside
     from ergon.exchange.wave_header import NotWaveError
 
     sound_file = sound_path or sound_beside(path, console)
     try:
         return Shown(
-            path, None if sound_file is None else for_two_ears(sound_file, folder, console)
+            path, None if sound_file is None else binaural_file(sound_file, folder, console)
         )
     except NotWaveError as error:
         raise Refused(f"{sound_file}: {error}") from None

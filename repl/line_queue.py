@@ -65,7 +65,7 @@ class LineQueue(Generic[Sender]):
     def end(self) -> None:
         """End the queue: no further line comes."""
         self._stops += 1
-        self._session.input_ends()
+        self._session.end_input()
         self._waiting.put(None)
 
     def next(self) -> QueuedLine[Sender] | None:

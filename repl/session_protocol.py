@@ -118,7 +118,7 @@ class SessionProtocol(Protocol):
     def let_go(self) -> None:
         """End every force at once, until `release`; the sound goes on."""
 
-    def input_ends(self) -> None:
+    def end_input(self) -> None:
         """Note that no further line comes; a session that ends with its prompt ends all forces."""
 
     def cancel(self) -> bool:

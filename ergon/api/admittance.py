@@ -52,16 +52,13 @@ class AdmittanceOptions(ReadOptions):
             if frequencies.ndim != 1 or not np.all(np.isfinite(frequencies) & (frequencies > 0)):
                 raise OptionError("frequencies", "write a row of numbers above 0 [Hz]")
             return frequencies
-        low, high = (
-            frequency_option("low", self.low),
-            frequency_option("high", self.high),
-        )
+        low, high = (frequency_option("low", self.low), frequency_option("high", self.high))
         if not low < high:
             raise OptionError("high", f"is {high:g} Hz; it must be above low, {low:g} Hz")
         if self.count < 2:
             raise OptionError("count", f"is {self.count}; it must be at least 2")
-        spacing = np.linspace if self.linear else np.geomspace
-        return np.asarray(spacing(low, high, self.count))
+        sample_axis = np.linspace if self.linear else np.geomspace
+        return np.asarray(sample_axis(low, high, self.count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +109,10 @@ class Admittance:
             raise OptionError("svg", reason)
         frequency_list, levels = self.frequencies.tolist(), self.decibels.tolist()
         rows_by_output = zip(self.observed, levels, strict=True)
-        curves = [Curve(f"velocity of {name}", frequency_list, row) for name, row in rows_by_output]
+        curves = [
+            Curve(f"velocity of {name}", frequency_list, levels_row)
+            for name, levels_row in rows_by_output
+        ]
         return Picture(draw(curves, title=f"Admittance: force at {self.forced}"))
 
     def _repr_svg_(self) -> str:

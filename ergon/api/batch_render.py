@@ -62,10 +62,7 @@ class _RenderRequest:
 
 
 def render_several(
-    paths: Sequence[str | Path],
-    folder: str | Path | None,
-    options: FileOptions,
-    report: Report,
+    paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
 ) -> Iterator[Rendered]:
     """Render scores into the files that separate renders would write, or into files in `folder`.
 
@@ -74,23 +71,23 @@ def render_several(
     the engine refuses, or that diverges, is yielded with its error, and the others go on. Raises
     ClusterError.
     """
-    renders = _render_requests(paths, folder, options, report)
+    requests = _render_requests(paths, folder, options, report)
     if options.on is None:
-        for score in renders:
-            yield _render_one(score, report)
+        for request in requests:
+            yield _render_one(request, report)
         return
     from .cluster import open_cluster
 
     with open_cluster(options.on, report) as cluster:
-        yield from _render_concurrently(renders, cluster, report)
+        yield from _render_concurrently(requests, cluster, report)
 
 
 def staged_scores(
     paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
 ) -> Iterator[PreparedRender]:
     """Plan and stage these scores one after the other. Raises the errors of `prepare`."""
-    for score in _render_requests(paths, folder, options, report):
-        yield prepare(score.loaded, score.target, score.options, report)
+    for request in _render_requests(paths, folder, options, report):
+        yield prepare(request.loaded, request.target, request.options, report)
 
 
 def _render_requests(
@@ -114,30 +111,30 @@ def _render_requests(
             )
     read_scores = [(str(path), scores.read(path, file_options, report)) for path in paths]
     _refuse_mistakes([loaded for _, loaded in read_scores])
-    wanted_by_path: dict[Path, _RenderRequest] = {}
+    request_by_path: dict[Path, _RenderRequest] = {}
     for path, loaded in read_scores:
         target_file = target(path, loaded, None)
         if folder is not None:
             target_file = str(Path(folder, Path(target_file).name))
         resolved_file = Path(target_file).resolve()
-        if resolved_file in wanted_by_path:
+        if resolved_file in request_by_path:
             raise OptionError(
                 "output",
-                f"{wanted_by_path[resolved_file].score} and {path} would both be written to "
+                f"{request_by_path[resolved_file].score} and {path} would both be written to "
                 f"{target_file}; render one alone",
             )
         stems = file_options.stems
         score_options = replace(
             file_options, stems=None if stems is None else Path(stems, Path(target_file).stem)
         )
-        wanted_by_path[resolved_file] = _RenderRequest(path, loaded, target_file, score_options)
+        request_by_path[resolved_file] = _RenderRequest(path, loaded, target_file, score_options)
     input_paths = [
-        Path(input) for score in wanted_by_path.values() for input in score.loaded.inputs
+        Path(input) for score in request_by_path.values() for input in score.loaded.inputs
     ]
-    for score in wanted_by_path.values():
+    for score in request_by_path.values():
         check_ending(score.target)
         check_target(Path(score.target), force=file_options.force, inputs=input_paths)
-    return list(wanted_by_path.values())
+    return list(request_by_path.values())
 
 
 def _refuse_mistakes(loaded_scores: Sequence[Loaded]) -> None:
@@ -153,12 +150,12 @@ def _refuse_mistakes(loaded_scores: Sequence[Loaded]) -> None:
         )
 
 
-def _render_one(score: _RenderRequest, report: Report) -> Rendered:
+def _render_one(request: _RenderRequest, report: Report) -> Rendered:
     try:
-        prepared = prepare(score.loaded, score.target, score.options, report)
-        return Rendered(score.score, write(prepared, report))
+        prepared = prepare(request.loaded, request.target, request.options, report)
+        return Rendered(request.score, write(prepared, report))
     except (ErgonError, _core.EngineError) as error:
-        return Rendered(score.score, None, error)
+        return Rendered(request.score, None, error)
 
 
 # --- together -----------------------------------------------------------------------------------
@@ -179,16 +176,14 @@ def _render_concurrently(
 ) -> Iterator[Rendered]:
     """Render scores at the same time, as many as keep all workers busy."""
     locked_report = _LockedReport(report)
-    renders_left = list(reversed(renders))
+    waiting_renders = list(reversed(renders))
     running: dict[cf.Future[Completed], _SharedRender] = {}
-    workers_max = min(_CONCURRENT_SCORES_MAX, 2 * cluster.count + 1)
-    with cf.ThreadPoolExecutor(workers_max, "ergon-render") as pool:
+    n_renders_max = min(_CONCURRENT_SCORES_MAX, 2 * cluster.count + 1)
+    with cf.ThreadPoolExecutor(n_renders_max, "ergon-render") as pool:
         try:
-            while renders_left or running:
-                if renders_left and _may_start_another(
-                    running.values(), cluster.count, workers_max
-                ):
-                    score = renders_left.pop()
+            while waiting_renders or running:
+                if waiting_renders and _has_room(running.values(), cluster.count, n_renders_max):
+                    score = waiting_renders.pop()
                     try:
                         prepared = prepare(score.loaded, score.target, score.options, locked_report)
                     except (ErgonError, _core.EngineError) as error:
@@ -201,24 +196,24 @@ def _render_concurrently(
                         )
                     ] = score_work
                 # If there is room for another score, do not wait: yield only what has ended by now.
-                has_more = bool(renders_left) and _may_start_another(
-                    running.values(), cluster.count, workers_max
+                has_more = bool(waiting_renders) and _has_room(
+                    running.values(), cluster.count, n_renders_max
                 )
-                limit = 0.0 if has_more else _POLL_SECONDS
-                for future in cf.wait(running, limit, cf.FIRST_COMPLETED).done:
-                    yield _result_of(running.pop(future).score, future)
+                wait_seconds = 0.0 if has_more else _POLL_SECONDS
+                for future in cf.wait(running, wait_seconds, cf.FIRST_COMPLETED).done:
+                    yield _rendered_from(running.pop(future).score, future)
         finally:
             for score_work in running.values():  # renders still running after an error or Ctrl-C
                 score_work.work.cancel()
 
 
-def _may_start_another(running: Iterable[_SharedRender], n_renders: int, limit: int) -> bool:
+def _has_room(running: Iterable[_SharedRender], n_workers: int, n_renders_max: int) -> bool:
     """Whether workers may be idle, and memory is left for another score."""
     running_list = list(running)
-    return len(running_list) < limit and (
+    return len(running_list) < n_renders_max and (
         not running_list
         or (
-            sum(running_render.n_chains for running_render in running_list) < chain_count(n_renders)
+            sum(running_render.n_chains for running_render in running_list) < chain_count(n_workers)
             and sum(running_render.n_modules for running_render in running_list) < MODULES_MAX
         )
     )
@@ -237,7 +232,7 @@ def _write_score(
         return write(prepared, report, cluster)
 
 
-def _result_of(score: str, future: cf.Future[Completed]) -> Rendered:
+def _rendered_from(score: str, future: cf.Future[Completed]) -> Rendered:
     """The result of a score. Raises ClusterError, and any other error that concerns all scores."""
     error = future.exception()
     if error is None:

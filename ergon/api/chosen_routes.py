@@ -36,14 +36,14 @@ def choose_routes(loaded: Loaded, only: str | None, except_: str | None) -> Load
     routes = tuple(
         route
         for route in piece.mix.routes
-        if _is_from(piece, route, chosen_names) == (option_name == "only")
+        if _is_route_of(piece, route, chosen_names) == (option_name == "only")
     )
     if not routes:
         raise OptionError(option_name, "no instrument is left that is heard", value=names_text)
     return replace(loaded, piece=replace(piece, mix=replace(piece.mix, routes=routes)))
 
 
-def _is_from(piece: Piece, route: Route, names: Collection[str]) -> bool:
+def _is_route_of(piece: Piece, route: Route, names: Collection[str]) -> bool:
     families = piece.note_families()
     return route.part in names or families.get(str(route.part), "") in names
 

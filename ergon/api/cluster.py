@@ -65,7 +65,7 @@ class Cluster:
     count: int
     on: str
     _shares_by_worker: dict[str, _WorkerShare] = field(default_factory=dict)
-    _telling: threading.Lock = field(default_factory=threading.Lock)
+    _share_lock: threading.Lock = field(default_factory=threading.Lock)
 
     def executor(self) -> Executor:
         """An executor on the workers; a task is repeated if its worker dies."""
@@ -74,15 +74,15 @@ class Cluster:
 
     def wait(self, futures: Sequence[Future[Any]]) -> None:
         """Return when one of the futures has ended. Raises ClusterError if no worker is left."""
-        n_polls_without = 0
+        n_lost_polls = 0
         while not cf.wait(futures, _POLL_SECONDS, FIRST_COMPLETED).done:
             _core.poll()
             if self.client.status == "running" and self._n_workers():
-                n_polls_without = 0
+                n_lost_polls = 0
                 continue
-            n_polls_without += 1
-            if self.client.status in ("closing", "closed") or n_polls_without > _LOST_POLLS_MAX:
-                raise self.lost()
+            n_lost_polls += 1
+            if self.client.status in ("closing", "closed") or n_lost_polls > _LOST_POLLS_MAX:
+                raise self.lost_error()
 
     def computed(
         self, items: Iterable[K], submit: Callable[[Executor, K], Future[V]]
@@ -101,7 +101,7 @@ class Cluster:
         except ClusterError:
             raise
         except CancelledError:
-            raise self.lost() from None
+            raise self.lost_error() from None
         except ImportError as error:
             raise ClusterError(
                 f"a worker lacks what it needs ({error}); install the same ergon there: "
@@ -115,7 +115,7 @@ class Cluster:
                 ) from None
             raise ClusterError(f"a worker failed: {type(error).__name__}: {error}") from None
 
-    def lost(self) -> ClusterError:
+    def lost_error(self) -> ClusterError:
         """The error for a scheduler, or all its workers, that do not answer."""
         problem_text = f"the scheduler at {self.on} does not answer"
         if self.client.status == "running":
@@ -126,12 +126,12 @@ class Cluster:
 
     def receive(self, answer: Answer) -> None:
         """Count what the worker has computed."""
-        with self._telling:
+        with self._share_lock:
             worker_total = self._shares_by_worker.setdefault(answer["worker"], _WorkerShare())
             worker_total.n_stretches += 1
             worker_total.seconds += answer["seconds"]
 
-    def tell(self, report: Report) -> None:
+    def report_shares(self, report: Report) -> None:
         """Report a line for each worker that computed stretches."""
         total = sum(worker.seconds for worker in self._shares_by_worker.values())
         for worker_name, worker in sorted(self._shares_by_worker.items()):
@@ -140,8 +140,8 @@ class Cluster:
                 f"worker {worker_name}: {worker.n_stretches} stretches in {worker.seconds:.1f} s, "
                 f"{percent:.0f} % of the work that was shared"
             )
-            fields = {"stretches": worker.n_stretches, "seconds": worker.seconds}
-            report.event("worker", worker=worker_name, **fields)
+            share_fields = {"stretches": worker.n_stretches, "seconds": worker.seconds}
+            report.event("worker", worker=worker_name, **share_fields)
 
     def _n_workers(self) -> int:
         return len(self.client.scheduler_info(n_workers=-1)["workers"])
@@ -215,7 +215,7 @@ def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
     with contextlib.ExitStack() as stack:
         address: Any = on
         if local_count is not None:
-            address = _started_cluster(stack, local_count)
+            address = _start_cluster(stack, local_count)
         try:
             security = _security(distributed, on) if on.startswith("tls:") else None
             client = stack.enter_context(
@@ -236,7 +236,7 @@ def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
         try:
             yield cluster
         finally:
-            cluster.tell(report)
+            cluster.report_shares(report)
 
 
 def _security(distributed: Any, on: str) -> Any:
@@ -266,7 +266,7 @@ def _silence_logs() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
-def _started_cluster(stack: contextlib.ExitStack, n_processes: int) -> Any:
+def _start_cluster(stack: contextlib.ExitStack, n_processes: int) -> Any:
     """Start processes on this machine, and try again if one dies meanwhile. Raises ClusterError."""
     from .local_workers import local_cluster
 
@@ -298,11 +298,11 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
 
     Raises NotBundledError.
     """
-    plan, planned_accuracy = stage.plan, stage.planned_for
+    plan, planned_accuracy = stage.plan, stage.planned_accuracy
     assert plan is not None
     assert planned_accuracy is not None
-    score = next(iter(loaded.files))  # the score is read first
-    score_content = bundled(score, loaded)
+    score_path = next(iter(loaded.files))  # the score is read first
+    score_content = bundled(score_path, loaded)
     plan_text = plan_file.plan_text(
         plan.choices(), plan.hash, budget=dict(budget_of(planned_accuracy))
     )

@@ -98,7 +98,7 @@ def compute_stretch(job: Job, request: Request) -> Answer:
         try:
             staged_job = _staged_job(job)
             for island_request in request["islands"]:
-                sound, state = _computed_island(staged_job, request, island_request)
+                sound, state = _compute_island(staged_job, request, island_request)
                 stretch_answer["sounds"].append(sound)
                 stretch_answer["states"].append(state)
         except _core.DivergedError:
@@ -144,7 +144,7 @@ def _n_modules() -> int:
     return sum(staged_job.n_modules for staged_job in _staged_jobs)
 
 
-def _computed_island(
+def _compute_island(
     staged_job: _StagedJob, request: Request, island_request: IslandRequest
 ) -> tuple[bytes, bytes]:
     """Compute a stretch of an island: its sound, and its state after it."""

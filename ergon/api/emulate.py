@@ -46,8 +46,8 @@ _DEFAULT_TICK_HZ = 44100 / 44  # periods a second: a tick of 44 samples
 _DEFAULT_CEL = 0.05, 0.0, 1.0  # mass [kg], stiffness [N/m] and damping [N·s/m] of a key
 
 
-def _quantity(default: float | None, shown: str, dimension: str, help: str) -> Any:
-    return option(default, help, Quantities((dimension,)), shown=shown)
+def _quantity(default: float | None, default_text: str, dimension: str, help: str) -> Any:
+    return option(default, help, Quantities((dimension,)), shown=default_text)
 
 
 @documented
@@ -132,9 +132,7 @@ class EmulationOptions:
         False, "Advance one period for each packet, instead of by the wall clock."
     )
     seconds: float | None = option(
-        None,
-        "End after this many seconds.",
-        Number(0, dimension="DURATION", is_open=True),
+        None, "End after this many seconds.", Number(0, dimension="DURATION", is_open=True)
     )
     once: bool = option(False, "End when the host has disconnected.")
 
@@ -145,7 +143,7 @@ class EmulationOptions:
 
 
 def emulate(
-    device: DeviceName, options: EmulationOptions, tell: Callable[[str, str], object]
+    device: DeviceName, options: EmulationOptions, report_event: Callable[[str, str], object]
 ) -> None:
     """Serve an emulated device until Ctrl-C.
 
@@ -154,25 +152,27 @@ def emulate(
     """
     from ergon import _core
 
-    default_url = DEVICES[device]
+    device_facts = DEVICES[device]
     _check_options(device, options)
     transport, port = _transport(device, options)
-    n_axes = options.axes or default_url.axes
+    n_axes = options.axes or device_facts.axes
     suffix = "?lockstep" if options.lockstep else ""
 
-    def tell_url(event: str, text: str) -> None:
+    def report_url(event: str, url_text: str) -> None:
         is_ready = event == "ready"
-        tell(event, f"{default_url.schemes[transport]}:{text}{suffix}" if is_ready else text)
+        report_event(
+            event, f"{device_facts.schemes[transport]}:{url_text}{suffix}" if is_ready else url_text
+        )
 
     _core.emulate(
         device,
         transport,
-        tell_url,
+        report_url,
         port=port,
         paths=_hand_paths(options, 0 if options.free else n_axes),
         hand=(options.hand, options.grip),
         axes=n_axes,
-        force_max=default_url.force if options.force_max is None else options.force_max,
+        force_max=device_facts.force if options.force_max is None else options.force_max,
         model=_key_model(options),
         network=None if options.calib is None else _measured_key(options.calib, options.travel),
         force_step=options.force_step or 0.0,
@@ -194,14 +194,14 @@ def emulate(
 
 def _check_options(device: DeviceName, emulation_options: EmulationOptions) -> None:
     """Refuse options that contradict each other, or the device. Raises EmulationError."""
-    default_url = DEVICES[device]
-    if emulation_options.axes not in (None, default_url.axes) and device != "frame":
-        raise EmulationError(f"a {device} has {default_url.axes} axes")
+    device_facts = DEVICES[device]
+    if emulation_options.axes not in (None, device_facts.axes) and device != "frame":
+        raise EmulationError(f"a {device} has {device_facts.axes} axes")
     if emulation_options.force_max is not None and device != "frame":
         raise EmulationError(
             f"--force-max is for a frame alone; the motors of a {device} have a fixed limit"
         )
-    axes = emulation_options.axes or default_url.axes
+    axes = emulation_options.axes or device_facts.axes
     if len(emulation_options.gesture) > axes:
         raise EmulationError(f"{len(emulation_options.gesture)} gestures are given for {axes} keys")
     if emulation_options.noise < 0:
@@ -257,8 +257,8 @@ def _measured_key(calib: Path, travel: float) -> tuple[_core.Network, int, float
     from ergon.scores.reading.load import load
 
     travel_text = f"travel: {-0.5 * travel!r}m..{0.5 * travel!r}m"
-    text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}, {travel_text}}}}}\n"
-    loaded = load(str(calib.parent / "emulated-key.yaml"), text=text)
+    score_text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}, {travel_text}}}}}\n"
+    loaded = load(str(calib.parent / "emulated-key.yaml"), text=score_text)
     if loaded.piece is None:
         raise EmulationError(
             f"{calib}: {'; '.join(mistake.message for mistake in loaded.diagnostics)}"
@@ -281,7 +281,7 @@ def _measured_key(calib: Path, travel: float) -> tuple[_core.Network, int, float
 
 def _transport(device: DeviceName, emulation_options: EmulationOptions) -> tuple[Transport, int]:
     """The transport asked for, or the device's own, and its port."""
-    schemes = DEVICES[device].schemes
+    transport_schemes = DEVICES[device].schemes
     ports: dict[Transport, int | None] = {
         "pty": 0 if emulation_options.pty else None,
         "udp": emulation_options.udp,
@@ -291,14 +291,16 @@ def _transport(device: DeviceName, emulation_options: EmulationOptions) -> tuple
     if len(chosen_ports) > 1:
         raise EmulationError("--pty, --udp and --ws exclude each other; give one")
     transport_name, port = (
-        chosen_ports[0] if chosen_ports else (next(iter(schemes)), 10001 if "ws" in schemes else 0)
+        chosen_ports[0]
+        if chosen_ports
+        else (next(iter(transport_schemes)), 10001 if "ws" in transport_schemes else 0)
     )
-    if transport_name not in schemes:
-        raise EmulationError(f"a {device} is emulated by --{' or --'.join(schemes)}")
+    if transport_name not in transport_schemes:
+        raise EmulationError(f"a {device} is emulated by --{' or --'.join(transport_schemes)}")
     return transport_name, port
 
 
-def _hand_paths(emulation_options: EmulationOptions, fingers: int) -> list[NDArray[np.float64]]:
+def _hand_paths(emulation_options: EmulationOptions, n_resting: int) -> list[NDArray[np.float64]]:
     """The positions (n,) [m] of each hand; then an empty path for each finger that rests."""
     import numpy as np
 
@@ -318,4 +320,4 @@ def _hand_paths(emulation_options: EmulationOptions, fingers: int) -> list[NDArr
             )
         except TextError as error:
             raise EmulationError(f"--gesture: {error.message}: {gesture_text}") from None
-    return paths + [np.empty(0)] * (fingers - len(paths))
+    return paths + [np.empty(0)] * (n_resting - len(paths))

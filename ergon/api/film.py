@@ -96,12 +96,12 @@ def _key_entries(stage: Stage) -> list[tuple[str, int, bool]]:
     """
     hands = {hand.key: hand.mat for hand in stage.live_hands}
     mats = stage.built.assembly.mats
-    key_rows = [
+    key_entries = [
         (name, mats[name, key.struck], False)
         for name, key in stage.piece.keys.items()
         if name not in hands
     ]
-    return key_rows + [(name, mat, True) for name, mat in hands.items()]
+    return key_entries + [(name, mat, True) for name, mat in hands.items()]
 
 
 def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str, Any]:
@@ -111,7 +111,9 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     piece = stage.piece
     point_index = {mat: index for index, mat in enumerate(look.mats())}
     players = {player.key: player.name for player in piece.players.values()}
-    in_space = ([point_index.get(mat) for mat in axes] for axes in stage.built.points_in_space())
+    points_in_space = (
+        [point_index.get(mat) for mat in axes] for axes in stage.built.points_in_space()
+    )
     contacts = [
         (contact.name, point_index.get(contact.a), point_index.get(contact.b))
         for contact in look.contacts()
@@ -131,7 +133,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         "points": len(point_index),
         "modes": look.n_modes,
         "parts": [_part_entry(stage, run.part, run) for run in look.runs()],
-        "space": [axes for axes in in_space if None not in axes],
+        "space": [axes for axes in points_in_space if None not in axes],
         "keys": [
             {
                 "name": name,
@@ -241,7 +243,7 @@ def _point_places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
                 list(piece.keys).index(instrument_name), len(piece.keys), len(point_indices)
             )
         else:
-            width, middle = _placing(stage, instrument_name, instruments)
+            width, middle = _size_and_place(stage, instrument_name, instruments)
             if (
                 _axis_count(stage, instrument_name) == 1
             ):  # points in space are where their coordinates say
@@ -263,7 +265,7 @@ def _key_places(key_index: int, n_keys: int, n_points: int) -> NDArray[np.float6
     return np.array([(key_x, _KEYS_Y - 0.5 * _KEY_WIDTH * row, 0.0) for row in range(n_points)])
 
 
-def _placing(
+def _size_and_place(
     stage: Stage, instrument_name: str, instruments: list[str]
 ) -> tuple[float, tuple[float, float, float]]:
     """The size of an instrument, and where its middle lies [m]."""

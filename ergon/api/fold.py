@@ -96,55 +96,57 @@ def fold_file(
     from ergon.exchange.wave_header import Stamp, WaveFormat
     from ergon.rendering.level import FrameSpool
 
-    from .layouts import chunks_of
+    from .layouts import layout_chunks
 
     report, path, target = report or Report(), Path(source), str(out)
     options = options or FoldOptions()
     try:
-        info = sound.read_info(path)
+        wave_info = sound.read_info(path)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
     input_files = (path, *([Path(options.head)] if options.head else []))
     if target != "-":
         check_target(Path(target), force=options.force, inputs=input_files)
-    source_field, field_effects = _source_field(path, info, options, report)
+    source_field, field_effects = _source_field(path, wave_info, options, report)
     filters, target_field = _fold_filters(
-        source_field, (to, options.head), info.format.rate, report
+        source_field, (to, options.head), wave_info.format.rate, report
     )
     filters = _filters_with_silent_channels(field_effects, filters)
-    bits: Bits = options.bits or _BITS_TO_WRITE.get(info.format.bits, info.format.bits)
-    if info.damage is not None:
-        report.warn(f"{path}: {info.damage}")
-    format = WaveFormat(info.format.rate, filters.shape[1], bits)
-    sound.check_format(target, format)
+    bits: Bits = options.bits or _BITS_TO_WRITE.get(wave_info.format.bits, wave_info.format.bits)
+    if wave_info.damage is not None:
+        report.warn(f"{path}: {wave_info.damage}")
+    target_format = WaveFormat(wave_info.format.rate, filters.shape[1], bits)
+    sound.check_format(target, target_format)
     fold = _core.Fold(filters)
-    n_frames = info.n_frames + fold.tail
-    title = info.title if info.originator == ORIGINATOR else path.stem
-    chunks = b"" if target_field is None else chunks_of(target_field, title)
+    n_frames = wave_info.n_frames + fold.tail
+    title = wave_info.title if wave_info.originator == ORIGINATOR else path.stem
+    chunks = b"" if target_field is None else layout_chunks(target_field, title)
     wave_stamp = Stamp(title, chunks=chunks)
     folder = None if target == "-" else Path(target).resolve().parent
     with (
         open_for_writing(target, binary=True, force=options.force, inputs=input_files) as file,
-        FrameSpool(folder, format.n_channels) as frame_spool,
-        report.progress("folding", n_frames, format.rate) as progress,
+        FrameSpool(folder, target_format.n_channels) as frame_spool,
+        report.progress("folding", n_frames, target_format.rate) as progress,
     ):
-        true_peak, n_folded = _core.TruePeak(format.n_channels), 0
-        blocks = _folded_file(path, info, sound.read_blocks(path), fold.tail)
-        for block in _folded_blocks(blocks, fold, format.n_channels):
+        true_peak, n_folded = _core.TruePeak(target_format.n_channels), 0
+        blocks = _blocks_with_tail(path, wave_info, sound.read_blocks(path), fold.tail)
+        for block in _folded_blocks(blocks, fold, target_format.n_channels):
             frame_spool.take(block)
             true_peak.process(block)
             n_folded += len(block)
             progress.update(n_folded)
-        gain = _fold_gain(options, format, frame_spool.peak, true_peak.peak)
-        writer = sound.writer(target, file, format, n_frames, wave_stamp)
+        gain = _fold_gain(options, target_format, frame_spool.peak, true_peak.peak)
+        writer = sound.writer(target, file, target_format, n_frames, wave_stamp)
         for block in frame_spool.blocks(_BLOCK_FRAMES):
-            if format.bits == "float":
+            if target_format.bits == "float":
                 writer.write(_core.single(block * gain, 1.0))  # type: ignore[arg-type]
             else:
-                writer.write(_core.pcm(block * gain, 1.0, 16 if format.bits == 16 else 24))
+                writer.write(_core.pcm(block * gain, 1.0, 16 if target_format.bits == 16 else 24))
         writer.close()
     peaks = frame_spool.peak * gain, true_peak.peak * gain
-    return Folded(target, format.n_channels, n_frames, format.rate, *peaks, gain, writer.sha256)
+    return Folded(
+        target, target_format.n_channels, n_frames, target_format.rate, *peaks, gain, writer.sha256
+    )
 
 
 def _fold_gain(
@@ -206,24 +208,26 @@ def _folded_blocks(
         yield folded_block
 
 
-def _folded_file(
-    path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], n_tail: int
+def _blocks_with_tail(
+    path: Path, wave_info: WaveInfo, blocks: Iterator[NDArray[np.float64]], n_tail: int
 ) -> Iterator[NDArray[np.float64]]:
     """The blocks of a file, then zeros for the tail of the fold. Raises FoldError for infinite
     samples.
     """
     import numpy as np
 
-    n_read = 0
+    n_frames_read = 0
     try:
         for block in blocks:
             if not np.isfinite(block).all():
-                raise FoldError(f"{path} holds samples that are not finite, after frame {n_read:,}")
-            n_read += len(block)
+                raise FoldError(
+                    f"{path} holds samples that are not finite, after frame {n_frames_read:,}"
+                )
+            n_frames_read += len(block)
             yield np.ascontiguousarray(block)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
-    yield np.zeros((n_tail, info.format.n_channels))
+    yield np.zeros((n_tail, wave_info.format.n_channels))
 
 
 def _ambisonics_order(layout_word: str, option: str) -> int | None:
@@ -278,19 +282,19 @@ def _filters_with_silent_channels(
         return filters
     import numpy as np
 
-    all_filters = np.zeros((len(filters) + len(left_out), *filters.shape[1:]))
-    all_filters[
+    padded_filters = np.zeros((len(filters) + len(left_out), *filters.shape[1:]))
+    padded_filters[
         [
             channel_index
-            for channel_index in range(len(all_filters))
+            for channel_index in range(len(padded_filters))
             if channel_index not in left_out
         ]
     ] = filters
-    return all_filters
+    return padded_filters
 
 
 def _source_field(
-    path: Path, info: WaveInfo, fold_options: FoldOptions, report: Report
+    path: Path, wave_info: WaveInfo, fold_options: FoldOptions, report: Report
 ) -> tuple[Field, tuple[int, ...]]:
     """What the channels of a file are: as `fold_options` say, or else as the file says; and which
     of them, from 0, are for low-frequency effects or no loudspeakers. Raises FoldError.
@@ -307,16 +311,16 @@ def _source_field(
     else:
         unknown_reason = "it does not say what its channels are"
         try:
-            adm_field = adm.read(info)
+            adm_field = adm.read(wave_info)
         except XmlError as error:
             adm_field, unknown_reason = None, str(error)
         if adm_field is None:
             raise FoldError(f"{path}: {unknown_reason}; name them, such as by --layout dome24")
         field_names = Field(tuple(point(*angles) for angles in adm_field.speakers), adm_field.order)
         effects = adm_field.effects
-    if field_names.n_channels + len(effects) != info.format.n_channels:
+    if field_names.n_channels + len(effects) != wave_info.format.n_channels:
         channel_text = f"{fold_options.layout or 'its description'} has {field_names.n_channels}"
-        raise FoldError(f"{path} has {info.format.n_channels} channels, but {channel_text}")
+        raise FoldError(f"{path} has {wave_info.format.n_channels} channels, but {channel_text}")
     if effects:
         *first_channels, last_channel = (str(channel + 1) for channel in effects)
         warning = f"channel {last_channel} is {channel_kind}, and is left out"
@@ -330,18 +334,18 @@ def _source_field(
 
 
 def _fold_filters(
-    source_field: Field, fold_to: tuple[str, str | Path | None], rate: float, report: Report
+    source_field: Field, target_and_head: tuple[str, str | Path | None], rate: float, report: Report
 ) -> tuple[NDArray[np.float64], Field | None]:
     """Filters (n_in, n_out, n_taps), and the target if it is a field, not stereo or two ears.
 
-    `fold_to`: the name of the target, and the SOFA file of a head.
+    `target_and_head`: the name of the target, and the SOFA file of a head.
     """
     import numpy as np
 
     from ergon.space import fold_filters, head
     from ergon.space.panning import ArrayError
 
-    to, sofa = fold_to
+    to, sofa = target_and_head
     if sofa is not None and to != "binaural":
         raise OptionError("head", "a head is used by `--to binaural` only; leave this option out")
     if to == "stereo":

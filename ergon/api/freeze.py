@@ -221,7 +221,7 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
     return frozen
 
 
-def can_be_frozen(piece: Piece, frozen: Frozen, real_players: Iterable[str]) -> None:
+def check_freezable(piece: Piece, frozen: Frozen, real_players: Iterable[str]) -> None:
     """Raise OptionError if a hand can feel a frozen part."""
     live_players = [player.name for player in piece.players.values() if player.hand == "live"]
     _check_untouched(piece, frozen.parts, dict.fromkeys((*live_players, *real_players)), "frozen")

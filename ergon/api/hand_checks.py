@@ -64,14 +64,11 @@ def _wait_for_hands(hands: LedHands, timeout: float, report: Report) -> None:
     start_by_hand: dict[str, float] = {}
     end = time.monotonic() + _WAIT_SECONDS_MAX
     while time.monotonic() < end:
-        instant_now = time.monotonic()
+        now = time.monotonic()
         for lead in leads:
             if lead.name not in start_by_hand and lead.tally["taken"]:
-                start_by_hand[lead.name] = instant_now
+                start_by_hand[lead.name] = now
             lead.discard()  # no performance reads them
-        if (
-            len(start_by_hand) == len(leads)
-            and instant_now >= max(start_by_hand.values()) + timeout
-        ):
+        if len(start_by_hand) == len(leads) and now >= max(start_by_hand.values()) + timeout:
             return
         time.sleep(_POLL_SECONDS)

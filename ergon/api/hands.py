@@ -141,9 +141,9 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
         if players:
             request_text = _LET_GO_MESSAGE if len(players) == 1 else _LET_GO_ALL_MESSAGE
             report.say(request_text.format(", ".join(players)))
-        axes_tried = _tried_together(boards, uncalibrated_axes, calibrations)
+        tried_axes = _try_together(boards, uncalibrated_axes, calibrations)
         for board, axes, board_calibrations, new_axes in zip(
-            boards, uncalibrated_axes, calibrations, axes_tried, strict=True
+            boards, uncalibrated_axes, calibrations, tried_axes, strict=True
         ):
             for number, player in axes:
                 _find_direction(
@@ -160,7 +160,7 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
     ]
 
 
-def _tried_together(
+def _try_together(
     boards: Sequence[Board],
     uncalibrated_axes: Sequence[Sequence[tuple[int, str]]],
     calibrations: Sequence[dict[int, Axis]],
@@ -171,14 +171,14 @@ def _tried_together(
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    from ergon.live.calibration import axes_as_known
+    from ergon.live.calibration import confirmed_axes
 
     def trial(board_index: int) -> dict[int, Axis]:
         axis_numbers = [number for number, _ in uncalibrated_axes[board_index]]
         if not axis_numbers or boards[board_index].kind == "haply":
             return {}
         calibrations_before = calibrations[board_index]
-        return axes_as_known(
+        return confirmed_axes(
             boards[board_index].url,
             {number: calibrations_before.get(number) for number in axis_numbers},
         )

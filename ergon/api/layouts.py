@@ -58,7 +58,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
     return layout
 
 
-def chunks_of(field: Field, title: str) -> bytes:
+def layout_chunks(field: Field, title: str) -> bytes:
     """The chunks of a WAVE file (ADM) that describe channels of loudspeakers or Ambisonics."""
     from ergon.exchange import adm
     from ergon.space.directions import angles
@@ -73,4 +73,4 @@ def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> byte
         return b""
     from ergon.space.fold_filters import Field
 
-    return chunks_of(Field(layout.speakers), title)
+    return layout_chunks(Field(layout.speakers), title)

@@ -84,11 +84,10 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         raise
     try:
         take_path = free_path(journal.path.with_suffix(".take")) if real_hands else None
-        about = {"journal": journal.path.name}
-        config = replace(
-            config, record=take_path, about=about, pages=pages, boards=led.boards, driven=driven
-        )
-        make_engine, opening = _make_engine(
+        header = {"journal": journal.path.name}
+        config = replace(config, record=take_path, header=header, pages=pages, boards=led.boards)
+        config = replace(config, driven_players=driven)
+        make_engine, opening = _session_makers(
             version,
             first_version.clock,
             first_version.past,
@@ -256,7 +255,7 @@ def _frozen_and_folder(
         if folder is None:
             path = Path(session_options.frozen or "")
             frozen = freeze.read(piece, path, None, report)
-            freeze.can_be_frozen(piece, frozen, real_players)
+            freeze.check_freezable(piece, frozen, real_players)
             listening = build_network(piece, frozenset(frozen.parts)).listening
             folder = frozen_folder(path, frozen, piece, listening)
         loaded_parts = load_frozen(folder, version, real_players)
@@ -268,9 +267,11 @@ def _frozen_and_folder(
         report.say(
             f"from {folder.folder}: {', '.join(part_names)}, up to {end_position} of the score"
         )
-    other_parts = [part.name for part in folder.parts if part.name not in part_names]
-    if other_parts:
-        report.say(f"computed live, because the session has changed them: {', '.join(other_parts)}")
+    surplus_parts = [part.name for part in folder.parts if part.name not in part_names]
+    if surplus_parts:
+        report.say(
+            f"computed live, because the session has changed them: {', '.join(surplus_parts)}"
+        )
     return folder.relative_to(Path(session_options.journal)), loaded_parts
 
 
@@ -302,7 +303,7 @@ def _performance_config(
         reference=reference,
         boards=boards,
         force_max=session_options.force_max,
-        ahead=session_options.ahead,
+        frames_ahead=session_options.ahead,
         audio_in=session_options.audio_in,
         fold=fold_of(piece, session_options, report),
     )
@@ -330,7 +331,7 @@ def _preflight_stage(piece: Piece, frozen: Sequence[LoadedPart]) -> Stage:
     return preflight_stage
 
 
-def _make_engine(
+def _session_makers(
     version: Version,
     clock: Clock,
     past: PastVersions | None,
@@ -346,7 +347,7 @@ def _make_engine(
     from ergon.repl.session.journal_hands import JournalHand, JournalTake
     from ergon.repl.session.live import LiveEngine
 
-    def make(stage: Stage) -> Engine:
+    def make_engine(stage: Stage) -> Engine:
         try:
             with signals_blocked_in_threads():  # threads of the physics must not get these signals
                 engine = LiveEngine(stage, config)
@@ -357,7 +358,7 @@ def _make_engine(
             report.say(f"input: {sentence}")
         return engine
 
-    def opening(tick_frames: int, hands: Path | None) -> SessionStart:
+    def start_record(tick_frames: int, hands: Path | None) -> SessionStart:
         gain_options = config.gain, config.limit, config.highpass
         take = None
         if hands is not None:
@@ -386,4 +387,4 @@ def _make_engine(
             version.strike_levels,
         )
 
-    return make, opening
+    return make_engine, start_record

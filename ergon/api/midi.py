@@ -29,8 +29,8 @@ class MidiPorts:
     """Open ports: for notes and controllers, for the clock to follow, for the clock to send."""
 
     inputs: Sequence[InputPort]
-    clock_from: InputPort | None
-    clock_to: TimedSender | None
+    clock_input: InputPort | None
+    clock_output: TimedSender | None
 
 
 def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
@@ -40,28 +40,30 @@ def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
 
     opened_ports: list[InputPort | TimedSender] = []
 
-    def port(option: str, port_name: str, make: Callable[[str], Port]) -> Port:
+    def open_port(option: str, port_name: str, make: Callable[[str], Port]) -> Port:
         try:
-            port = make(port_name)
+            open_port = make(port_name)
         except MidiError as error:
             for opened_port in opened_ports:
                 opened_port.close()
             raise OptionError(option, str(error), value=port_name) from None
-        opened_ports.append(port)
-        return port
+        opened_ports.append(open_port)
+        return open_port
 
-    midi_inputs = [port("midi", name, SystemInput) for name in options.midi]
-    clock_from = options.midi_clock_from and port(
+    midi_inputs = [open_port("midi", name, SystemInput) for name in options.midi]
+    clock_input = options.midi_clock_from and open_port(
         "midi_clock_from", options.midi_clock_from, SystemInput
     )
-    clock_to = options.midi_clock_to and port("midi_clock_to", options.midi_clock_to, TimedSender)
-    for port_info in midi_inputs:
-        report.say(f"MIDI is heard from {port_info.name}")
-    if clock_from:
-        report.say(f"the MIDI clock of {clock_from.name} is followed")
-    if clock_to:
-        report.say(f"MIDI clock goes to {clock_to.name}")
-    return MidiPorts(midi_inputs, clock_from or None, clock_to or None)
+    clock_output = options.midi_clock_to and open_port(
+        "midi_clock_to", options.midi_clock_to, TimedSender
+    )
+    for midi_input in midi_inputs:
+        report.say(f"MIDI is heard from {midi_input.name}")
+    if clock_input:
+        report.say(f"the MIDI clock of {clock_input.name} is followed")
+    if clock_output:
+        report.say(f"MIDI clock goes to {clock_output.name}")
+    return MidiPorts(midi_inputs, clock_input or None, clock_output or None)
 
 
 def attach_midi(session: Session, performance: _core.Performance, ports: MidiPorts) -> None:
@@ -73,11 +75,11 @@ def attach_midi(session: Session, performance: _core.Performance, ports: MidiPor
         session.attach(port)
         session.midi.inputs.append(port.name)
         port.listen(session.midi.receive)
-    if ports.clock_to is not None:
-        session.attach(ClockOut(session.schedule, performance, ports.clock_to))
-    if ports.clock_from is not None:
+    if ports.clock_output is not None:
+        session.attach(ClockOut(session.schedule, performance, ports.clock_output))
+    if ports.clock_input is not None:
         hearing_clock = HearingClock(session.schedule.rate, 0)
-        clock = ClockIn(session, hearing_clock.instant_of, ports.clock_from)
+        clock = ClockIn(session, hearing_clock.instant_of, ports.clock_input)
         session.attach(clock, partial(_follow_clock, hearing_clock, clock, performance))
 
 

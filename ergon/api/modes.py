@@ -56,8 +56,8 @@ class ModesOptions(ReadOptions):
     def search_arguments(self) -> dict[str, float | int]:
         """The arguments for the engine's search for modes. Raises OptionError."""
         if self.upto is not None:
-            for name, value in (("count", self.count), ("around", self.around)):
-                if value is not None:
+            for name, option_value in (("count", self.count), ("around", self.around)):
+                if option_value is not None:
                     raise OptionError(name, "; give one of the two", excludes="upto")
             return {"to": frequency_option("upto", self.upto)}
         n_modes = N_MODES_DEFAULT if self.count is None else self.count
@@ -160,18 +160,18 @@ def stave_picture(part_modes: Sequence[PartModes], name: str) -> Picture:
 
 def mode_labels(part: PartModes) -> list[str]:
     """`1  A4 +2.1  0.5 s` for each mode."""
-    modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
+    mode_facts = zip(part.frequencies, part.t60, part.notes, strict=True)
     return [
         f"{number}  {f'{note} {cents:+.1f}' if note else f'{frequency:.3g} Hz'}  "
         f"{_t60_text(float(t60))}"
-        for number, (frequency, t60, (note, cents)) in enumerate(modes_with_decays, 1)
+        for number, (frequency, t60, (note, cents)) in enumerate(mode_facts, 1)
     ]
 
 
 def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
     """A table of the modes for reading: its head, and a row for each mode."""
     levels = [part.levels(point) for point in part.points]
-    modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
+    mode_facts = zip(part.frequencies, part.t60, part.notes, strict=True)
     rows = [
         (
             str(mode_index + 1),
@@ -184,7 +184,7 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
                 for level in levels
             ),
         )
-        for mode_index, (frequency, t60, (note, cents)) in enumerate(modes_with_decays)
+        for mode_index, (frequency, t60, (note, cents)) in enumerate(mode_facts)
     ]
     return [("", "note", "cents", "frequency", "T60", *part.points), *rows]
 
@@ -206,16 +206,18 @@ def modes(
     from ergon.scores.staging.preparing import prepare
 
     options = options or ModesOptions()
-    search = options.search_arguments()
+    search_bounds = options.search_arguments()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     part_names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        return tuple(modes_of(piece, built, name, search, loaded.inputs) for name in part_names)
+        return tuple(
+            compute_modes(piece, built, name, search_bounds, loaded.inputs) for name in part_names
+        )
 
 
-def modes_of(
+def compute_modes(
     piece: Piece,
     built: BuiltNetwork,
     name: str,
@@ -230,7 +232,7 @@ def modes_of(
     decay_rates = -engine_modes.poles.real
     is_damped = decay_rates > LN_1000 / _T60_MAX
     t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay_rates, 1.0), np.inf)
-    indices_by_point = points_of(piece, built, name, engine_modes.mats)
+    indices_by_point = find_points(piece, built, name, engine_modes.mats)
     shapes_at_points = {
         label: engine_modes.shapes[:, indices].sum(axis=1)
         for label, indices in indices_by_point.items()
@@ -264,7 +266,7 @@ def _engine_modes(
         raise OptionError("upto" if "to" in search_bounds else "count", str(error)) from None
 
 
-def points_of(
+def find_points(
     piece: Piece, built: BuiltNetwork, name: str, mats: Sequence[int]
 ) -> Mapping[str, Sequence[int]]:
     """The points where a part is struck, touched or heard, each with its slots among the masses
@@ -273,12 +275,12 @@ def points_of(
     index_by_mat = {mat: slot for slot, mat in enumerate(mats)}
     indices_by_point = {}
     for point_text, targets in _named_points(piece, name):
-        all_mats = [mat for target in targets for mat in built.assembly.members(target)]
-        indices = [index_by_mat[mat] for mat in all_mats if mat in index_by_mat]
+        point_mats = [mat for target in targets for mat in built.assembly.members(target)]
+        indices = [index_by_mat[mat] for mat in point_mats if mat in index_by_mat]
         if indices:
-            is_one = len(all_mats) == 1
+            is_single = len(point_mats) == 1
             label = point_text or (
-                built.network.name_of(all_mats[0]) if is_one else targets[0].text
+                built.network.name_of(point_mats[0]) if is_single else targets[0].text
             )
             indices_by_point[label] = indices
     return indices_by_point

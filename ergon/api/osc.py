@@ -28,8 +28,8 @@ def osc_of(receive_from: str | None, send_to: str | None, report: Report) -> Osc
         osc = OscServer(receive_address, send_address, key=os.environ.get(KEY_VARIABLE, ""))
     except (PythonOscMissingError, OscError) as error:
         raise OptionError("osc" if receive_from is not None else "osc_to", str(error)) from None
-    if osc.place is not None:
-        host, port = osc.place
+    if osc.address is not None:
+        host, port = osc.address
         report.event("osc", host=host, port=port)
         report.say(f"OSC is heard at {host}:{port}")
     return osc

@@ -61,12 +61,12 @@ def pack(
         raise OptionError("output", "a score from stdin has no name for the pack; name one")
     target_path = str(out) if out is not None else f"{Path(score).stem}{SUFFIX}"
     loaded = scores.read(score, options, report)
-    packed_content = _packed_files(str(score), loaded)
-    pack_data = pack_bytes(packed_content)
-    _check_same(packed_content, loaded)
+    packed_files = _packed_files(str(score), loaded)
+    encoded_pack = pack_bytes(packed_files)
+    _check_same(packed_files, loaded)
     with open_for_writing(target_path, binary=True, force=force, inputs=loaded.inputs) as file:
-        file.write(pack_data)
-    return PackedFile(target_path, packed_content, len(pack_data))
+        file.write(encoded_pack)
+    return PackedFile(target_path, packed_files, len(encoded_pack))
 
 
 @contextmanager
@@ -88,9 +88,9 @@ def unpack(path: str | Path, folder: str | Path | None = None) -> Path:
 
     pack = read_pack(Path(path))
     target_folder = Path(folder) if folder is not None else Path(Path(path).stem)
-    with new_folder(target_folder) as part:
-        write_files(pack, part)
-        (part / _marker_content()).touch()
+    with new_folder(target_folder) as part_folder:
+        write_files(pack, part_folder)
+        (part_folder / _marker_name()).touch()
     return target_folder / pack.score
 
 
@@ -104,7 +104,7 @@ def _packed_files(score: str, loaded: Loaded) -> Pack:
     scores.piece_of(loaded)
     score_place = _place_in_folder(score)
     files_by_name: dict[str, bytes] = {}
-    n_bytes_left = BYTES_MAX
+    n_bytes_max = BYTES_MAX
     for input_name in dict.fromkeys(map(str, loaded.inputs)):
         library_file = shipped(Path(input_name))
         packed_name = (
@@ -116,7 +116,7 @@ def _packed_files(score: str, loaded: Loaded) -> Pack:
         packed_bytes = (
             loaded.files[input_name].text.encode()
             if is_stdin
-            else read_bounded(Path(input_name), n_bytes_left)
+            else read_bounded(Path(input_name), n_bytes_max)
         )
         if files_by_name.setdefault(packed_name, packed_bytes) != packed_bytes:
             raise PackError(
@@ -124,7 +124,7 @@ def _packed_files(score: str, loaded: Loaded) -> Pack:
                 "a pack; "
                 "rename your own"
             )
-        n_bytes_left = max(0, n_bytes_left - len(packed_bytes))
+        n_bytes_max = max(0, n_bytes_max - len(packed_bytes))
     root = os.path.commonpath([os.path.dirname(path) for path in files_by_name])
     names = {path: Path(os.path.relpath(path, root)).as_posix() for path in files_by_name}
     return Pack(
@@ -166,11 +166,11 @@ def _unpacked_score(pack: Pack, pack_name: str | None = None) -> Iterator[Path]:
         folder = Path(os.path.realpath(temporary))
         if pack_name is not None:
             show_as(folder, pack_name)
-        (folder / _marker_content()).touch()  # all below is one project
+        (folder / _marker_name()).touch()  # all below is one project
         yield write_files(pack, folder)
 
 
-def _marker_content() -> str:
+def _marker_name() -> str:
     from ergon.notation.text.bounds import MARKER
 
     return MARKER

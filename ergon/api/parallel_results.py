@@ -14,20 +14,20 @@ def results_as_completed(
     items: Iterable[K],
     submit: Callable[[K], Future[V]],
     wait: Callable[[Sequence[Future[V]]], None],
-    result: Callable[[Future[V]], V],
+    result_of: Callable[[Future[V]], V],
     limit: int,
 ) -> Iterator[tuple[K, V]]:
     """Each item with its result, in order of completion.
 
     `submit` begins one, `wait` returns when one of some has ended; at most `limit` are under way.
     """
-    items_left = iter(items)
+    remaining_items = iter(items)
     running: dict[Future[V], K] = {}
     while True:
-        while len(running) < limit and (item := next(items_left, None)) is not None:
+        while len(running) < limit and (item := next(remaining_items, None)) is not None:
             running[submit(item)] = item
         if not running:
             return
         wait(list(running))
         for future in [item for item in running if item.done()]:
-            yield running.pop(future), result(future)
+            yield running.pop(future), result_of(future)

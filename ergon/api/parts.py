@@ -16,13 +16,15 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
-def frequency_option(option: str, value: float | str) -> float:
+def frequency_option(option: str, frequency_value: float | str) -> float:
     """A frequency [Hz] as a number or a text such as "5kHz" and "A3". Raises OptionError."""
     from ergon.notation.tables.quantities import frequency
     from ergon.notation.text.errors import TextError
 
     try:
-        return frequency(value if isinstance(value, str) else f"{float(value)!r}Hz")
+        return frequency(
+            frequency_value if isinstance(frequency_value, str) else f"{float(frequency_value)!r}Hz"
+        )
     except TextError as error:
         hint = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
         raise OptionError(option, f"{error.message}{hint}") from None
@@ -46,7 +48,7 @@ def selected_parts(piece: Piece, names: Sequence[str]) -> tuple[str, ...]:
     flat_parts = [
         part_name
         for part_name in part_names
-        if part_name not in piece.instruments or not _space_of(piece, part_name)
+        if part_name not in piece.instruments or not _is_in_space(piece, part_name)
     ]
     if part_names and not flat_parts and not names:
         refuse_several_axes("parts", piece, part_names[0])
@@ -55,12 +57,12 @@ def selected_parts(piece: Piece, names: Sequence[str]) -> tuple[str, ...]:
 
 def refuse_several_axes(option: str, piece: Piece, name: str) -> None:
     """Refuse a part in space: its stiffness depends on where it is. Raises OptionError."""
-    if name in piece.instruments and _space_of(piece, name):
+    if name in piece.instruments and _is_in_space(piece, name):
         reason = f"{name} is an instrument in space, which has no modes of its own: its stiffness "
         raise OptionError(option, f"{reason}depends on where its points are")
 
 
-def _space_of(piece: Piece, name: str) -> bool:
+def _is_in_space(piece: Piece, name: str) -> bool:
     return piece.instruments[name].space is not None
 
 

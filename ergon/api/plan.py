@@ -105,7 +105,7 @@ def plan(
     loaded = scores.read(score, options, report)
     has_motion = scores.piece_of(loaded).motion is not None
     staged = scores.stage_piece(loaded, options, report, is_seen=has_motion)
-    staged_plan, planned_accuracy = staged.stage.plan, staged.stage.planned_for
+    staged_plan, planned_accuracy = staged.stage.plan, staged.stage.planned_accuracy
     assert staged_plan is not None
     assert planned_accuracy is not None
     budget = budget_of(planned_accuracy)

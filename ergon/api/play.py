@@ -75,7 +75,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     frozen = None
     if options.frozen is not None:
         frozen = freeze.read(score_piece, Path(options.frozen), options.seed, report)
-        freeze.can_be_frozen(piece, frozen, real_hands)
+        freeze.check_freezable(piece, frozen, real_hands)
     boards = calibrated_boards(boards, options.unchecked, report)
     stage = scores.stage_piece(
         loaded,
@@ -92,7 +92,8 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
         stems = freeze.verified(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = replace(
-        _performance_config(piece, stage, boards, options, stems, report), driven=driven_names
+        _performance_config(piece, stage, boards, options, stems, report),
+        driven_players=driven_names,
     )
     hands = led_hands(piece, boards, report)
     try:
@@ -147,14 +148,14 @@ def _fault_sentence(error: _core.EngineError, stage: Stage) -> str:
     """The sentence of an error of the core, with the player whose hand is at fault."""
     if error.index is None:
         return str(error)
-    hand = stage.live_hands[error.index]
-    return f"{hand.player} on {hand.key}: {error.sentence}"
+    faulty_hand = stage.live_hands[error.index]
+    return f"{faulty_hand.player} on {faulty_hand.key}: {error.sentence}"
 
 
-def _with_stand_ins(piece: Piece, pairs: Sequence[str]) -> Piece:
+def _with_stand_ins(piece: Piece, standin_pairs: Sequence[str]) -> Piece:
     """The piece with the takes or gestures that stand in for absent hands."""
     players = dict(piece.players)
-    for standin_pair in pairs:
+    for standin_pair in standin_pairs:
         player_name, _, standin_name = standin_pair.partition("=")
         if player_name not in players:
             raise OptionError("standin", no_player_message(piece, player_name))
@@ -186,16 +187,16 @@ def _performance_config(
     if play_options.from_ is not None:
         start_frame = int(scores.instant(piece, play_options.from_, "from_") * stage.rate + 0.5)
         if start_frame >= stage.n_frames:
-            end_position = scores.where(piece, stage.n_frames / stage.rate)
+            position_text = scores.where(piece, stage.n_frames / stage.rate)
             raise OptionError(
-                "from_", f"the piece ends at {end_position}", value=play_options.from_
+                "from_", f"the piece ends at {position_text}", value=play_options.from_
             )
     end_frame: int | None = None
     if play_options.until is not None:
         end_frame = int(scores.instant(piece, play_options.until, "until") * stage.rate + 0.5)
         if end_frame <= start_frame:
-            end_position = scores.where(piece, start_frame / stage.rate)
-            message = f"it begins at {end_position}; stop later than that"
+            position_text = scores.where(piece, start_frame / stage.rate)
+            message = f"it begins at {position_text}; stop later than that"
             raise OptionError("until", message, value=play_options.until)
         end_frame = min(end_frame, stage.n_frames)
     master = piece.mix.master
@@ -205,7 +206,7 @@ def _performance_config(
         raise OptionError("loop", "excludes --record, --record-input and file:, written once")
     scores.integer_rate(stage.rate)
     record_target = (
-        None if play_options.record is None else _recording_file(play_options.record, stage)
+        None if play_options.record is None else _new_recording_path(play_options.record, stage)
     )
     config = PlaybackConfig(
         audio=play_options.card,
@@ -218,16 +219,16 @@ def _performance_config(
         boards=boards,
         guides=guide_stiffnesses(piece, boards, play_options.guide),
         force_max=play_options.force_max,
-        ahead=play_options.ahead,
+        frames_ahead=play_options.ahead,
         audio_in=play_options.audio_in,
         record_in=_input_file(play_options, piece),
         record=record_target,
-        frozen=frozen,
+        frozen_stems=frozen,
         fold=fold_of(piece, play_options, report),
     )
     if record_target is None:
         return config
-    return replace(config, about=_recording_description(piece, stage, config, play_options))
+    return replace(config, header=_recording_description(piece, stage, config, play_options))
 
 
 def _recording_description(
@@ -276,7 +277,7 @@ def _input_file(play_options: PlayOptions, piece: Piece) -> Path | None:
     return Path(play_options.record_input)
 
 
-def _recording_file(path: str, stage: Stage) -> Path:
+def _new_recording_path(path: str, stage: Stage) -> Path:
     if not stage.live_hands:
         raise OptionError("record", "this score has no live hands to record; leave this option out")
     record_path = Path(path)

@@ -98,9 +98,9 @@ def drawn_curves(
         raise ErgonError(f"say what is to be drawn: {known_names}")
     if key is not None and key not in piece.keys:
         raise ErgonError(f"there is no key '{key}'{_nearest_name(key, piece.keys)}")
-    all_names = [*piece.gestures, *piece.takes, *piece.players]
-    if name not in all_names:
-        raise ErgonError(f"there is no '{name}'{_nearest_name(name, all_names)}")
+    drawable_names = [*piece.gestures, *piece.takes, *piece.players]
+    if name not in drawable_names:
+        raise ErgonError(f"there is no '{name}'{_nearest_name(name, drawable_names)}")
     stage, gestures = _stage_and_gestures(loaded, name, key, report)
     first_gesture = gestures[0]
     start = max(0.0, min(gesture.start for gesture in gestures) - _JOIN_DURATION)
@@ -114,8 +114,8 @@ def drawn_curves(
         stop,
         lever_ratio,
     )
-    instant = "" if key is not None else f" at {scores.where(piece, first_gesture.start)}"
-    return curves, f"{name}{instant} on {first_gesture.key}"
+    instant_text = "" if key is not None else f" at {scores.where(piece, first_gesture.start)}"
+    return curves, f"{name}{instant_text} on {first_gesture.key}"
 
 
 def _stage_and_gestures(

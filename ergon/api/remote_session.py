@@ -35,8 +35,8 @@ _SEPARATE_OPTIONS = ("socket", "journal")
 
 def serve(path: str | None, options: SessionOptions, report: Report) -> None:
     """Run the engine in this process, until the session ends."""
-    with _errors_as_option_errors():
-        _serve_session(path, options, _socket_place(options), report)
+    with _as_option_errors():
+        _serve_session(path, options, _socket_path(options), report)
 
 
 def join(path: str | None, options: SessionOptions, report: Report) -> RemoteSession:
@@ -44,12 +44,12 @@ def join(path: str | None, options: SessionOptions, report: Report) -> RemoteSes
 
     Raises OptionError, and EngineExitError where the new process ends before it answers.
     """
-    with _errors_as_option_errors():
-        return _join_session(path, options, _socket_place(options), report)
+    with _as_option_errors():
+        return _join_session(path, options, _socket_path(options), report)
 
 
 @contextlib.contextmanager
-def _errors_as_option_errors() -> Iterator[None]:
+def _as_option_errors() -> Iterator[None]:
     """Turn errors of a socket into an OptionError."""
     from ergon.repl.wire.local_socket import SocketError
 
@@ -59,15 +59,14 @@ def _errors_as_option_errors() -> Iterator[None]:
         raise OptionError("socket", str(error)) from None
 
 
-def _socket_place(session_options: SessionOptions) -> Path:
+def _socket_path(session_options: SessionOptions) -> Path:
     from ergon.repl.wire.local_socket import default_path
 
     if not session_options.socket:
         return default_path()
     if session_options.socket.endswith((".yaml", ".yml")):
         raise OptionError(
-            "socket",
-            f"a score comes first: ergon repl {session_options.socket} --socket",
+            "socket", f"a score comes first: ergon repl {session_options.socket} --socket"
         )
     return Path(session_options.socket).absolute()
 
@@ -91,13 +90,13 @@ def _serve_session(
     except BaseException:
         server_socket.close()
         raise
-    session_about = {
+    about = {
         "version": __version__,
         "score": os.path.abspath(session.schedule.head.texts.path),
         "journal": "" if session.journal is None else str(session.journal.path.absolute()),
     }
     follow = partial(SoundingPlaces, session.schedule)
-    SessionServer(session, server_socket, session_about, stop_on_signals, follow).run()
+    SessionServer(session, server_socket, about, stop_on_signals, follow).run()
 
 
 # --- the prompt's process ------------------------------------------------------------------------
@@ -211,17 +210,16 @@ def _write_stderr(text: bytes) -> None:
 def _command_line_options(session_options: SessionOptions) -> Iterator[str]:
     """The options, as a command line for the engine."""
     for field in fields(session_options):
-        option_name, value = (
-            f"--{field.name.replace('_', '-')}",
-            getattr(session_options, field.name),
-        )
-        if field.name in _SEPARATE_OPTIONS or value == field.default:
+        option_name = f"--{field.name.replace('_', '-')}"
+        field_value = getattr(session_options, field.name)
+        if field.name in _SEPARATE_OPTIONS or field_value == field.default:
             continue
-        if value is True:
+        if field_value is True:
             yield option_name
-        elif value is not None and value is not False:
-            yield from (f"{option_name}={option_value}" for option_value in _option_values(value))
+        elif field_value is not None and field_value is not False:
+            values = _option_values(field_value)
+            yield from (f"{option_name}={option_value}" for option_value in values)
 
 
-def _option_values(value: object) -> tuple[object, ...]:
-    return tuple(value) if isinstance(value, list | tuple) else (value,)
+def _option_values(option_value: object) -> tuple[object, ...]:
+    return tuple(option_value) if isinstance(option_value, list | tuple) else (option_value,)

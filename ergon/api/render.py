@@ -176,7 +176,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         report,
         rate=options.rate,
         threads=options.threads,
-        real_hands=None if recorded is None else recorded.hands,
+        real_hands=None if recorded is None else recorded.positions,
         is_seen=file_options.see is not None,
         recalls_sound=True,
         complete=complete_piece,
@@ -299,7 +299,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         block=options.block,
         threads=options.threads,
         force=file_options.force,
-        fades_from=stage.fades_from,
+        fades_from=stage.fade_start,
         is_part=options.until is not None,
         # The end of a written `tail` stays: a performance ends so, and a render is equal to it.
         edges=Edges(start_frame > 0, options.until is not None),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ergon.notation.text.errors import Diagnostic
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.live import Real
+    from ergon.scores.staging.live import RealHands
     from ergon.scores.staging.stage import Stage
 
 STDIN = "-"
@@ -127,7 +127,7 @@ def stage_piece(
     *,
     rate: float | None = None,
     threads: int = 1,
-    real_hands: Real | None = None,
+    real_hands: RealHands | None = None,
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
     is_seen: bool = False,

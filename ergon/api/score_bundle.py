@@ -43,13 +43,13 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
     scores.piece_of(loaded)
     texts = {_place_in_bundle(name): document.text for name, document in loaded.files.items()}
     bytes_by_place = {place: text.encode() for place, text in texts.items()}
-    bytes_left = _BYTES_MAX - sum(map(len, bytes_by_place.values()))
+    n_bytes_max = _BYTES_MAX - sum(map(len, bytes_by_place.values()))
     for input_path in loaded.inputs:
         file_place = _place_in_bundle(str(input_path))
-        if file_place not in bytes_by_place and bytes_left >= 0:
-            bytes_by_place[file_place] = read_bounded(Path(file_place), bytes_left)
-            bytes_left -= len(bytes_by_place[file_place])
-    if bytes_left < 0:
+        if file_place not in bytes_by_place and n_bytes_max >= 0:
+            bytes_by_place[file_place] = read_bounded(Path(file_place), n_bytes_max)
+            n_bytes_max -= len(bytes_by_place[file_place])
+    if n_bytes_max < 0:
         raise NotBundledError(
             f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
             "that goes to another process"
@@ -65,9 +65,9 @@ def digest(content: ScoreBundle, *details: object) -> str:
     digits).
     """
     combined_hash = hashlib.sha256(repr((content["score"], *details)).encode())
-    for name, data in sorted(content["files"].items()):
-        combined_hash.update(f"\0{len(data)} {name}\0".encode())
-        combined_hash.update(data)
+    for name, file_bytes in sorted(content["files"].items()):
+        combined_hash.update(f"\0{len(file_bytes)} {name}\0".encode())
+        combined_hash.update(file_bytes)
     return combined_hash.hexdigest()
 
 

@@ -14,7 +14,7 @@ from .errors import OptionError
 from .film import FPS
 from .pages import ANY_LOCAL_PORT, serve
 from .shared_page import page_files, shared_page
-from .viewing import EARS, as_flac
+from .viewing import EARS, flac_file
 
 if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
@@ -88,7 +88,7 @@ def _motion_bytes_per_second(stage: Stage) -> float:
 
 
 def share_file(
-    shown: Shown,
+    view: Shown,
     path: Path,
     folder: Path,
     report: Report,
@@ -104,8 +104,8 @@ def share_file(
     OptionError where the file would be larger than `limit_mb`, FileRefusedError, OSError.
     """
     check_target(path, force=force, inputs=inputs)
-    sound_bytes = None if shown.sound is None else as_flac(shown.sound, folder).read_bytes()
-    motion = shown.motion.read_bytes()
+    sound_bytes = None if view.sound is None else flac_file(view.sound, folder).read_bytes()
+    motion = view.motion.read_bytes()
     page_bytes = _BASE64_RATIO * (len(motion) + len(sound_bytes or b""))
     if page_bytes > limit_mb * _BYTES_PER_MEGABYTE:
         parts_text = f"{_megabytes_text(_BASE64_RATIO * len(motion))} of motion"
@@ -120,7 +120,7 @@ def share_file(
     try:
         page_words = [*words, *(["sound"] if sound_bytes is not None else [])]
         page_text = shared_page(
-            page_files(server.url), _shown_title(shown), page_words, motion, sound_bytes
+            page_files(server.url), _shown_title(view), page_words, motion, sound_bytes
         )
     finally:
         server.close()
@@ -128,10 +128,10 @@ def share_file(
     return SharedFile(str(path), len(page_text.encode()), len(motion), len(sound_bytes or b""))
 
 
-def _shown_title(shown: Shown) -> str:
+def _shown_title(view: Shown) -> str:
     from ergon import _core
 
-    title = parse_json(_core.read_motion(shown.motion).manifest).get("title")
+    title = parse_json(_core.read_motion(view.motion).manifest).get("title")
     return str(title or "ergon")
 
 

@@ -55,7 +55,7 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
         moved, closed, bows = measure_excursions(stage, probed_piece, progress.update)
     fidelities = gesture_fidelities(stage)
-    return Simulated(fidelities, moved, closed, stage.rate, probed_piece.left_out, bows, stage)
+    return Simulated(fidelities, moved, closed, stage.rate, probed_piece.n_left_out, bows, stage)
 
 
 def never_stuck_warnings(simulated: Simulated) -> list[Diagnostic]:
@@ -93,13 +93,13 @@ def never_closed_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic
         for closing in simulated.contacts
         if closing.times
     }
-    nearest_of: dict[str, ContactClosings] = {}
+    nearest_by_contact: dict[str, ContactClosings] = {}
     for closing in simulated.contacts:
-        nearest_before = nearest_of.get(closing.contact.full_name)
+        nearest_before = nearest_by_contact.get(closing.contact.full_name)
         if nearest_before is None or closing.deepest > nearest_before.deepest:
-            nearest_of[closing.contact.full_name] = closing
+            nearest_by_contact[closing.contact.full_name] = closing
     warnings = []
-    for closing in nearest_of.values():
+    for closing in nearest_by_contact.values():
         if shared_name(closing.contact.full_name, families) in closed:
             continue
         contact, nearest = closing.contact, scores.where(piece, closing.deepest_at / simulated.rate)

@@ -12,7 +12,7 @@ from ergon.common.option import documented, option, renamed
 from ergon.common.report import Report
 
 from . import score as scores
-from .modes import PartModes, modes_of, points_of
+from .modes import PartModes, compute_modes, find_points
 from .options import ReadOptions
 from .parts import frequency_option, selected_parts, stretches_no_spring
 
@@ -141,13 +141,13 @@ def _part_stats(
     import numpy as np
 
     elements = built.network.elements([part_name])
-    part_modes = modes_of(piece, built, part_name, {"to": frequency_max}, input_files)
+    part_modes = compute_modes(piece, built, part_name, {"to": frequency_max}, input_files)
     n_free = int(stretches_no_spring(part_modes.shapes, elements).sum())
     frequencies = part_modes.frequencies[n_free:]
     centres, counts = _third_octave_counts(frequencies[frequencies > 0])
     guarantee, oversampling = _part_certificate(piece, part_name)
     mats = elements.mats
-    indices_by_point = points_of(piece, built, part_name, mats)
+    indices_by_point = find_points(piece, built, part_name, mats)
     return PartStats(
         part_name,
         len(mats),
@@ -223,10 +223,12 @@ def _highest_frequency(network: _core.Network, part_name: str, elements: _core.E
         return 0.0
     rate = elements.ca_rate
     bound = np.sqrt(2.002 * ratio_max)
-    f = bound / (2 * np.pi) if rate is None else rate * np.arcsin(min(1.0, bound / 2)) / np.pi
-    poles = network.part_modes(part_name, around=float(f), count=1).poles
+    frequency = (
+        bound / (2 * np.pi) if rate is None else rate * np.arcsin(min(1.0, bound / 2)) / np.pi
+    )
+    poles = network.part_modes(part_name, around=float(frequency), count=1).poles
     if not poles.size or not np.isfinite(poles[0]):
-        return float(f)
+        return float(frequency)
     return float(abs(poles[0]) if rate is None else abs(poles[0].imag)) / (2 * np.pi)
 
 
@@ -273,7 +275,7 @@ def _point_stats(
         bool((energy_shares[~oscillates] > _ENERGY_SHARE_MIN).any()) or slowest_rate == 0
     )
     if not is_pushed_away and not stretches_no_spring(lowest.shapes, elements).any():
-        f = _STATIC_FREQUENCY_RATIO * slowest_rate / (2 * np.pi)
-        admittance = network.admittance([part_name], mats, [mats], [f])[0, 0]
-        compliance = float((admittance / (2j * np.pi * f)).real)
+        frequency = _STATIC_FREQUENCY_RATIO * slowest_rate / (2 * np.pi)
+        admittance = network.admittance([part_name], mats, [mats], [frequency])[0, 0]
+        compliance = float((admittance / (2j * np.pi * frequency)).real)
     return PointStats(point_label, float(masses.sum()), compliance, energy_shares, centroid)

@@ -149,16 +149,18 @@ def _closing_keys(
     for end in contact.ends:
         if key := struck_keys.get((end.part, end.module)):
             yield key, _closing_direction(contact, end)
-    thrown_end = {(e.part, e.module) for e in contact.ends} - struck_keys.keys()
+    thrown_ends = {
+        (other_end.part, other_end.module) for other_end in contact.ends
+    } - struck_keys.keys()
     for _, piece_module in piece.modules():
         if piece_module.kind != "BUT" or piece_module is contact:
             continue
         targets_by_module = {(end.part, end.module): end for end in piece_module.ends}
-        between = thrown_end & targets_by_module.keys()
-        if any(kinds[end] in _THROWN_KINDS for end in between):
+        joined_ends = thrown_ends & targets_by_module.keys()
+        if any(kinds[end] in _THROWN_KINDS for end in joined_ends):
             yield from (
-                (struck_keys[struck_key], _closing_direction(piece_module, e))
-                for struck_key, e in targets_by_module.items()
+                (struck_keys[struck_key], _closing_direction(piece_module, other_end))
+                for struck_key, other_end in targets_by_module.items()
                 if struck_key in struck_keys
             )
 
@@ -171,21 +173,21 @@ def _closing_direction(contact: Module, end: Target) -> float:
 
 def _gesture_strokes(gesture: StagedGesture, direction: float) -> Iterator[_StrokeReach]:
     """The strokes of a written gesture in a direction, each from one turn to the turn back."""
-    if gesture.layer:
+    if gesture.is_layer:
         return  # a layer adds to an unknown path
     begin_instant, lowest, highest = gesture.start, float("inf"), -float("inf")
-    for begins_at, x in zip(gesture.t, gesture.x, strict=True):
-        reach_forward = direction * x
+    for instant, position in zip(gesture.t, gesture.x, strict=True):
+        reach_forward = direction * position
         if reach_forward < highest - _ROUNDING_TOLERANCE:
             if highest > lowest + _ROUNDING_TOLERANCE:
                 yield _StrokeReach(begin_instant, highest)
-            begin_instant, lowest, highest = begins_at, reach_forward, reach_forward
+            begin_instant, lowest, highest = instant, reach_forward, reach_forward
             continue
         if (
             reach_forward <= lowest + _ROUNDING_TOLERANCE
             and highest <= lowest + _ROUNDING_TOLERANCE
         ):
-            begin_instant, lowest = begins_at, min(lowest, reach_forward)
+            begin_instant, lowest = instant, min(lowest, reach_forward)
         highest = max(highest, reach_forward)
     if highest > lowest + _ROUNDING_TOLERANCE:
         yield _StrokeReach(begin_instant, highest)

@@ -26,7 +26,7 @@ from .options import AccuracyOptions, ReadOptions, check_seed
 from .parallel_results import results_as_completed
 from .score_bundle import ScoreBundle, bundled, digest
 from .sweep_table import FIGURES, SweepRow, Table
-from .sweep_variant import Outcome, compute, on_worker
+from .sweep_variant import Outcome, compute, compute_on_worker
 
 if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
@@ -111,25 +111,27 @@ def sweep(
     Raises ScoreError, OptionError and FileRefusedError.
     """
     options, report = options or SweepOptions(), report or Report()
-    varied, combined = _varied_values(options)
+    variations, combinations = _varied_values(options)
     loaded = scores.read(score, ReadOptions(text=options.text, trust=options.trust), report)
     scores.piece_of(loaded)
     folder = _sweep_folder(score, options)
-    sweep_table = Table(folder / "sweep.csv", tuple(variation.target for variation in varied))
+    sweep_table = Table(folder / "sweep.csv", tuple(variation.target for variation in variations))
     check_target(sweep_table.path, force=options.force, inputs=loaded.inputs)
     picture = folder / "sweep.svg"
     check_target(picture, force=options.force, inputs=loaded.inputs)
-    variants = _valid_variants(score, options, loaded, varied, combined, report)
+    variants = _valid_variants(score, options, loaded, variations, combinations, report)
     named_variants = _named_variants(str(score), options, variants)
     known_rows = _rows_by_variant(sweep_table, named_variants, folder)
     for variant in named_variants:
         if variant.file and variant.number not in known_rows:
             check_target(folder / variant.file, force=options.force, inputs=loaded.inputs)
     rows_by_number = dict(known_rows)
-    missing = [variant for variant in named_variants if variant.number not in known_rows]
+    missing_variants = [variant for variant in named_variants if variant.number not in known_rows]
     picture_title = scores.piece_of(loaded).title or Path(score).stem
     try:
-        _compute_missing(str(score), options, missing, folder, rows_by_number, sweep_table, report)
+        _compute_missing(
+            str(score), options, missing_variants, folder, rows_by_number, sweep_table, report
+        )
     finally:  # keep the variants that were computed before Ctrl-C
         ordered_rows = [rows_by_number[number] for number in sorted(rows_by_number)]
         if ordered_rows:
@@ -137,7 +139,7 @@ def sweep(
             _draw_sweep(
                 picture,
                 picture_title,
-                [variation.target for variation in varied],
+                [variation.target for variation in variations],
                 ordered_rows,
                 options.force,
             )
@@ -156,12 +158,12 @@ def _varied_values(sweep_options: SweepOptions) -> tuple[list[VariedTarget], lis
             "vary", "no values are given; write for instance bell.m.K=1kN/m..9kN/m:32"
         )
     try:
-        varied = [parse(text) for text in sweep_options.vary]
-        combined_values = value_combinations(varied, is_zipped=sweep_options.zip)
+        variations = [parse(text) for text in sweep_options.vary]
+        combinations = value_combinations(variations, is_zipped=sweep_options.zip)
     except EditError as error:
         raise OptionError("vary", str(error)) from None
     check_seed(sweep_options.seed)
-    if sweep_options.seed is not None and any(variation.target == SEED for variation in varied):
+    if sweep_options.seed is not None and any(variation.target == SEED for variation in variations):
         raise OptionError("seed", "; the sweep varies it", excludes="vary")
     if sweep_options.on is not None and (
         sweep_options.jobs > 1 or sweep_options.plan or sweep_options.trust
@@ -172,7 +174,7 @@ def _varied_values(sweep_options: SweepOptions) -> tuple[list[VariedTarget], lis
         raise OptionError("on", "; leave one of the two out", excludes=contrary_option)
     if sweep_options.jobs < 1:
         raise OptionError("jobs", f"is {sweep_options.jobs}; it must be 1 or more")
-    return varied, combined_values
+    return variations, combinations
 
 
 def _sweep_folder(score: str | Path, options: SweepOptions) -> Path:
@@ -187,17 +189,17 @@ def _valid_variants(
     score: str | Path,
     sweep_options: SweepOptions,
     loaded: Loaded,
-    varied: Sequence[VariedTarget],
-    combined: Sequence[tuple[str, ...]],
+    variations: Sequence[VariedTarget],
+    combinations: Sequence[tuple[str, ...]],
     report: Report,
 ) -> Iterator[Variant]:
     """All variants, read and without mistakes. Raises ScoreError and OptionError."""
     from ergon.notation.text.edit import EditError
     from ergon.scores.edits.varying import variants
 
-    targets = [variation.target for variation in varied]
+    targets = [variation.target for variation in variations]
     try:
-        for variant in variants(_score_texts(score, sweep_options, loaded), targets, combined):
+        for variant in variants(_score_texts(score, sweep_options, loaded), targets, combinations):
             if variant.loaded.piece is None:
                 variant_text = ", ".join(map("=".join, zip(targets, variant.values, strict=True)))
                 report.say(f"the variant {variant_text} has mistakes; nothing is rendered")
@@ -236,10 +238,12 @@ def _named_variants(
             variant_name = f"{stem}-{suffix}"
         file_names.add(variant_name.lower())
         file = f"{variant_name}.wav" if sweep_options.sound else ""
-        key = digest(
+        variant_digest = digest(
             bundled(score, variant.loaded), sorted(render_options.items()), _program_version()
         )
-        named_variants.append(_NamedVariant(index, variant.values, variant.texts, file, key))
+        named_variants.append(
+            _NamedVariant(index, variant.values, variant.texts, file, variant_digest)
+        )
     return named_variants
 
 
@@ -272,10 +276,10 @@ def _rows_by_variant(
     """Rows of an earlier run that are still valid: a sound file that is wanted is there,
     unchanged.
     """
-    earlier = sweep_table.read()
-    earlier_rows = {}
+    rows_by_digest = sweep_table.read()
+    valid_rows = {}
     for variant in named_variants:
-        earlier_row = earlier.get(variant.digest)
+        earlier_row = rows_by_digest.get(variant.digest)
         if earlier_row is None or (
             variant.file
             and earlier_row.status == "ok"
@@ -284,21 +288,21 @@ def _rows_by_variant(
             continue
         if variant.file and earlier_row.status == "ok" and earlier_row.file != variant.file:
             continue
-        earlier_rows[variant.number] = replace(earlier_row, values=variant.values)
-    return earlier_rows
+        valid_rows[variant.number] = replace(earlier_row, values=variant.values)
+    return valid_rows
 
 
 def _is_file_unchanged(folder: Path, table_row: SweepRow) -> bool:
     if not table_row.file:
         return False
-    hashed = sha256()
+    file_hash = sha256()
     try:
         with (folder / table_row.file).open("rb") as file:
             while block := file.read(1 << 20):
-                hashed.update(block)
+                file_hash.update(block)
     except OSError:
         return False
-    return hashed.hexdigest() == table_row.sha256
+    return file_hash.hexdigest() == table_row.sha256
 
 
 def _compute_missing(
@@ -314,7 +318,7 @@ def _compute_missing(
     if not missing_variants:
         return
     render_options = _render_options(sweep_options)
-    computed_pairs: Iterator[tuple[_NamedVariant, Outcome]]
+    outcomes: Iterator[tuple[_NamedVariant, Outcome]]
 
     def content(variant: _NamedVariant) -> ScoreBundle:
         return bundled(score, variant.texts.load())
@@ -326,14 +330,18 @@ def _compute_missing(
 
         with open_cluster(sweep_options.on, report) as cluster:
             engine_version = version()
-            computed_pairs = cluster.computed(
+            outcomes = cluster.computed(
                 missing_variants,
                 lambda pool, variant: pool.submit(
-                    on_worker, engine_version, content(variant), render_options, variant.file
+                    compute_on_worker,
+                    engine_version,
+                    content(variant),
+                    render_options,
+                    variant.file,
                 ),
             )
             _keep_results(
-                computed_pairs,
+                outcomes,
                 len(missing_variants),
                 folder,
                 sweep_options,
@@ -343,12 +351,12 @@ def _compute_missing(
             )
         return
     if jobs == 1:
-        computed_pairs = (
+        outcomes = (
             (variant, compute(content(variant), render_options, variant.file))
             for variant in missing_variants
         )
         _keep_results(
-            computed_pairs,
+            outcomes,
             len(missing_variants),
             folder,
             sweep_options,
@@ -358,15 +366,15 @@ def _compute_missing(
         )
         return
     with _process_pool(jobs) as pool:
-        computed_pairs = results_as_completed(
+        outcomes = results_as_completed(
             missing_variants,
             lambda variant: pool.submit(compute, content(variant), render_options, variant.file),
-            _first_done,
+            _wait_for_first,
             Future.result,
             2 * jobs,
         )
         _keep_results(
-            computed_pairs,
+            outcomes,
             len(missing_variants),
             folder,
             sweep_options,
@@ -376,12 +384,12 @@ def _compute_missing(
         )
 
 
-def _first_done(futures: Sequence[Future[Outcome]]) -> None:
+def _wait_for_first(futures: Sequence[Future[Outcome]]) -> None:
     wait(futures, return_when=FIRST_COMPLETED)
 
 
 def _keep_results(
-    pairs: Iterator[tuple[_NamedVariant, Outcome]],
+    outcomes: Iterator[tuple[_NamedVariant, Outcome]],
     n_variants: int,
     folder: Path,
     sweep_options: SweepOptions,
@@ -389,9 +397,9 @@ def _keep_results(
     sweep_table: Table,
     report: Report,
 ) -> None:
-    n_done, duration_done = 0, 0.0
+    n_finished, finished_seconds = 0, 0.0
     with report.progress("sweeping", n_variants, 0.0) as progress:
-        for variant, outcome in pairs:
+        for variant, outcome in outcomes:
             figures = {name: outcome["figures"].get(name) for name in FIGURES}
             variant_sound, variant_file = (
                 outcome["sound"],
@@ -410,13 +418,13 @@ def _keep_results(
                 sha256(variant_sound).hexdigest() if variant_file else "",
                 outcome["reason"],
             )
-            duration_done += outcome["figures"].get("cpu_s") or 0.0
-            n_done += 1
+            finished_seconds += outcome["figures"].get("cpu_s") or 0.0
+            n_finished += 1
             sweep_table.keep(
                 [rows_by_number[number] for number in sorted(rows_by_number)],
                 force=sweep_options.force,
             )
-            progress.update(n_done)
+            progress.update(n_finished)
             report.event("variant", **asdict(rows_by_number[variant.number]))
 
 

@@ -78,10 +78,10 @@ class Table:
 
     def keep(self, rows: Sequence[SweepRow], *, force: bool) -> None:
         """Write an unfinished table, at most once a second."""
-        instant_now = time.monotonic()
-        if instant_now - self._saved_time >= _SAVE_INTERVAL_SECONDS:
+        now = time.monotonic()
+        if now - self._saved_time >= _SAVE_INTERVAL_SECONDS:
             self.write(rows, "", force=force)
-            self._saved_time = instant_now
+            self._saved_time = now
 
     def write(self, rows: Sequence[SweepRow], title: str, *, force: bool) -> None:
         """Write the whole table."""

@@ -53,7 +53,7 @@ def compute(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome
     return Outcome(status="ok", reason="", figures=figures, sound=sound_data)
 
 
-def on_worker(
+def compute_on_worker(
     version: list[Any], content: ScoreBundle, options: dict[str, Any], name: str
 ) -> Outcome:
     """Compute a variant on a worker of a cluster. Raises ClusterError if its ergon is another

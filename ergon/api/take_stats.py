@@ -93,15 +93,15 @@ def _hand_stats(recording: _core.Recording, axis_index: int, cutoff: float) -> H
     from ergon.scores.gesture.movement import movement_stats
 
     ticks = recording.ticks()
-    n = len(ticks)
+    n_ticks = len(ticks)
     is_fresh = recording.flags()[:, axis_index] & _FRESH_FLAG != 0
     return HandStats(
         recording.names[axis_index],
-        n,
-        int(ticks[-1] - ticks[0]) + 1 - n if n else 0,
+        n_ticks,
+        int(ticks[-1] - ticks[0]) + 1 - n_ticks if n_ticks else 0,
         int((~is_fresh).sum()) if is_fresh.any() else None,
         movement_stats(instants(recording), recording.positions()[:, axis_index], cutoff)
-        if n >= 2
+        if n_ticks >= 2
         else None,
         _force_stats(recording, axis_index),
     )

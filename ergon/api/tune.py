@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from ergon import _core
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.edits.tunable import FieldKey, TunablePart, Value
+    from ergon.scores.edits.tunable import FieldKey, TunablePart, TunableValue
     from ergon.scores.reading.load import Loaded
 
 REACHED_CENTS = 1e-6  # [cents] within which a target counts as reached
@@ -244,7 +244,7 @@ def _parse_ratio(ratio_word: str) -> float:
     return ratio_value
 
 
-def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Value]:
+def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> list[TunableValue]:
     """The values that `target_names` names. Raises OptionError."""
     from ergon.notation.text.spelling import nearest
 
@@ -253,14 +253,14 @@ def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> li
         raise OptionError("part", f"{tunable_part.name} has no value above 0 that moves its modes")
     if not target_names:
         return part_values
-    values_by_name: dict[str, list[Value]] = {}
+    values_by_name: dict[str, list[TunableValue]] = {}
     for part_value in part_values:
         full = tunable_part.target(part_value)
         value_words = [part_value.field, tunable_part.field_name(part_value), full]
         value_words += [word.removeprefix(f"{tunable_part.name}.") for word in value_words[1:]]
         for name in dict.fromkeys(value_words):
             values_by_name.setdefault(name, []).append(part_value)
-    chosen_values: dict[Value, None] = {}
+    chosen_values: dict[TunableValue, None] = {}
     for target_word in target_names:
         matches = values_by_name.get(_FIELD_BY_WORD.get(target_word, target_word))
         if matches is None:
@@ -281,7 +281,7 @@ def _edited_texts(
     tune_options: TuneOptions,
     loaded: Loaded,
     tunable_part: TunablePart,
-    tuned_values: Sequence[Value],
+    tuned_values: Sequence[TunableValue],
 ) -> tuple[Texts | None, str]:
     """The texts with the values in them; or why they could not be written."""
     from ergon.notation.text.edit import EditError
@@ -296,13 +296,13 @@ def _edited_texts(
         edited_texts = tunable_part.with_values(edited_texts, tuned_values)
     except EditError as error:
         return None, str(error)
-    other_files = [
+    linked_files = [
         file
         for file, text in edited_texts.overlay.items()
         if original_texts.overlay.get(file) != text
     ]
-    if other_files:
-        file_list = ", ".join(other_files)
+    if linked_files:
+        file_list = ", ".join(linked_files)
         return (
             None,
             f"{tunable_part.name} is written in {file_list}, which other scores may use: set it "
@@ -319,12 +319,15 @@ class _Search:
     """
 
     def __init__(
-        self, part: TunablePart, values: Sequence[Value], target_frequencies: Mapping[int, float]
+        self,
+        part: TunablePart,
+        values: Sequence[TunableValue],
+        target_frequencies: Mapping[int, float],
     ) -> None:
         import numpy as np
 
         self.part, self.wanted = part, target_frequencies
-        self.values: list[Value] = []
+        self.values: list[TunableValue] = []
         self.log_targets = np.log(list(target_frequencies.values()))
         self.rank = 0
         poles, shapes, elements = self._modes({})
@@ -417,7 +420,7 @@ class _Search:
 
         network = self.part.network(values)
         elements = network.elements([self.part.name])
-        n, last_mode = len(elements.mats), max(self.wanted)
+        n_mats, last_mode = len(elements.mats), max(self.wanted)
         n_modes = last_mode + 2
         while True:
             try:
@@ -427,9 +430,9 @@ class _Search:
             swings = np.flatnonzero(
                 (part_modes.poles.imag > 0) & ~stretches_no_spring(part_modes.shapes, elements)
             )
-            if len(swings) >= last_mode or n_modes >= n:
+            if len(swings) >= last_mode or n_modes >= n_mats:
                 break
-            n_modes = min(n, 2 * n_modes)
+            n_modes = min(n_mats, 2 * n_modes)
         if len(swings) < last_mode:
             has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
             reason = f"mode {last_mode} is wanted, but {self.part.name} has {has}"
@@ -452,7 +455,7 @@ class _Search:
         poles: NDArray[np.complex128],
         shapes: NDArray[np.complex128],
         elements: _core.Elements,
-        value: Value,
+        tunable: TunableValue,
         number: float,
         numbers: Mapping[FieldKey, float],
     ) -> NDArray[np.float64]:
@@ -460,14 +463,14 @@ class _Search:
 
         from ergon import _core
 
-        def elements_at(factor: float) -> _core.Elements:
-            network = self.part.network({**numbers, value.field_key: number * factor})
+        def elements_with(factor: float) -> _core.Elements:
+            network = self.part.network({**numbers, tunable.field_key: number * factor})
             return network.elements([self.part.name])
 
         try:
             modes_above, modes_below = (
-                elements_at(math.exp(_LOG_NUDGE)),
-                elements_at(math.exp(-_LOG_NUDGE)),
+                elements_with(math.exp(_LOG_NUDGE)),
+                elements_with(math.exp(-_LOG_NUDGE)),
             )
         except _core.EngineError:  # the value is at the limit of its range, and stays
             return np.zeros(len(poles))
@@ -503,10 +506,10 @@ def _least_step(
     """The smallest step that minimises the error for these slopes, and their rank."""
     import numpy as np
 
-    u, singular_values, v = np.linalg.svd(slopes, full_matrices=False)
+    left_vectors, singular_values, right_vectors = np.linalg.svd(slopes, full_matrices=False)
     sensitive = singular_values > _SLOPE_RATIO_MIN
-    weights = (u.T @ -residuals)[sensitive] / singular_values[sensitive]
-    return np.asarray(v[sensitive].T @ weights), int(sensitive.sum())
+    weights = (left_vectors.T @ -residuals)[sensitive] / singular_values[sensitive]
+    return np.asarray(right_vectors[sensitive].T @ weights), int(sensitive.sum())
 
 
 if TYPE_CHECKING:

@@ -49,7 +49,7 @@ def render_view(
     if check is not None:
         check(prepared)
     write(prepared, report)
-    return Shown(sound_path.with_suffix(SUFFIX), for_two_ears(sound_path, folder, report))
+    return Shown(sound_path.with_suffix(SUFFIX), binaural_file(sound_path, folder, report))
 
 
 def sound_beside(motion: Path, report: Report) -> Path | None:
@@ -62,7 +62,7 @@ def sound_beside(motion: Path, report: Report) -> Path | None:
     from ergon.exchange import sound
 
     sound_path = next(
-        (p for kind in _SOUND_SUFFIXES if (p := motion.with_suffix(kind)).is_file()), None
+        (path for kind in _SOUND_SUFFIXES if (path := motion.with_suffix(kind)).is_file()), None
     )
     if sound_path is None:
         return None
@@ -77,7 +77,7 @@ def sound_beside(motion: Path, report: Report) -> Path | None:
     return sound_path
 
 
-def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
+def binaural_file(path: Path, folder: Path, report: Report) -> Path:
     """A sound file as browsers play it: itself, or a WAV file in `folder`.
 
     More than two channels are folded to two ears if the file says where its loudspeakers are;
@@ -86,15 +86,15 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
     """
     from ergon.exchange import sound
 
-    info = sound.read_info(path)
+    wave_info = sound.read_info(path)
     if (
-        info.format.n_channels <= EARS
-        and info.container == "RIFF"
-        and info.format.bits in (16, 24, "float")
+        wave_info.format.n_channels <= EARS
+        and wave_info.container == "RIFF"
+        and wave_info.format.bits in (16, 24, "float")
     ):
         return path
     folded_path = folder / "two-ears.wav"
-    if info.format.n_channels > EARS:
+    if wave_info.format.n_channels > EARS:
         try:
             options = FoldOptions(bits=16, force=True)
             fold_file(path, folded_path, "binaural", options, report=report)
@@ -105,11 +105,11 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
             )
         else:
             return folded_path
-    _odd_and_even_means(path, info, folded_path)
+    _odd_and_even_means(path, wave_info, folded_path)
     return folded_path
 
 
-def as_flac(path: Path, folder: Path) -> Path:
+def flac_file(path: Path, folder: Path) -> Path:
     """A sound file of one or two channels as FLAC of 16 bits, which every browser of today plays.
 
     Raises NotWaveError and OSError.
@@ -121,7 +121,7 @@ def as_flac(path: Path, folder: Path) -> Path:
     return flac_path
 
 
-def _odd_and_even_means(path: Path, info: WaveInfo, folded_path: Path) -> None:
+def _odd_and_even_means(path: Path, wave_info: WaveInfo, folded_path: Path) -> None:
     """The means of odd and of even channels; one channel alone stays one."""
     import numpy as np
 
@@ -129,10 +129,10 @@ def _odd_and_even_means(path: Path, info: WaveInfo, folded_path: Path) -> None:
     from ergon.exchange import sound
     from ergon.exchange.safe import open_for_writing
 
-    channels = min(info.format.n_channels, EARS)
-    format = WaveFormat(info.format.rate, channels, 16)
+    channels = min(wave_info.format.n_channels, EARS)
+    format = WaveFormat(wave_info.format.rate, channels, 16)
     with open_for_writing(str(folded_path), binary=True, force=True, inputs=(path,)) as file:
-        writer = sound.writer(str(folded_path), file, format, info.n_frames, Stamp(path.stem))
+        writer = sound.writer(str(folded_path), file, format, wave_info.n_frames, Stamp(path.stem))
         for block in sound.read_blocks(path):
             sides = [block[:, side::channels].mean(axis=1) for side in range(channels)]
             writer.write(_core.pcm(np.ascontiguousarray(np.stack(sides, axis=1)), 1.0, 16))

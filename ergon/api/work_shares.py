@@ -47,8 +47,8 @@ class Shares:
     @property
     def bound(self) -> float:
         """The largest possible speed-up over one process, with any number of processes."""
-        least = max(self.home, self.dearest.cost if self.dearest else 0.0)
-        return self.total / least if least else 1.0
+        least_work = max(self.home, self.dearest.cost if self.dearest else 0.0)
+        return self.total / least_work if least_work else 1.0
 
 
 def work_pieces(
@@ -56,25 +56,25 @@ def work_pieces(
 ) -> tuple[WorkPiece, ...]:
     """The islands that other processes can compute, with the names of the parts in them."""
     pieces = []
-    rows_left = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
+    remaining_rows = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
     for island in simulation.storable():
         cost = 1e-9 * rate * island.cost
-        names_in_piece: dict[str, None] = {}
-        cost_left = cost
-        while rows_left and cost_left > 1e-9 * cost:  # rows stand in the order of islands
-            row = rows_left.pop(0)
-            cost_left -= row.cost
-            names_in_piece.update(dict.fromkeys(row.parts))
+        part_names: dict[str, None] = {}
+        remaining_cost = cost
+        while remaining_rows and remaining_cost > 1e-9 * cost:  # rows stand in the order of islands
+            row = remaining_rows.pop(0)
+            remaining_cost -= row.cost
+            part_names.update(dict.fromkeys(row.parts))
         if is_expensive(island):
-            pieces.append(WorkPiece(tuple(names_in_piece), cost))
+            pieces.append(WorkPiece(tuple(part_names), cost))
     return tuple(pieces)
 
 
 def share_out(pieces: Sequence[WorkPiece], total_cost: float, count: int) -> Shares:
     """Share out pieces among `count` processes; home computes the rest of the `total_cost` work."""
     costs = [piece.cost for piece in pieces]
-    loads = [sum(costs[i] for i in group) for group in group_by_cost(costs, count)]
-    loads += [0.0] * (count - len(loads))
+    process_loads = [sum(costs[i] for i in group) for group in group_by_cost(costs, count)]
+    process_loads += [0.0] * (count - len(process_loads))
     home_cost = max(0.0, total_cost - sum(costs))
     dearest = max(pieces, key=lambda piece: piece.cost, default=None)
-    return Shares(count, tuple(loads), home_cost, dearest)
+    return Shares(count, tuple(process_loads), home_cost, dearest)

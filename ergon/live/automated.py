@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ergon.scores.staging.automating import value_at
+from ergon.scores.staging.automating import numbers_at
 
 if TYPE_CHECKING:
     from ergon.scores.staging.parameter_values import ModuleKey, Points
@@ -37,7 +37,7 @@ def tangible_paths(stage: Stage, mat: int, held_mats: Sequence[int]) -> dict[Mod
     `held_mats` are the MATs of all hands.
     """
 
-    def key(module_key: ModuleKey, numbers: Sequence[float]) -> bytes:
+    def network_key(module_key: ModuleKey, numbers: Sequence[float]) -> bytes:
         engine_values = _engine_values(stage, [module_key], [numbers])
         reachable_network = stage.network.reachable_network(
             mat,
@@ -51,7 +51,7 @@ def tangible_paths(stage: Stage, mat: int, held_mats: Sequence[int]) -> dict[Mod
     paths_by_module = {}
     for module_key, path_points in stage.paths.items():
         first_numbers = path_points[0][1:]
-        if key(module_key, first_numbers) != key(
+        if network_key(module_key, first_numbers) != network_key(
             module_key, [_PROBE_FACTOR * x + 1.0 for x in first_numbers]
         ):
             paths_by_module[module_key] = path_points
@@ -99,15 +99,15 @@ def value_sets(
     lies within a ratio of 1.2 of one of them.
     """
     module_keys = list(paths)
-    path_rows = list(paths.values())
+    module_paths = list(paths.values())
     instants = sorted(
         {
             begin_instant,
-            *(point[0] for points in path_rows for point in points if point[0] > begin_instant),
+            *(point[0] for points in module_paths for point in points if point[0] > begin_instant),
         }
     )
     known_keys: set[object] = set()
-    for value_set, duration in _values_along(path_rows, instants):
+    for value_set, duration in _values_along(module_paths, instants):
         value_key = (
             tuple(value_set)
             if duration
@@ -126,10 +126,10 @@ def _values_along(
     """
     begin_instant, values_before = (
         path_instants[0],
-        [value_at(points, path_instants[0]) for points in module_paths],
+        [numbers_at(points, path_instants[0]) for points in module_paths],
     )
     for end_instant in path_instants[1:]:
-        values_now = [value_at(points, end_instant) for points in module_paths]
+        values_now = [numbers_at(points, end_instant) for points in module_paths]
         yield values_before, values_now == values_before
         if end_instant - begin_instant > SHORT_CHANGE and values_now != values_before:
             n_steps = max(
@@ -138,8 +138,8 @@ def _values_along(
                     math.log(_largest_ratio(values_before, values_now)) / math.log(CHECK_RATIO)
                 ),
             )
-            for place in range(1, n_steps):
-                yield _interpolated(values_before, values_now, place / n_steps), False
+            for step in range(1, n_steps):
+                yield _interpolated(values_before, values_now, step / n_steps), False
         begin_instant, values_before = end_instant, values_now
     yield values_before, True
 
@@ -153,8 +153,8 @@ def _largest_ratio(
 ) -> float:
     number_pairs = [
         pair
-        for first_number, second_number in zip(first_rows, second_rows, strict=True)
-        for pair in zip(first_number, second_number, strict=True)
+        for first_row, second_row in zip(first_rows, second_rows, strict=True)
+        for pair in zip(first_row, second_row, strict=True)
         if min(pair) > 0.0
     ]
     return max((max(pair) / min(pair) for pair in number_pairs), default=1.0)
@@ -166,7 +166,7 @@ def _interpolated(
     return [
         tuple(
             first_value + (second_value - first_value) * share
-            for first_value, second_value in zip(first_number, second_number, strict=True)
+            for first_value, second_value in zip(first_row, second_row, strict=True)
         )
-        for first_number, second_number in zip(first_rows, second_rows, strict=True)
+        for first_row, second_row in zip(first_rows, second_rows, strict=True)
     ]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _DEVICE_NAME = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
 PAGE_KINDS = ("page", "keys")  # keys that a page plays, by a pointer or by letters
 LED_KINDS = (*PAGE_KINDS, "midi", "osc", "gamepad")  # keys that are played without a device
-_MAX_BYTES = 1 << 18  # a list of devices is small; what is larger is another file
+_BYTES_MAX = 1 << 18  # a list of devices is small; what is larger is another file
 
 
 class BoardError(ErgonError):
@@ -90,13 +90,13 @@ def config_bytes() -> bytes:
         return b""
     path = config_path()
     try:
-        config_data = read_bounded(path, _MAX_BYTES)
+        config_data = read_bounded(path, _BYTES_MAX)
     except FileNotFoundError:
         return b""
     except OSError as error:
         raise BoardError(f"{path}: {error.strerror or error}") from None
-    if len(config_data) > _MAX_BYTES:
-        raise BoardError(f"{path}: larger than a list of devices may be ({_MAX_BYTES:,} bytes)")
+    if len(config_data) > _BYTES_MAX:
+        raise BoardError(f"{path}: larger than a list of devices may be ({_BYTES_MAX:,} bytes)")
     return config_data
 
 
@@ -144,10 +144,10 @@ def url_and_axis(device_text: str, urls_by_name: Mapping[str, str]) -> tuple[str
     if ":" in device_text:
         url, _, axis_text = device_text.partition("#")
         # The options of a URL come after its axis.
-        number_text, mark, url_options = axis_text.partition("?")
+        number_text, question_mark, url_options = axis_text.partition("?")
         if axis_text and not number_text.isdecimal():
             raise BoardError(f"{device_text}: the axis is a number from 0 on, as in {url}#0")
-        return url + mark + url_options, int(number_text or 0)
+        return url + question_mark + url_options, int(number_text or 0)
     name_match = _DEVICE_NAME.match(device_text)
     if name_match is None:
         raise BoardError(
@@ -167,8 +167,8 @@ def parse_live_options(option_texts: Sequence[str]) -> dict[str, str]:
     """`PLAYER=DEVICE` of each `--live`. Raises BoardError."""
     devices_by_player: dict[str, str] = {}
     for option_text in option_texts:
-        player, is_pair, device = option_text.partition("=")
-        if not is_pair or not player or not device:
+        player, equals_sign, device = option_text.partition("=")
+        if not equals_sign or not player or not device:
             raise BoardError(
                 f"{option_text}: a hand is PLAYER=DEVICE, such as remi=firefader:/dev/ttyACM0"
             )

@@ -80,10 +80,10 @@ def board_identity(url: str) -> str | None:
 
 def axis_key(url: str, number: int) -> str:
     """The name of an axis: by the identity of its board, or else by its address."""
-    return f"{board_identity(url) or _address(url)}#{number}"
+    return f"{board_identity(url) or _device_address(url)}#{number}"
 
 
-def _address(url: str) -> str:
+def _device_address(url: str) -> str:
     url_target, _, options = url.partition("?")
     target_options = [
         option for option in options.split("&") if option and option not in _PROTOCOL_OPTIONS
@@ -101,28 +101,28 @@ def known_axes(url: str) -> dict[int, Axis]:
 
 def calibrated_axes(url: str) -> set[int]:
     """The axes of a device that were calibrated on this board. Raises BoardError."""
-    return {number for number, (_, is_own) in _axes_in_list(url).items() if is_own}
+    return {number for number, (_, is_same_board) in _axes_in_list(url).items() if is_same_board}
 
 
 def _axes_in_list(url: str) -> dict[int, tuple[Axis, bool]]:
-    axis_table = _table(read_config())
-    identity, address = board_identity(url), _address(url)
+    axis_table = _axis_table(read_config())
+    identity, address = board_identity(url), _device_address(url)
     axes_by_number = {}
     for axis_number in range(16):
-        for device_name, is_own in (
+        for axis_name, is_same_board in (
             (f"{identity}#{axis_number}", identity is not None),
             (f"{address}#{axis_number}", False),
         ):
-            if device_name in axis_table:
+            if axis_name in axis_table:
                 axes_by_number[axis_number] = (
-                    _parse_axis(device_name, axis_table[device_name]),
-                    is_own,
+                    _parse_axis(axis_name, axis_table[axis_name]),
+                    is_same_board,
                 )
                 break
     return axes_by_number
 
 
-def _table(config: dict[str, Any]) -> dict[str, Any]:
+def _axis_table(config: dict[str, Any]) -> dict[str, Any]:
     axis_table = config.get(_TABLE, {})
     if not isinstance(axis_table, dict):
         raise BoardError(f"{config_path()}: [{_TABLE}] is not a table")
@@ -194,7 +194,7 @@ def find_direction(url: str, axis_number: int, axis_before: Axis | None = None) 
         device.close()
 
 
-def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int, Axis]:
+def confirmed_axes(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int, Axis]:
     """Push the axes `axes_before` together by small forces; return those that move in the expected
     direction.
 
@@ -202,8 +202,8 @@ def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int,
     these are pushed together once more, for a busy machine may have passed over the push. Raises
     EngineError.
     """
-    axes_found = {number: axis for number, axis in axes_before.items() if axis is not None}
-    device = _core.Device(url, [axis.for_core(number) for number, axis in axes_found.items()])
+    axes_known = {number: axis for number, axis in axes_before.items() if axis is not None}
+    device = _core.Device(url, [axis.for_core(number) for number, axis in axes_known.items()])
     try:
         signs = dict(zip(axes_before, device.directions(list(axes_before), 1e-3), strict=True))
         unmoved_axes = [number for number, sign in signs.items() if sign is None]
@@ -211,7 +211,7 @@ def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int,
             signs.update(zip(unmoved_axes, device.directions(unmoved_axes, 1e-3), strict=True))
         moved_axes = [number for number, sign in signs.items() if sign == 1.0]
         return {
-            number: axes_found.get(number) or uncalibrated_axis(device, 1) for number in moved_axes
+            number: axes_known.get(number) or uncalibrated_axis(device, 1) for number in moved_axes
         }
     finally:
         device.close()
@@ -237,8 +237,8 @@ def store_axis(url: str, axis_number: int, stored_axis: Axis) -> Path:
     text_after = _with_table(config_text, table_lines)
     # However the user's file is formatted, everything else in it must stay the same.
     try:
-        expected_config = {**config_before, _TABLE: {**_table(config_before), axis_name: axis_row}}
-        is_unchanged = parse_toml(text_after.encode()) == expected_config
+        expected = {**config_before, _TABLE: {**_axis_table(config_before), axis_name: axis_row}}
+        is_unchanged = parse_toml(text_after.encode()) == expected
     except MalformedTextError:
         is_unchanged = False
     if not is_unchanged:
@@ -254,11 +254,11 @@ def _with_table(config_text: str, table_lines: list[str]) -> str:
     """The text with a table in place of the one with the same header, or else at its end."""
     line_end = "\r\n" if "\r\n" in config_text else "\n"
     table_text = line_end.join(table_lines) + line_end
-    text_rows = config_text.splitlines(keepends=True)
-    row_index = next(
-        (index for index, row in enumerate(text_rows) if row.strip() == table_lines[0]), None
+    config_lines = config_text.splitlines(keepends=True)
+    header_index = next(
+        (index for index, row in enumerate(config_lines) if row.strip() == table_lines[0]), None
     )
-    if row_index is None:
+    if header_index is None:
         blank_line = (
             ""
             if not config_text
@@ -267,12 +267,12 @@ def _with_table(config_text: str, table_lines: list[str]) -> str:
             else line_end + line_end
         )
         return config_text + blank_line + table_text
-    stop_index = row_index + 1
-    while stop_index < len(text_rows) and not text_rows[stop_index].lstrip().startswith("["):
-        stop_index += 1
+    end_index = header_index + 1
+    while end_index < len(config_lines) and not config_lines[end_index].lstrip().startswith("["):
+        end_index += 1
     # Comments and empty lines above the next table belong to that one.
-    while stop_index > row_index + 1 and (
-        not text_rows[stop_index - 1].strip() or text_rows[stop_index - 1].startswith("#")
+    while end_index > header_index + 1 and (
+        not config_lines[end_index - 1].strip() or config_lines[end_index - 1].startswith("#")
     ):
-        stop_index -= 1
-    return "".join(text_rows[:row_index]) + table_text + "".join(text_rows[stop_index:])
+        end_index -= 1
+    return "".join(config_lines[:header_index]) + table_text + "".join(config_lines[end_index:])

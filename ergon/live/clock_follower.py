@@ -19,27 +19,27 @@ _CLOCKS_BEFORE_JUMP = 12  # such clocks in a row after which the tempo has jumpe
 # A clock is late if it lags behind the line by more than this many times the median error, and by
 # more than this time [s].
 _LATE_FACTOR, _LATE_MIN = 4.0, 0.002
-_TRIALS = 4  # lines fitted, each without the clocks that are late against the one before
-_SILENCE = 0.5  # [s] without a clock after which there is none to follow
+_FITS_MAX = 4  # lines fitted, each without the clocks that are late against the one before
+_SILENCE_MAX = 0.5  # [s] without a clock after which there is none to follow
 _BEAT_MAX, _BEAT_MIN = 60.0 / 20.0, 60.0 / 400.0  # [s] of a beat that is followed
 
 
 class BeatEstimate(NamedTuple):
-    """The estimate: `instant` [s] is that of `beat`, and a beat lasts `length` [s]."""
+    """The estimate: `instant` [s] is that of `beat`, and a beat lasts `beat_length` [s]."""
 
     instant: float
     beat: float
-    length: float
+    beat_length: float
 
     def instant_of(self, beat: float) -> float:
         """The instant of a beat [s]."""
-        return self.instant + (beat - self.beat) * self.length
+        return self.instant + (beat - self.beat) * self.beat_length
 
 
 class ClockFollower:
     """Follows the clock of another program; `receive` may be called by any one thread.
 
-    Beats count from 0 at the beginning of the piece. `is_placed` says whether that beginning is
+    Beats count from 0 at the beginning of the piece. `has_position` says whether that beginning is
     known: a program that was already playing sends clocks only.
     """
 
@@ -48,9 +48,9 @@ class ClockFollower:
         self._clocks: deque[tuple[int, float]] = deque(maxlen=_CLOCKS_KEPT)
         # The latest clocks, where all are off the estimate.
         self._stray_clocks: list[tuple[int, float]] = []
-        self._next = 0  # the number of the next clock
-        self._last = -math.inf
-        self.is_placed = False
+        self._next_clock = 0  # the number of the next clock
+        self._last_instant = -math.inf
+        self.has_position = False
         self.is_running = False
 
     def receive(self, message: Message, instant: float) -> None:
@@ -70,38 +70,37 @@ class ClockFollower:
     @property
     def position(self) -> float:
         """The beat of the next clock."""
-        return self._next / CLOCKS_PER_BEAT
+        return self._next_clock / CLOCKS_PER_BEAT
 
-    def _move_to(self, clocks: int) -> None:
+    def _move_to(self, clock_number: int) -> None:
         """Continue counting from another position; the estimate of the tempo is kept."""
-        n_clocks = clocks - self._next
-        moved_clocks = [(number + n_clocks, instant) for number, instant in self._clocks]
+        clock_shift = clock_number - self._next_clock
+        moved_clocks = [(number + clock_shift, instant) for number, instant in self._clocks]
         self._clocks.clear()
         self._clocks.extend(moved_clocks)
         self._stray_clocks = [
-            (number + n_clocks, instant) for number, instant in self._stray_clocks
+            (number + clock_shift, instant) for number, instant in self._stray_clocks
         ]
-        self._next = clocks
-        self.is_placed = True
+        self._next_clock = clock_number
+        self.has_position = True
 
-    def _add_clock(self, clock_instant: float) -> None:
-        if clock_instant - self._last > _SILENCE or clock_instant < self._last:
+    def _add_clock(self, instant: float) -> None:
+        if instant - self._last_instant > _SILENCE_MAX or instant < self._last_instant:
             self._clocks.clear()
             self._stray_clocks.clear()
-        self._last = clock_instant
-        beat_estimate, observation = self.estimate(), (self._next, clock_instant)
-        self._next += 1
+        self._last_instant = instant
+        beat_estimate, clock = self.estimate(), (self._next_clock, instant)
+        self._next_clock += 1
         if (
             beat_estimate is None
-            or abs(beat_estimate.instant_of(observation[0] / CLOCKS_PER_BEAT) - clock_instant)
-            <= _ERROR_MAX
+            or abs(beat_estimate.instant_of(clock[0] / CLOCKS_PER_BEAT) - instant) <= _ERROR_MAX
         ):
             self._stray_clocks.clear()
-            self._clocks.append(observation)
+            self._clocks.append(clock)
             return
         # After a delay in a program or a wire, several clocks come at once, and then it goes on as
         # before. Only if so many in a row are off the estimate has the tempo jumped.
-        self._stray_clocks.append(observation)
+        self._stray_clocks.append(clock)
         if len(self._stray_clocks) == _CLOCKS_BEFORE_JUMP:
             self._clocks.clear()
             self._clocks.extend(self._stray_clocks)
@@ -109,7 +108,7 @@ class ClockFollower:
 
     def is_receiving(self, now: float) -> bool:
         """Whether clocks are coming."""
-        return now - self._last <= _SILENCE
+        return now - self._last_instant <= _SILENCE_MAX
 
     def estimate(self) -> BeatEstimate | None:
         """The line through the latest clocks, without those that came late; None if there are too
@@ -119,7 +118,7 @@ class ClockFollower:
         if len(clocks) < _CLOCKS_MIN:
             return None
         clock_line = _fit_line(clocks)
-        for _ in range(_TRIALS):
+        for _ in range(_FITS_MAX):
             errors = [
                 instant - clock_line.instant_of(number / CLOCKS_PER_BEAT)
                 for number, instant in clocks
@@ -131,7 +130,7 @@ class ClockFollower:
             if len(punctual_clocks) == len(clocks) or len(punctual_clocks) < _CLOCKS_MIN // 2:
                 break
             clocks, clock_line = punctual_clocks, _fit_line(punctual_clocks)
-        return clock_line if _BEAT_MIN <= clock_line.length <= _BEAT_MAX else None
+        return clock_line if _BEAT_MIN <= clock_line.beat_length <= _BEAT_MAX else None
 
 
 def _fit_line(clocks: list[tuple[int, float]]) -> BeatEstimate:

@@ -10,9 +10,9 @@ from ergon.common.extras import install_command
 
 DATAGRAM_BYTES_MAX = 4096  # bytes of a datagram; what is longer is not for us
 _BUNDLE_DEPTH_MAX = 8  # bundles inside bundles
-_BUNDLE = b"#bundle\0"
-_BUNDLE_HEADER_BYTES = len(_BUNDLE) + 8  # includes the time tag
-_TYPES = re.compile(rb",[ifdhsbtTFN]*\Z")
+_BUNDLE_MARK = b"#bundle\0"
+_BUNDLE_HEADER_BYTES = len(_BUNDLE_MARK) + 8  # includes the time tag
+_TYPE_TAGS = re.compile(rb",[ifdhsbtTFN]*\Z")
 
 
 class PythonOscMissingError(ErgonError):
@@ -41,21 +41,21 @@ def parse_messages(datagram: bytes) -> list[tuple[str, list[object]]]:
     from pythonosc.osc_message import OscMessage
 
     messages = []
-    for message_part in _unbundled(datagram, _BUNDLE_DEPTH_MAX):
+    for message_bytes in _bundle_messages(datagram, _BUNDLE_DEPTH_MAX):
         # python-osc writes to the terminal what it does not know; strangers must not cause that.
-        if not message_part.startswith(b"/") or not _TYPES.match(_type_tags(message_part)):
+        if not message_bytes.startswith(b"/") or not _TYPE_TAGS.match(_type_tags(message_bytes)):
             raise MalformedDatagramError
         try:
-            message = OscMessage(message_part)
+            message = OscMessage(message_bytes)
             messages.append((message.address, list(message.params)))
         except Exception:  # whatever strange bytes make of a parser
             raise MalformedDatagramError from None
     return messages
 
 
-def _unbundled(datagram: bytes, depth_left: int) -> Iterator[bytes]:
+def _bundle_messages(datagram: bytes, depth_left: int) -> Iterator[bytes]:
     """The messages of bundles; sizes are checked here, because python-osc does not."""
-    if not datagram.startswith(_BUNDLE):
+    if not datagram.startswith(_BUNDLE_MARK):
         yield datagram
         return
     if depth_left == 0 or len(datagram) < _BUNDLE_HEADER_BYTES:
@@ -66,7 +66,7 @@ def _unbundled(datagram: bytes, depth_left: int) -> Iterator[bytes]:
         message_offset += 4
         if message_size == 0 or message_size % 4 or message_offset + message_size > len(datagram):
             raise MalformedDatagramError
-        yield from _unbundled(
+        yield from _bundle_messages(
             datagram[message_offset : message_offset + message_size], depth_left - 1
         )
         message_offset += message_size

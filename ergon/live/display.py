@@ -30,25 +30,25 @@ class HandView:
     position: float
     travel: tuple[float, float]
     force: float
-    real: bool
-    tripped: bool
-    sent: float = 0.0
-    scale: float = 1.0
+    is_real: bool
+    is_tripped: bool
+    sent_force: float = 0.0
+    force_scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class PerformanceView:
     """The state of a performance, as it is shown."""
 
-    where: str
-    playing: tuple[tuple[str, str], ...]  # (player, what)
+    position_text: str
+    gestures: tuple[tuple[str, str], ...]  # (player, what)
     keys: tuple[HandView, ...]
     load: float
-    late: int
-    gaps: int
+    late_count: int
+    gap_count: int
     peak_db: float
     troubles: tuple[str, ...] = ()
-    panicked: bool = False
+    is_panicked: bool = False
 
 
 class PerformanceViewer:
@@ -81,20 +81,20 @@ class PerformanceViewer:
         )
         peak = max(status.peaks, default=0.0)
         return PerformanceView(
-            where=tempo.written(tempo.beats(elapsed_seconds)),
-            playing=tuple(self._playing(elapsed_seconds)),
+            position_text=tempo.written(tempo.beats(elapsed_seconds)),
+            gestures=tuple(self._latest_gestures(elapsed_seconds)),
             keys=key_views,
             load=status.load,
-            late=status.late,
-            gaps=gap_count(status),
+            late_count=status.late,
+            gap_count=gap_count(status),
             peak_db=decibels_of(peak),
             troubles=troubles(
                 status, [key.player for key in key_views], recording, is_endless=False
             ),
-            panicked=status.panicked,
+            is_panicked=status.panicked,
         )
 
-    def _playing(self, elapsed_seconds: float) -> list[tuple[str, str]]:
+    def _latest_gestures(self, elapsed_seconds: float) -> list[tuple[str, str]]:
         from bisect import bisect_right
 
         n_begun = bisect_right(self._gestures, elapsed_seconds, key=lambda gesture: gesture.start)
@@ -113,42 +113,42 @@ def decibels_of(peak: float) -> float:
 
 def view_lines(view: PerformanceView, line_width: int) -> list[str]:
     """The view as lines of at most `line_width` characters, without colours."""
-    playing_text = " · ".join(f"{player} {gesture}" for player, gesture in view.playing) or "—"
+    playing_text = " · ".join(f"{player} {gesture}" for player, gesture in view.gestures) or "—"
     level_text = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
-    count_text = " · ".join([f"late {view.late}", *view.troubles])
-    if view.panicked:
+    troubles_text = " · ".join([f"late {view.late_count}", *view.troubles])
+    if view.is_panicked:
         playing_text = f"PANIC  {playing_text}"
-    shown_lines = [
-        f"{view.where:>9}  {playing_text}",
-        f"{'':9}  load {view.load:4.0%} · {level_text} · {count_text}",
+    lines = [
+        f"{view.position_text:>9}  {playing_text}",
+        f"{'':9}  load {view.load:4.0%} · {level_text} · {troubles_text}",
     ]
-    shown_lines += [_key_line(key) for key in view.keys]
-    return [line[:line_width] for line in shown_lines]
+    lines += [_key_line(key) for key in view.keys]
+    return [line[:line_width] for line in lines]
 
 
 def _key_line(hand_view: HandView) -> str:
     player_and_key = f"{hand_view.player} on {hand_view.key}"
-    hand = "tripped" if hand_view.tripped else "hand" if hand_view.real else "stand-in"
+    hand_state = "tripped" if hand_view.is_tripped else "hand" if hand_view.is_real else "stand-in"
     meter = meter_of(hand_view.position, *hand_view.travel)
     force_text = f"{hand_view.force:+7.3f} N"
-    if hand_view.real:
-        force_text += f", sent {hand_view.sent:+7.3f} N"
-        if hand_view.scale < 1.0:
-            force_text += f" ({_percent(hand_view.scale)})"
+    if hand_view.is_real:
+        force_text += f", sent {hand_view.sent_force:+7.3f} N"
+        if hand_view.force_scale < 1.0:
+            force_text += f" ({_percent(hand_view.force_scale)})"
     return (
         f"{'':9}  {player_and_key:16} {meter} {1e3 * hand_view.position:+7.2f} mm {force_text}  "
-        f"{hand}"
+        f"{hand_state}"
     )
 
 
-def meter_of(value: float, low: float, high: float) -> str:
+def meter_of(position: float, low: float, high: float) -> str:
     """A text meter that shows x between two ends."""
-    share = (value - low) / (high - low) if high > low else 0.5
-    cell = min(max(round(share * (_METER_WIDTH - 1)), 0), _METER_WIDTH - 1)
+    share = (position - low) / (high - low) if high > low else 0.5
+    marked_cell = min(max(round(share * (_METER_WIDTH - 1)), 0), _METER_WIDTH - 1)
     middle = (_METER_WIDTH - 1) // 2
     cells = ["·"] * _METER_WIDTH
     cells[middle] = "+"
-    cells[cell] = "#"
+    cells[marked_cell] = "#"
     return "[" + "".join(cells) + "]"
 
 
@@ -156,13 +156,13 @@ def view_record(view: PerformanceView, status_frame: int) -> dict[str, object]:
     """The view as fields of a JSON line."""
     return {
         "frame": status_frame,
-        "where": view.where,
-        "playing": {player: gesture for player, gesture in view.playing},
+        "where": view.position_text,
+        "playing": {player: gesture for player, gesture in view.gestures},
         "load": round(view.load, 4),
-        "late": view.late,
-        "underruns": view.gaps,
+        "late": view.late_count,
+        "underruns": view.gap_count,
         "troubles": list(view.troubles),
-        "panic": view.panicked,
+        "panic": view.is_panicked,
         "peak_dbfs": None if not math.isfinite(view.peak_db) else round(view.peak_db, 2),
         "hands": [
             {
@@ -170,10 +170,10 @@ def view_record(view: PerformanceView, status_frame: int) -> dict[str, object]:
                 "key": key.key,
                 "position_m": key.position,
                 "force_n": key.force,
-                "sent_n": key.sent,
-                "scale": key.scale,
-                "real": key.real,
-                "tripped": key.tripped,
+                "sent_n": key.sent_force,
+                "scale": key.force_scale,
+                "real": key.is_real,
+                "tripped": key.is_tripped,
             }
             for key in view.keys
         ],
@@ -193,7 +193,7 @@ def force_sentence(bounds: HandForceBounds) -> str:
     )
 
 
-def why_too_stiff(bounds: HandForceBounds) -> str:
+def stiffness_refusal(bounds: HandForceBounds) -> str:
     """Why a line is refused with which a hand's device would not be stable."""
     least_scale = bounds.least_scale
     return (
@@ -205,19 +205,19 @@ def why_too_stiff(bounds: HandForceBounds) -> str:
     )
 
 
-def _percent(part: float) -> str:
-    return f"{100 * part:.2g} %" if part < 0.1 else f"{100 * part:.0f} %"
+def _percent(fraction: float) -> str:
+    return f"{100 * fraction:.2g} %" if fraction < 0.1 else f"{100 * fraction:.0f} %"
 
 
 # How a trip that ends by itself is released if it comes again.
-_THIRD = "after the third time within a minute none until `release`"
+_THIRD_TRIP = "after the third time within a minute none until `release`"
 
 
 def event_sentence(
-    piece_event: _core.PerformanceEvent, players: Sequence[str], boards: Sequence[str]
+    event: _core.PerformanceEvent, players: Sequence[str], boards: Sequence[str]
 ) -> str:
     """An event as a sentence; empty where a player need not know of it."""
-    _, event_kind, event_number = piece_event
+    _, event_kind, event_number = event
     board = boards[int(event_number)] if int(event_number) < len(boards) else "a device"
     player = players[int(event_number)] if int(event_number) < len(players) else "a hand"
     return {
@@ -226,15 +226,15 @@ def event_sentence(
         "took over": f"{player} plays",
         "lost": f"the physics thread was stopped for {event_number:.3f} s",
         "tripped: not finite": f"{player}'s key tripped: a force or a position was not finite; "
-        f"no force for half a second, {_THIRD}",
+        f"no force for half a second, {_THIRD_TRIP}",
         "tripped: speed": f"{player}'s key tripped: it was too fast; no force for half a second, "
-        f"{_THIRD}",
+        f"{_THIRD_TRIP}",
         "tripped: wrong way": f"{player}'s key tripped: its motor pushes in the wrong direction; "
         "no force until `release`; `ergon devices calibrate` finds the direction",
         "tripped: at stop": f"{player}'s key tripped: the piece pushes it into its stop; the "
-        f"force returns 3 s after that has ended, {_THIRD}",
+        f"force returns 3 s after that has ended, {_THIRD_TRIP}",
         "tripped: frozen": f"{player}'s key tripped: its position does not change while the force "
-        f"does; the force returns when the key has moved for 3 s, {_THIRD}",
+        f"does; the force returns when the key has moved for 3 s, {_THIRD_TRIP}",
         "tripped: unanswered": f"{player}'s key tripped: it does not answer its motor; no force "
         "until `release`; check the motor, its supply and the sensor",
         "tripped: late": f"{player}'s key tripped: its force or its position comes too late; no "

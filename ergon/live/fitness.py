@@ -38,23 +38,23 @@ _RIGHTS_ADVICE = (
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A measurement in words and numbers, and advice: `todo` is empty if nothing is wrong."""
+    """A measurement in words and numbers, and advice: `advice` is empty if nothing is wrong."""
 
-    what: str
+    topic: str
     sentence: str
-    todo: str = ""
+    advice: str = ""
     numbers: Mapping[str, object] = field(default_factory=dict)
 
 
 def describe_machine() -> Finding:
     """Kernel and processors."""
-    cpus = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    cpu_count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     system = f"{platform.system()} {platform.release()}"
     advice = ""
-    if (cpus or 1) < 2:
+    if (cpu_count or 1) < 2:
         advice = "physics and sound share one processor: expect gaps, and play with --ahead 4096"
-    numbers = {"system": platform.system(), "kernel": platform.release(), "cpus": cpus}
-    return Finding("machine", f"{system}, {cpus} CPUs", advice, numbers)
+    numbers = {"system": platform.system(), "kernel": platform.release(), "cpus": cpu_count}
+    return Finding("machine", f"{system}, {cpu_count} CPUs", advice, numbers)
 
 
 def describe_laws() -> Finding:
@@ -82,17 +82,17 @@ def measure_speed(test_seconds: float) -> Finding:
 
 def _speed_tests() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"]]]:
     """(network, MATs to strike, method), each with one kind of work."""
-    bank = _core.Network()
-    bank.part("bank")
-    first_bank = bank.bank("b", count=2000, M=1e-3, f=(100.0, 8000.0), t60=(100.0, 100.0))
-    bank.listen("x", positions=[(first_bank, 2000, 1.0)])
-    yield bank, range(first_bank, first_bank + 2000), "modal"
+    bank_network = _core.Network()
+    bank_network.part("bank")
+    first_mat = bank_network.bank("b", count=2000, M=1e-3, f=(100.0, 8000.0), t60=(100.0, 100.0))
+    bank_network.listen("x", positions=[(first_mat, 2000, 1.0)])
+    yield bank_network, range(first_mat, first_mat + 2000), "modal"
     for masses in (2, 400):  # one frame has its own cost, whatever is in it
-        string = _core.Network()
-        string.part("string")
-        body = string.string("s", masses=masses, M=8e-3, f=20.0, t60=100.0)
-        string.listen("x", positions=[(body, 1, 1.0)])
-        yield string, range(body, body + 1), "ca"
+        string_network = _core.Network()
+        string_network.part("string")
+        string_mat = string_network.string("s", masses=masses, M=8e-3, f=20.0, t60=100.0)
+        string_network.listen("x", positions=[(string_mat, 1, 1.0)])
+        yield string_network, range(string_mat, string_mat + 1), "ca"
 
 
 def _cost_ratio(
@@ -112,8 +112,8 @@ def _cost_ratio(
     simulation = _core.Simulation(network, timeline, plan=plan)
     frame_block = np.empty((max(64, min(20_000, round(1e-2 / cost))), simulation.n_out))
     best_time = math.inf
-    end = time.perf_counter() + test_seconds
-    while best_time == math.inf or time.perf_counter() < end:
+    end_time = time.perf_counter() + test_seconds
+    while best_time == math.inf or time.perf_counter() < end_time:
         start_time = time.thread_time()
         simulation.process(frame_block)
         best_time = min(best_time, time.thread_time() - start_time)
@@ -163,33 +163,33 @@ def measure_sound(spec: str) -> Finding:
 
     rate = 44100
     try:
-        out = _core.AudioOut(spec, rate, 2)
-        out.set_prefill(FRAMES_AHEAD)
-        out.play(np.zeros((rate // 2, 2), dtype=np.float32))
-        out.finish(5.0)
-        info = out.info
-        underruns = out.underruns
-        out.close()
+        audio_out = _core.AudioOut(spec, rate, 2)
+        audio_out.set_prefill(FRAMES_AHEAD)
+        audio_out.play(np.zeros((rate // 2, 2), dtype=np.float32))
+        audio_out.finish(5.0)
+        stream = audio_out.info
+        underruns = audio_out.underruns
+        audio_out.close()
     except _core.EngineError as error:
         advice = (
             "start PipeWire, PulseAudio or JACK; without one `--audio file:x.wav` keeps the sound"
         )
         return Finding("sound", str(error), advice, {"backend": None})
-    total_latency = FRAMES_AHEAD / rate + info.latency
-    sound_sentence = f"{info.sentence}; heard {1e3 * total_latency:.0f} ms after it is computed"
+    total_latency = FRAMES_AHEAD / rate + stream.latency
+    sound_sentence = f"{stream.sentence}; heard {1e3 * total_latency:.0f} ms after it is computed"
     advice = ""
-    if info.backend == "null":
+    if stream.backend == "null":
         advice = "no server answers: start PipeWire, PulseAudio or JACK to hear anything"
     elif underruns:
         advice = "half a second of silence had gaps: ask for a larger --block, or --ahead 4096"
-    elif info.block > 1024:
+    elif stream.block > 1024:
         advice = "the server takes large blocks: --block 256 asks for smaller ones"
     sound_figures: dict[str, object] = {
-        "backend": info.backend,
-        "device": info.device,
-        "rate_hz": info.rate,
-        "block": info.block,
-        "latency_s": info.latency,
+        "backend": stream.backend,
+        "device": stream.device,
+        "rate_hz": stream.rate,
+        "block": stream.block,
+        "latency_s": stream.latency,
         "total_s": total_latency,
         "gaps": underruns,
     }
@@ -209,17 +209,17 @@ def measure_device(url: str, test_seconds: float) -> list[Finding]:
         f"{quantiles_text(round_trips)}; {checkup.unanswered:,} of {n_requests:,} unanswered"
     )
     advice = []
-    timer = latency_timer(url)
-    if timer is not None and timer > 1:
+    timer_ms = latency_timer(url)
+    if timer_ms is not None and timer_ms > 1:
         port = os.path.basename(os.path.realpath(url.partition(":")[2].partition("?")[0]))
         advice.append(
-            f"its FTDI chip holds bytes back for {timer} ms: "
+            f"its FTDI chip holds bytes back for {timer_ms} ms: "
             f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{port}/latency_timer"
         )
     if checkup.unanswered > _LATE_TICKS_MAX * n_requests:
         advice.append("replies are lost: try another cable or port, without a hub")
-    slow_trip = quantile(round_trips, 0.99)
-    if not lockstep and slow_trip > _LATE_SHARE * TICK_SECONDS:
+    p99_trip = quantile(round_trips, 0.99)
+    if not lockstep and p99_trip > _LATE_SHARE * TICK_SECONDS:
         advice.append("it needs most of a tick; `tick: 500Hz` in a score gives it more time")
     device_figures: dict[str, object] = {
         "url": url,
@@ -227,7 +227,7 @@ def measure_device(url: str, test_seconds: float) -> list[Finding]:
         "unanswered": checkup.unanswered,
         "garbage": checkup.garbage,
         "drift_ppm": checkup.drift_ppm,
-        "latency_timer_ms": timer,
+        "latency_timer_ms": timer_ms,
         "per_second": n_requests / checkup.seconds if checkup.seconds else None,
         **histogram(round_trips),
     }
@@ -241,7 +241,7 @@ def _force_delay(url: str, round_trips: NDArray[np.float64], *, lockstep: bool) 
     """The delay from the position of a hand to the force that answers it."""
     structural_delay = STRUCTURAL_TICKS * TICK_SECONDS
     median_delay, p99_delay = (
-        structural_delay + quantile(round_trips, part) for part in (0.5, 0.99)
+        structural_delay + quantile(round_trips, probability) for probability in (0.5, 0.99)
     )
     delay_text = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(p99_delay)}"
     delay_sentence = (
@@ -263,26 +263,27 @@ def _force_delay(url: str, round_trips: NDArray[np.float64], *, lockstep: bool) 
 # --- durations ------------------------------------------------------------------------------------
 
 
-def quantile(sorted_seconds: NDArray[np.float64], quantile_part: float) -> float:
-    """The quantile `quantile_part` of durations [s]; NaN where there are none."""
+def quantile(durations: NDArray[np.float64], probability: float) -> float:
+    """The quantile `probability` of durations [s]; NaN where there are none."""
     import numpy as np
 
-    if not len(sorted_seconds):
+    if not len(durations):
         return float("nan")
-    return float(np.quantile(sorted_seconds, quantile_part, method="higher"))
+    return float(np.quantile(durations, probability, method="higher"))
 
 
-def quantiles_text(sorted_seconds: NDArray[np.float64]) -> str:
+def quantiles_text(durations: NDArray[np.float64]) -> str:
     """Median, 99 %, 99.9 % and the longest, in words."""
-    if not len(sorted_seconds):
+    if not len(durations):
         return "nothing to measure"
-    parts = (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999), ("longest", 1.0))
+    quantiles = (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999), ("longest", 1.0))
     return ", ".join(
-        f"{name} {duration_text(quantile(sorted_seconds, part))}" for name, part in parts
+        f"{name} {duration_text(quantile(durations, probability))}"
+        for name, probability in quantiles
     )
 
 
-def histogram(wake_seconds: NDArray[np.float64]) -> dict[str, object]:
+def histogram(durations: NDArray[np.float64]) -> dict[str, object]:
     """The quantiles [s], and a histogram: bin i counts durations from 2^(i-1) µs to below 2^i µs.
 
     The first bin counts those below 1 µs; the last bin also counts all longer ones.
@@ -290,18 +291,18 @@ def histogram(wake_seconds: NDArray[np.float64]) -> dict[str, object]:
     import numpy as np
 
     bins = np.zeros(24, dtype=int)
-    microseconds = np.maximum(np.floor(1e6 * wake_seconds + 1e-6), 0.0).astype(int)
-    widths = np.array(
-        [int(wake_microseconds).bit_length() for wake_microseconds in microseconds], dtype=int
-    )
-    np.add.at(bins, np.minimum(widths, len(bins) - 1), 1)
-    names = (("p50_s", 0.5), ("p99_s", 0.99), ("p999_s", 0.999), ("max_s", 1.0))
-    quantiles: dict[str, object] = {name: quantile(wake_seconds, part) for name, part in names}
+    microseconds = np.maximum(np.floor(1e6 * durations + 1e-6), 0.0).astype(int)
+    bin_indices = np.array([int(duration).bit_length() for duration in microseconds], dtype=int)
+    np.add.at(bins, np.minimum(bin_indices, len(bins) - 1), 1)
+    probabilities = (("p50_s", 0.5), ("p99_s", 0.99), ("p999_s", 0.999), ("max_s", 1.0))
+    quantiles: dict[str, object] = {
+        name: quantile(durations, probability) for name, probability in probabilities
+    }
     return {**quantiles, "histogram_us": bins.tolist()}
 
 
-def duration_text(shown_seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """A duration in µs below 1 ms, else in ms."""
-    if shown_seconds < 1e-3:
-        return f"{1e6 * shown_seconds:.0f} µs"
-    return f"{1e3 * shown_seconds:.2f} ms"
+    if seconds < 1e-3:
+        return f"{1e6 * seconds:.0f} µs"
+    return f"{1e3 * seconds:.2f} ms"

@@ -88,14 +88,14 @@ def force_response(
     hand: LiveHand,
     rate: float,
     lever_ratio: float,
-    moving_mats: Sequence[LiveHand],
+    moving_hands: Sequence[LiveHand],
 ) -> NDArray[np.float64]:
     """The force response against a key [N/m], (n_ticks,): in each tick after it was 1 m away for
     one tick.
 
     All contacts are closed; the other hands hold still.
     """
-    held_mats = [other_hand.mat for other_hand in moving_mats]
+    held_mats = [other_hand.mat for other_hand in moving_hands]
     return _response_of(
         network.reachable_network(hand.mat, rate, held=held_mats), hand.tick_frames, lever_ratio
     )
@@ -128,8 +128,8 @@ class ForceBoundsFinder:
     ) -> None:
         """Use `hand_limit_of`, which gives the force limit of a hand for a response."""
         self._hand_limit = hand_limit_of
-        self._reaches = lever_ratios
-        self._real = real_hands
+        self._lever_ratios = lever_ratios
+        self._real_hands = real_hands
         self._cache: dict[tuple[int, int, bytes], ForceScale] = {}
         self.n_responses = 0  # number of responses that were computed
         self._last_query: tuple[object, ...] = ()
@@ -146,13 +146,13 @@ class ForceBoundsFinder:
 
         `bounds_before` is the same for the stage that it takes over from. Raises EngineError.
         """
-        if not self._real:
+        if not self._real_hands:
             return ()
-        moments = _moments(stage, start, glides)
-        glided_bounds = tuple(bounds_before) if len(moments) > 1 else ()
-        hands = [hand for hand in stage.live_hands if hand.index in self._real]
-        automation_values = [_automation_sets(stage, hand, hands, start) for hand in hands]
-        query = moments, glided_bounds, automation_values
+        stretches = _stretches(stage, start, glides)
+        glided_bounds = tuple(bounds_before) if len(stretches) > 1 else ()
+        hands = [hand for hand in stage.live_hands if hand.index in self._real_hands]
+        automation_values = [_value_combinations(stage, hand, hands, start) for hand in hands]
+        query = stretches, glided_bounds, automation_values
         if (
             self._last_query
             and self._last_query[0] is stage.network
@@ -164,12 +164,12 @@ class ForceBoundsFinder:
         }
         bounds = []
         for hand, automated_values in zip(hands, automation_values, strict=True):
-            hand_moments = tuple(
+            hand_stretches = tuple(
                 (frame, *_with_automation(automated_values, first_values, last_values))
-                for frame, first_values, last_values in moments
+                for frame, first_values, last_values in stretches
             )
             bounds.append(
-                self._bounds_of(stage, hand, hands, hand_moments, least_before.get(hand.player))
+                self._bounds_of(stage, hand, hands, hand_stretches, least_before.get(hand.player))
             )
         self._last_query, self._last_bounds = (stage.network, *query), tuple(bounds)
         return self._last_bounds
@@ -179,24 +179,24 @@ class ForceBoundsFinder:
         stage: Stage,
         hand: LiveHand,
         hands: Sequence[LiveHand],
-        moments: Sequence[tuple[int, Sequence[_MomentValues], Sequence[_MomentValues]]],
+        stretches: Sequence[tuple[int, Sequence[_MomentValues], Sequence[_MomentValues]]],
         scale_before: ForceScale | None,
     ) -> HandForceBounds:
-        start_frame = moments[0][0]
+        start_frame = stretches[0][0]
         bounds: list[tuple[int, float]] = []
         scales: list[ForceScale] = []
-        for moment_index, (moment_frame, first_values, last_values) in enumerate(moments):
+        for stretch_index, (begin_frame, first_values, last_values) in enumerate(stretches):
             is_short = (
-                len(moments) == 2 and moments[1][0] - start_frame <= SHORT_CHANGE * stage.rate
+                len(stretches) == 2 and stretches[1][0] - start_frame <= SHORT_CHANGE * stage.rate
             )
             end_scale = self._least_scale(stage, hand, hands, last_values)
             # During a short glide, the limit of the stage before still counts at the beginning.
-            from_old = scale_before if moment_index == 0 and is_short else None
-            begin = from_old or self._least_scale(stage, hand, hands, first_values)
-            lower_scale = min(begin, end_scale, key=lambda force_scale: force_scale.scale)
+            old_scale = scale_before if stretch_index == 0 and is_short else None
+            begin_scale = old_scale or self._least_scale(stage, hand, hands, first_values)
+            lower_scale = min(begin_scale, end_scale, key=lambda force_scale: force_scale.scale)
             scales.append(lower_scale)
             is_rise = bool(bounds) and lower_scale.scale > bounds[-1][1]
-            ticks = (moment_frame - start_frame) / hand.tick_frames
+            ticks = (begin_frame - start_frame) / hand.tick_frames
             bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), lower_scale.scale))
         least_scale = min(scales, key=lambda force_scale: force_scale.scale)
         return HandForceBounds(hand.player, tuple(bounds), least_scale, scales[-1])
@@ -209,10 +209,10 @@ class ForceBoundsFinder:
         moments: Sequence[_MomentValues],
     ) -> ForceScale:
         """The smallest share of force over all moments."""
-        force_scales = [self._scale_at(stage, hand, hands, moment) for moment in moments]
+        force_scales = [self._force_scale(stage, hand, hands, moment) for moment in moments]
         return min(force_scales, key=lambda force_scale: force_scale.scale)
 
-    def _scale_at(
+    def _force_scale(
         self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _MomentValues
     ) -> ForceScale:
         reachable_network = stage.network.reachable_network(
@@ -223,23 +223,23 @@ class ForceBoundsFinder:
             ties=list(moment.cel_values),
             factors=list(moment.link_factors),
         )
-        bounds_key = hand.index, reachable_network.others, reachable_network.key()
-        known_scale = self._cache.pop(bounds_key, None)
-        if known_scale is None:
+        cache_key = hand.index, reachable_network.others, reachable_network.key()
+        force_scale = self._cache.pop(cache_key, None)
+        if force_scale is None:
             self.n_responses += 1
             hand_limit = self._hand_limit(
                 hand.index,
-                _response_of(reachable_network, hand.tick_frames, self._reaches[hand.index]),
+                _response_of(reachable_network, hand.tick_frames, self._lever_ratios[hand.index]),
             )
             assert hand_limit is not None  # the hand is real
-            known_scale = ForceScale(hand_limit.scale, hand_limit.stiffness, hand_limit.limit)
-        self._cache[bounds_key] = known_scale  # the latest last
+            force_scale = ForceScale(hand_limit.scale, hand_limit.stiffness, hand_limit.limit)
+        self._cache[cache_key] = force_scale  # the latest last
         if len(self._cache) > _CACHE_MAX:
             del self._cache[next(iter(self._cache))]
-        return known_scale
+        return force_scale
 
 
-def _automation_sets(
+def _value_combinations(
     stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], start_frame: int
 ) -> tuple[AutomatedValues, ...]:
     """The values of automation that a hand may feel; a single empty set if it feels none."""
@@ -250,15 +250,15 @@ def _automation_sets(
     )
     if not paths:
         return (AutomatedValues(),)
-    sets_of_values = tuple(islice(value_sets(stage, paths, start_frame / stage.rate), MAX_SETS + 1))
-    if len(sets_of_values) > MAX_SETS:
+    combinations = tuple(islice(value_sets(stage, paths, start_frame / stage.rate), MAX_SETS + 1))
+    if len(combinations) > MAX_SETS:
         names = ", ".join(".".join(filter(None, module_key)) for module_key in paths)
         raise _core.EngineError(
             f"the automation of {names} can change the force on the key of {hand.player}, and "
             f"takes more than {MAX_SETS} combinations of values, the most whose stability can be "
             "checked; use fewer steps or a smaller range, or play without the device"
         )
-    return sets_of_values
+    return combinations
 
 
 def _with_automation(
@@ -269,25 +269,25 @@ def _with_automation(
     """The moments at both ends of a stretch, one for each set of values of automation."""
 
     def moments_of(moment: _MomentValues) -> list[_MomentValues]:
-        automated_bounds = []
-        for led_values in automated_values:
-            mats = {mat for mat, *_ in led_values.cel_values}
-            ties = (tie for tie in moment.cel_values if tie[0] not in mats)
-            links = {link for link, _ in led_values.link_factors}
-            factors = (factor for factor in moment.link_factors if factor[0] not in links)
-            automated_bounds.append(
+        automated_moments = []
+        for value_set in automated_values:
+            mats = {mat for mat, *_ in value_set.cel_values}
+            other_cels = (tie for tie in moment.cel_values if tie[0] not in mats)
+            links = {link for link, _ in value_set.link_factors}
+            other_factors = (factor for factor in moment.link_factors if factor[0] not in links)
+            automated_moments.append(
                 replace(
                     moment,
-                    cel_values=(*ties, *led_values.cel_values),
-                    link_factors=(*factors, *led_values.link_factors),
+                    cel_values=(*other_cels, *value_set.cel_values),
+                    link_factors=(*other_factors, *value_set.link_factors),
                 )
             )
-        return automated_bounds
+        return automated_moments
 
     return moments_of(first_values), moments_of(last_values)
 
 
-def _moments(
+def _stretches(
     stage: Stage, start_frame: int, glides: Sequence[Glide]
 ) -> tuple[tuple[int, _MomentValues, _MomentValues], ...]:
     """The stretches of a piece: (first frame, values at the beginning, values at the end)."""
@@ -295,41 +295,41 @@ def _moments(
         (link, _coupling_end(stage, until))
         for link, (_, until) in zip(stage.built.couplings, coupling_spans(stage.piece), strict=True)
     ]
-    moving_glides = [glide for glide in glides if _on_grid(stage, glide.stop) > start_frame]
-    moment_frames = {start_frame, *(_on_grid(stage, glide.stop) for glide in moving_glides)}
-    moment_frames |= {max(start_frame, _on_grid(stage, glide.start)) for glide in moving_glides}
+    moving_glides = [glide for glide in glides if _grid_frame(stage, glide.stop) > start_frame]
+    moment_frames = {start_frame, *(_grid_frame(stage, glide.stop) for glide in moving_glides)}
+    moment_frames |= {max(start_frame, _grid_frame(stage, glide.start)) for glide in moving_glides}
     moment_frames |= {int(end) for _, end in couplings if start_frame < end < math.inf}
     for glide in moving_glides:
         moment_frames |= set(_glide_frames(stage, glide, start_frame))
-    frames_in_order = sorted(moment_frames)
-    if frames_in_order[-1] - start_frame <= SHORT_CHANGE * stage.rate:
-        frames_in_order = sorted({start_frame, frames_in_order[-1]})
+    sorted_frames = sorted(moment_frames)
+    if sorted_frames[-1] - start_frame <= SHORT_CHANGE * stage.rate:
+        sorted_frames = sorted({start_frame, sorted_frames[-1]})
 
-    def moment(frame: int, since: int) -> _MomentValues:
-        ended_links = tuple(link for link, end in couplings if end <= since)
+    def values_at(frame: int, stretch_begin: int) -> _MomentValues:
+        ended_links = tuple(link for link, end in couplings if end <= stretch_begin)
         return _MomentValues(*_glide_values(stage, moving_glides, frame), ended_links)
 
     stretches = [
-        (begin_frame, moment(begin_frame, begin_frame), moment(end_frame, begin_frame))
-        for begin_frame, end_frame in pairwise(frames_in_order)
+        (begin_frame, values_at(begin_frame, begin_frame), values_at(end_frame, begin_frame))
+        for begin_frame, end_frame in pairwise(sorted_frames)
     ]
     return *stretches, (
-        frames_in_order[-1],
-        moment(frames_in_order[-1], frames_in_order[-1]),
-        moment(frames_in_order[-1], frames_in_order[-1]),
+        sorted_frames[-1],
+        values_at(sorted_frames[-1], sorted_frames[-1]),
+        values_at(sorted_frames[-1], sorted_frames[-1]),
     )
 
 
-def _coupling_end(stage: Stage, until_beat: float | None) -> float:
+def _coupling_end(stage: Stage, instant: float | None) -> float:
     """The frame from which a coupling no longer acts; infinite if it has no end."""
-    if until_beat is None:
+    if instant is None:
         return math.inf
-    if until_beat == COUPLING_ENDED_SECONDS:
+    if instant == COUPLING_ENDED_SECONDS:
         return COUPLING_ENDED_SECONDS
-    return _on_grid(stage, until_beat) + -(-int(_core.FADE * stage.rate) // _core.GRID) * _core.GRID
+    return _grid_frame(stage, instant) + -(-int(_core.FADE * stage.rate) // _core.GRID) * _core.GRID
 
 
-def _on_grid(stage: Stage, instant: float) -> int:
+def _grid_frame(stage: Stage, instant: float) -> int:
     return -(-int(instant * stage.rate + 0.5) // _core.GRID) * _core.GRID
 
 
@@ -337,7 +337,7 @@ def _glide_frames(stage: Stage, glide: Glide, start_frame: int) -> Iterator[int]
     """Frames within a long glide, so dense that its numbers change by one ratio between two of
     them.
     """
-    first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
+    first_frame, last_frame = _grid_frame(stage, glide.start), _grid_frame(stage, glide.stop)
     if last_frame - max(first_frame, start_frame) <= SHORT_CHANGE * stage.rate:
         return
     number_pairs = [
@@ -350,8 +350,8 @@ def _glide_frames(stage: Stage, glide: Glide, start_frame: int) -> Iterator[int]
         _GLIDE_FRAMES_MAX,
         math.ceil(abs(math.log(second_number / first_number)) / math.log(CHECK_RATIO)),
     )
-    for place in range(1, n_frames):
-        share = ((second_number / first_number) ** (place / n_frames) - 1.0) / (
+    for step in range(1, n_frames):
+        share = ((second_number / first_number) ** (step / n_frames) - 1.0) / (
             second_number / first_number - 1.0
         )
         frame = first_frame + round(share * (last_frame - first_frame))
@@ -365,7 +365,7 @@ def _glide_values(
     """Values of CELs and links at a frame of a glide, as the engine computes them."""
     cel_values, link_factors = [], []
     for glide in glides:
-        first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
+        first_frame, last_frame = _grid_frame(stage, glide.start), _grid_frame(stage, glide.stop)
         glide_share = min(1.0, max(0.0, (glide_frame - first_frame) / (last_frame - first_frame)))
         if glide_share == 1.0 and glide.network_value is None:
             continue

@@ -13,39 +13,40 @@ if TYPE_CHECKING:
 
     from .boards import Board
 
-_ENOUGH = 20  # positions from which quantiles are stated
-_STAMPED = (*PAGE_KINDS, "gamepad")  # kinds whose positions say when they were taken
+_POSITIONS_MIN = 20  # positions from which quantiles are stated
+_STAMPED_KINDS = (*PAGE_KINDS, "gamepad")  # kinds whose positions say when they were taken
 _USUAL_SHARE = 0.999  # share of positions in time with the advised delay
-_TOO_MUCH = 2.0  # a delay so many times the needed one is longer than useful
+_DELAY_RATIO_MAX = 2.0  # a delay so many times the needed one is longer than useful
 
 
 def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
     """What came for a key: rate, jitter, time on the way, and the delay of the path that fits."""
     address = parse_led_address(board.url)
     tally = lead.tally
-    n_taken = int(tally["taken"])
-    gaps, wait_times, delays_needed = zip(
-        *(lead.arrival_times(part) for part in (0.5, 0.99, 1.0)), strict=True
+    n_positions = int(tally["taken"])
+    gaps, wait_times, needed_delays = zip(
+        *(lead.arrival_times(probability) for probability in (0.5, 0.99, 1.0)), strict=True
     )
     _, _, needed_delay = lead.arrival_times(_USUAL_SHARE)
     arrival_figures: dict[str, object] = {
         "url": board.url,
-        "taken": n_taken,
+        "taken": n_positions,
         "refused": int(tally["refused"]),
         "misdated": int(tally["misdated"]),
         "gap_s": tally["gap"],
         "gap_deviation_s": tally["deviation"],
         "gap_p99_s": gaps[1],
         "gap_max_s": gaps[2],
-        "wait_p50_s": wait_times[0] if address.kind in _STAMPED else None,
-        "wait_p99_s": wait_times[1] if address.kind in _STAMPED else None,
-        "need_max_s": delays_needed[2],
+        "wait_p50_s": wait_times[0] if address.kind in _STAMPED_KINDS else None,
+        "wait_p99_s": wait_times[1] if address.kind in _STAMPED_KINDS else None,
+        "need_max_s": needed_delays[2],
         "delay_s": address.delay,
     }
     board_name = board.display_name
-    if n_taken < _ENOUGH:
+    if n_positions < _POSITIONS_MIN:
         finding_sentence = (
-            f"{board_name}: {n_taken} positions came, and {_ENOUGH} are needed to measure"
+            f"{board_name}: {n_positions} positions came, and {_POSITIONS_MIN} are needed "
+            "to measure"
         )
         return Finding(
             "hands", finding_sentence, "move it all the time while it is measured", arrival_figures
@@ -56,14 +57,14 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
         f"{tally['gap'] * 1e3:.1f} ms ± {tally['deviation'] * 1e3:.1f} ms, p99 "
         f"{duration_text(gaps[1])}; "
     )
-    if address.kind in _STAMPED:
+    if address.kind in _STAMPED_KINDS:
         finding_sentence += (
             f"on the way for {duration_text(wait_times[0])}, p99 {duration_text(wait_times[1])}; "
         )
     else:
         finding_sentence += "nothing says when they were taken; "
-    total = address.delay + TICK_SECONDS
-    finding_sentence += f"{duration_text(total)} from a position to the force on the finger"
+    force_delay = address.delay + TICK_SECONDS
+    finding_sentence += f"{duration_text(force_delay)} from a position to the force on the finger"
     return Finding(
         "hands",
         finding_sentence,
@@ -72,14 +73,14 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
     )
 
 
-def _advice(address: LedAddress, needed_delay: float, refused: int) -> str:
+def _advice(address: LedAddress, needed_delay: float, n_refused: int) -> str:
     """What to do; empty where the delay of the path is as long as it has to be."""
     rounded_delay = 1e-3 * -(-needed_delay // 1e-3)  # rounded up to a millisecond
     advice = []
     if needed_delay > address.delay:
         advice.append(f"positions come late for its path: ?delay={rounded_delay * 1e3:.0f}ms")
-    elif rounded_delay * _TOO_MUCH < address.delay:
+    elif rounded_delay * _DELAY_RATIO_MAX < address.delay:
         advice.append(f"they come early enough for ?delay={rounded_delay * 1e3:.0f}ms")
-    if refused:
-        advice.append(f"{refused:,} positions were refused, which are no numbers or too many")
+    if n_refused:
+        advice.append(f"{n_refused:,} positions were refused, which are no numbers or too many")
     return "; ".join(advice)

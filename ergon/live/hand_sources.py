@@ -15,13 +15,13 @@ USES = {
     "hand": "it moves a player's key, which a hand does not feel (--live)",
     "force": "a hand on it feels the key (--live), or a part drives it (--drive)",
 }
-_BY_KIND = {"midi": ("input", "hand"), "osc": ("input", "hand")}
+_USES_BY_KIND = {"midi": ("input", "hand"), "osc": ("input", "hand")}
 
 
 def uses_of(url: str) -> tuple[str, ...]:
     """What a device could be, by its URL: words of `USES`."""
     kind = url.partition(":")[0]
-    return _BY_KIND.get(kind, ("hand",) if kind in LED_KINDS else ("force",))
+    return _USES_BY_KIND.get(kind, ("hand",) if kind in LED_KINDS else ("force",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +40,17 @@ class HandSource:
 
 def hand_sources() -> list[HandSource]:
     """Sources of a hand on this machine; opens none."""
-    listed_sources = [
+    sources = [
         HandSource("page", "page:", "a pointer, pen or finger on the page of `--view`"),
         HandSource("keys", "keys:", "letters of this computer's keyboard, on that page"),
         HandSource("osc", "osc:/x", f"messages to port {OSC_PORT} of this machine"),
     ]
     for path in gamepads():
         name = f"{path.name}, which rumbles by the force"
-        listed_sources.append(HandSource("gamepad", f"gamepad:ly?in={path}", name))
+        sources.append(HandSource("gamepad", f"gamepad:ly?in={path}", name))
     try:
         midi_names = input_names()
     except MidiError as error:
-        return [*listed_sources, HandSource("midi", "midi:cc2", str(error))]
+        return [*sources, HandSource("midi", "midi:cc2", str(error))]
     urls = [(f"midi:cc2?in={name}", name) for name in midi_names]
-    return [*listed_sources, *(HandSource("midi", url, name) for url, name in urls)]
+    return [*sources, *(HandSource("midi", url, name) for url, name in urls)]

@@ -24,13 +24,13 @@ GAMEPAD_AXES = {
 OSC_PORT = 9001  # port on 127.0.0.1 for positions
 _CONTROLLER = re.compile(r"cc(\d{1,3})\Z")
 _OSC_ADDRESS = re.compile(r"/[A-Za-z0-9_./-]{1,80}\Z")
-_CONTROLLERS = range(120)  # above are messages to whole channels
+_CONTROLLER_NUMBERS = range(120)  # above are messages to whole channels
 # [N/m/kg] at which a finger is still computed well: below half of what the core takes, for a pen's
 # pressure doubles the spring and the fingertip is one more.
 _STIFFNESS_PER_MASS_MAX = 2e7
 _DELAY_MAX = 0.5  # [s] that a player could still play with
 _FIELDS = {"K": "stiffness", "Z": "damping", "M": "mass", "travel": "travel", "delay": "delay"}
-_TRACE = "trace"  # an option for tests, not listed
+_TRACE_OPTION = "trace"  # an option for tests, not listed
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class LedKey:
 
     travel: tuple[float, float] = (-0.05, 0.05)
     stiffness: float = 0.0
-    rest: float = 0.0
+    rest_position: float = 0.0
 
 
 def is_led(url: str) -> bool:
@@ -99,18 +99,18 @@ def parse_led_address(url: str) -> LedAddress:
     numbers_by_name: dict[str, float] = {}
     other_options: dict[str, int | str | bool] = {}
     for url_option in filter(None, url_options.split("&")):
-        option_name, has_value, option_text = url_option.partition("=")
+        option_name, equals_sign, option_text = url_option.partition("=")
         if url_option == "lockstep":
             other_options["lockstep"] = True
-        elif option_name in (*_FIELDS, _TRACE) and has_value:
+        elif option_name in (*_FIELDS, _TRACE_OPTION) and equals_sign:
             numbers_by_name[_FIELDS.get(option_name, option_name)] = _quantity(
                 url, option_name, option_text
             )
-        elif (source_kind, option_name) in _SPECIAL and has_value:
-            field, read_option = _SPECIAL[source_kind, option_name]
+        elif (source_kind, option_name) in _OPTIONS_BY_KIND and equals_sign:
+            field, read_option = _OPTIONS_BY_KIND[source_kind, option_name]
             other_options[field] = read_option(url, option_text)
         else:
-            raise BoardError(f"{url}: unknown option '{url_option}'; {_known_options(source_kind)}")
+            raise BoardError(f"{url}: unknown option '{url_option}'; {_options_text(source_kind)}")
     finger = Finger(
         **{name: numbers_by_name.pop(name) for name in tuple(numbers_by_name) if name in _FINGER}
     )
@@ -136,14 +136,14 @@ def _check_value_name(url: str, source_kind: str, address: str) -> None:
     if source_kind != "midi":
         return
     controller_match = _CONTROLLER.match(address)
-    if controller_match and int(controller_match[1]) not in _CONTROLLERS:
+    if controller_match and int(controller_match[1]) not in _CONTROLLER_NUMBERS:
         raise BoardError(f"{url}: controllers have the numbers 0 to 119")
     if not controller_match and address not in ("bend", "pressure"):
         raise BoardError(f"{url}: after midi: comes cc and a number (cc2), bend or pressure")
 
 
-def _known_options(kind: str) -> str:
-    special_options = [name for option_kind, name in _SPECIAL if option_kind == kind]
+def _options_text(kind: str) -> str:
+    special_options = [name for option_kind, name in _OPTIONS_BY_KIND if option_kind == kind]
     names = [*_FIELDS, *special_options]
     return f"the options are {', '.join(names)}"
 
@@ -158,7 +158,7 @@ def _quantity(url: str, option_name: str, value_text: str) -> float:
         "M": quantities.MASS,
         "travel": quantities.SIZE,
         "delay": quantities.DURATION,
-        _TRACE: quantities.DURATION,
+        _TRACE_OPTION: quantities.DURATION,
     }
     try:
         option_value = quantities.quantity(value_text, dimensions[option_name])
@@ -180,13 +180,13 @@ def _number_between(low_bound: int, high_bound: int) -> Callable[[str, str], int
     return read
 
 
-def _text(_url: str, text: str) -> str:
+def _unchanged_text(_url: str, text: str) -> str:
     return text
 
 
-_SPECIAL: Mapping[tuple[str, str], tuple[str, Callable[[str, str], int | str]]] = {
-    ("midi", "in"): ("source", _text),
-    ("gamepad", "in"): ("source", _text),
+_OPTIONS_BY_KIND: Mapping[tuple[str, str], tuple[str, Callable[[str, str], int | str]]] = {
+    ("midi", "in"): ("source", _unchanged_text),
+    ("gamepad", "in"): ("source", _unchanged_text),
     ("midi", "channel"): ("channel", _number_between(1, 16)),
     ("osc", "port"): ("port", _number_between(1, 65535)),
 }

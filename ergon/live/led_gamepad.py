@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from .boards import BoardError
 from .led_address import GAMEPAD_AXES
-from .led_sources import position
+from .led_sources import key_position
 from .rumble import Rumble
 
 if TYPE_CHECKING:
@@ -31,11 +31,11 @@ _EVENTS_AT_ONCE = 64
 _POLL_SECONDS = 0.2  # [s] between two looks whether a thread is to end
 _RUMBLE_SECONDS = 0.05  # [s] between two forces that the motors tell of
 _USUAL_RANGE = (-32768, 32767)  # range for event files, which have no device
-_PADS = Path("/dev/input/by-id")
+_PADS_FOLDER = Path("/dev/input/by-id")
 _PAD_NAMES = "*-event-joystick"
 
 
-class GamepadValues:
+class GamepadAxis:
     """Passes events of one axis on as positions of a key."""
 
     def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
@@ -50,28 +50,28 @@ class GamepadValues:
         signed_share = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
         is_lockstep = self._address.lockstep
         report_instant = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
-        self._lead.place(report_instant, position(self._lead, signed_share))
+        self._lead.place(report_instant, key_position(self._lead, signed_share))
 
     @property
     def force(self) -> float:
         """The force of the pointer on its finger [N], without a sign."""
         return abs(self._lead.force)
 
-    def end(self) -> None:
+    def disconnect(self) -> None:
         """The gamepad is gone: the stand-in plays."""
         self._lead.set_present(False)
 
 
-def events(data: bytes) -> Iterator[tuple[int, int, float]]:
+def events(event_bytes: bytes) -> Iterator[tuple[int, int, float]]:
     """(number of the axis, value, instant [s]) of each event of a stick; others are left out."""
-    for seconds, micro, kind, code, value in _EVENT.iter_unpack(data):
+    for seconds, micro, kind, code, value in _EVENT.iter_unpack(event_bytes):
         if kind == _ABSOLUTE:
             yield code, value, seconds + 1e-6 * micro
 
 
 def gamepads() -> list[Path]:
     """The gamepads of this machine, by names that stay."""
-    return sorted(_PADS.glob(_PAD_NAMES)) if _PADS.is_dir() else []
+    return sorted(_PADS_FOLDER.glob(_PAD_NAMES)) if _PADS_FOLDER.is_dir() else []
 
 
 def pad_path(pad_name: str) -> Path:
@@ -85,7 +85,7 @@ def pad_path(pad_name: str) -> Path:
     raise BoardError(f"which gamepad? ?in=PATH says so; there is {pad_list}")
 
 
-def _opened(path: Path) -> int:
+def _open_pad(path: Path) -> int:
     """The file of a gamepad, for writing too where that is allowed: then it may rumble."""
     if path.is_char_device():  # a pipe of events that is open for writing would never end
         with contextlib.suppress(PermissionError):
@@ -96,71 +96,69 @@ def _opened(path: Path) -> int:
 class GamepadPort:
     """An open gamepad, whose events are passed on by their axes."""
 
-    def __init__(self, path: Path, values: Sequence[GamepadValues]) -> None:
+    def __init__(self, path: Path, axes: Sequence[GamepadAxis]) -> None:
         """Open a gamepad. Raises BoardError."""
         try:
-            self._file = _opened(path)
+            self._file = _open_pad(path)
         except OSError as error:
             raise BoardError(f"the gamepad {path} cannot be opened: {error.strerror}") from None
-        self._values = values
+        self._axes = axes
         self._rumble = Rumble(self._file)
-        self._over = threading.Event()
-        self._rumbled = 0.0  # when [s]
-        self._prepare()
+        self._end_event = threading.Event()
+        self._rumble_instant = 0.0  # when [s]
+        self._configure()
         self._thread = threading.Thread(target=self._run, name="ergon gamepad", daemon=True)
         self._thread.start()
 
-    def _prepare(self) -> None:
+    def _configure(self) -> None:
         """Learn the ranges of the axes, and let events bear the times of `time.monotonic`."""
         import fcntl
 
         with contextlib.suppress(OSError):  # a file or a pipe of events
             fcntl.ioctl(self._file, _SET_CLOCK, struct.pack("i", time.CLOCK_MONOTONIC))
-        for axis_value in self._values:
+        for axis in self._axes:
             with contextlib.suppress(OSError):
-                range_bytes = fcntl.ioctl(
-                    self._file, _GET_RANGE + axis_value.code, bytes(_ABS_INFO.size)
-                )
+                range_bytes = fcntl.ioctl(self._file, _GET_RANGE + axis.code, bytes(_ABS_INFO.size))
                 _, low, high, *_ = _ABS_INFO.unpack(range_bytes)
                 if low < high:
-                    axis_value.range = (low, high)
+                    axis.range = (low, high)
 
     def _run(self) -> None:
-        while not self._over.is_set():
-            wait_seconds = _RUMBLE_SECONDS if self._rumble.is_there else _POLL_SECONDS
-            has_come = select.select([self._file], [], [], wait_seconds)[0]
+        while not self._end_event.is_set():
+            wait_seconds = _RUMBLE_SECONDS if self._rumble.is_available else _POLL_SECONDS
+            ready_files = select.select([self._file], [], [], wait_seconds)[0]
             self._update_rumble()
-            if not has_come:
+            if not ready_files:
                 continue
             try:
                 event_bytes = os.read(self._file, _EVENTS_AT_ONCE * _EVENT.size)
             except OSError:  # unplugged
                 event_bytes = b""
             if not event_bytes:
-                for axis_value in self._values:
-                    axis_value.end()
+                for axis in self._axes:
+                    axis.disconnect()
                 return
-            for code, axis_number, event_instant in events(
+            for code, value, event_instant in events(
                 event_bytes[: len(event_bytes) // _EVENT.size * _EVENT.size]
             ):
-                for axis_value in self._values:
-                    if axis_value.code == code:
-                        axis_value.receive(axis_number, event_instant)
+                for axis in self._axes:
+                    if axis.code == code:
+                        axis.receive(value, event_instant)
 
     @property
-    def rumbles(self) -> bool:
+    def has_rumble(self) -> bool:
         """Whether its motors signal forces."""
-        return self._rumble.is_there
+        return self._rumble.is_available
 
     def _update_rumble(self) -> None:
         """Let the motors tell of the greatest force on its fingers."""
-        instant_now = time.monotonic()
-        if self._rumble.is_there and instant_now >= self._rumbled + _RUMBLE_SECONDS:
-            self._rumbled = instant_now
-            self._rumble.set_force(max((value.force for value in self._values), default=0.0))
+        now = time.monotonic()
+        if self._rumble.is_available and now >= self._rumble_instant + _RUMBLE_SECONDS:
+            self._rumble_instant = now
+            self._rumble.set_force(max((axis.force for axis in self._axes), default=0.0))
 
     def close(self) -> None:
         """Pass on nothing any more."""
-        self._over.set()
+        self._end_event.set()
         self._thread.join()
         os.close(self._file)

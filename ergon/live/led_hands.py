@@ -10,7 +10,7 @@ from ergon import _core
 
 from .boards import PAGE_KINDS, Board, BoardError
 from .led_address import LedAddress, LedKey, is_led, parse_led_address
-from .led_gamepad import GamepadPort, GamepadValues, pad_path
+from .led_gamepad import GamepadAxis, GamepadPort, pad_path
 from .led_sources import MidiValues, OscPort, OscValues, open_midi_input
 from .midi_ports import VIRTUAL, InputPort, SystemInput
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _NO_KEYS: Mapping[str, LedKey] = {}
 _TRACED_RATE = 1100  # ticks a second, or a little more
-_FAST = 10.0  # [m/s²], the acceleration of a fast hand, for which a path's error is stated
+_ACCELERATION = 10.0  # [m/s²], the acceleration of a fast hand, for which a path's error is stated
 
 
 class _Source(Protocol):
@@ -76,24 +76,24 @@ def open_led_hands(
     sentences: list[str] = []
     try:
         for url, address in addresses.items():
-            leads[url] = _lead(url, address, keys.get(players[url], LedKey()))
+            leads[url] = _make_lead(url, address, keys.get(players[url], LedKey()))
         for port, osc_values in _osc_values(addresses, leads).items():
             osc = OscPort(port)
             led_sources.append(osc)
-            for value in osc_values:
-                osc.add(value)
+            for listener in osc_values:
+                osc.add(listener)
             osc.begin()
-            paths = ", ".join(value.path for value in osc_values)
+            paths = ", ".join(listener.path for listener in osc_values)
             sentences.append(f"positions of {paths} are taken from OSC at 127.0.0.1:{osc.port}")
         for input_name, listeners in _midi_values(addresses, leads).items():
             midi_input = open_midi_input(input_name or VIRTUAL, listeners, make_midi)
             led_sources.append(midi_input)
             sentences.append(f"positions are taken from the MIDI input {midi_input.name}")
-        for input_name, axes in _gamepad_values(addresses, leads).items():
+        for input_name, axes in _gamepad_axes(addresses, leads).items():
             path = pad_path(input_name)
             gamepad_port = GamepadPort(path, axes)
             led_sources.append(gamepad_port)
-            rumble_text = ", which rumbles with the force" if gamepad_port.rumbles else ""
+            rumble_text = ", which rumbles with the force" if gamepad_port.has_rumble else ""
             sentences.append(f"positions are taken from the gamepad {path}{rumble_text}")
     except BoardError:
         for source in (*led_sources, *leads.values()):
@@ -103,7 +103,7 @@ def open_led_hands(
     return LedHands(led_boards, led_sources, sentences)
 
 
-def _lead(url: str, address: LedAddress, led_key: LedKey) -> _core.Lead:
+def _make_lead(url: str, address: LedAddress, led_key: LedKey) -> _core.Lead:
     finger, travel = address.finger, led_key.travel
     if address.travel is not None:
         travel = (-0.5 * address.travel, 0.5 * address.travel)
@@ -113,7 +113,7 @@ def _lead(url: str, address: LedAddress, led_key: LedKey) -> _core.Lead:
             finger=(finger.stiffness, finger.damping, finger.mass),
             delay=address.delay,
             range=travel,
-            spring=(led_key.stiffness, led_key.rest),
+            spring=(led_key.stiffness, led_key.rest_position),
             lockstep=address.lockstep,
             traced_ticks=int(address.trace * _TRACED_RATE),
             present=address.kind not in PAGE_KINDS,
@@ -144,15 +144,15 @@ def _midi_values(
     return listeners
 
 
-def _gamepad_values(
+def _gamepad_axes(
     addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
-) -> dict[str, list[GamepadValues]]:
+) -> dict[str, list[GamepadAxis]]:
     """The values of each gamepad, as `_osc_values`."""
-    listeners: dict[str, list[GamepadValues]] = {}
+    axes: dict[str, list[GamepadAxis]] = {}
     for url, address in addresses.items():
         if address.kind == "gamepad" and not address.lockstep:
-            listeners.setdefault(address.source, []).append(GamepadValues(address, leads[url]))
-    return listeners
+            axes.setdefault(address.source, []).append(GamepadAxis(address, leads[url]))
+    return axes
 
 
 def summary(board: Board, lead: _core.Lead) -> str:
@@ -165,14 +165,14 @@ def summary(board: Board, lead: _core.Lead) -> str:
     address = parse_led_address(board.url)
     players = ", ".join(player for _, player in board.axes)
     gap_seconds, deviation = tally["gap"], tally["deviation"]
-    count = f"{tally['taken']:,.0f} position" + ("" if tally["taken"] == 1.0 else "s")
-    arrival_sentence = f"{players} by {board.display_name}: {count}"
+    count_text = f"{tally['taken']:,.0f} position" + ("" if tally["taken"] == 1.0 else "s")
+    arrival_sentence = f"{players} by {board.display_name}: {count_text}"
     if gap_seconds > 0.0:
         arrival_sentence += (
             f", one each {gap_seconds * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path "
             f"{address.delay * 1e3:g} ms late and within "
-            f"{_FAST * gap_seconds * gap_seconds / 8.0 * 1e3:.2g} mm "
-            f"where the hand accelerates by {_FAST:g} m/s²"
+            f"{_ACCELERATION * gap_seconds * gap_seconds / 8.0 * 1e3:.2g} mm "
+            f"where the hand accelerates by {_ACCELERATION:g} m/s²"
         )
     counts = [
         (tally["late"], "too late"),

@@ -17,7 +17,7 @@ from .datagrams import (
     parse_messages,
     require_python_osc,
 )
-from .midi_messages import Control, Message, Pressure, Wheel, parse_message
+from .midi_messages import ControlChange, Message, PitchWheel, Pressure, parse_message
 from .midi_ports import InputPort, MidiError, SystemInput
 
 if TYPE_CHECKING:
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 _LOOPBACK = "127.0.0.1"
 _POLL_SECONDS = 0.2  # [s] between two looks whether a thread is to end
-_FINE = 32  # a controller below this has its finer bits in the one that is 32 higher
+_FINE_OFFSET = 32  # a controller below this has its finer bits in the one that is 32 higher
 _PITCH_BEND_CENTRE = 0x2000  # middle of 14 bits
 _TOP = 0x3FFF
-_COARSE_TOP = 127
+_COARSE_MAX = 127
 
 
 class MidiValues:
@@ -42,36 +42,36 @@ class MidiValues:
         self._coarse = 0
         self._has_fine = False
 
-    def receive(self, data: bytes, instant: float) -> None:
+    def receive(self, message_bytes: bytes, instant: float) -> None:
         """Take a message that came at an instant [s, time.monotonic; in lockstep, of the ticks]."""
         channel = self._address.channel
-        if channel is not None and data and data[0] & 0x0F != channel - 1:
+        if channel is not None and message_bytes and message_bytes[0] & 0x0F != channel - 1:
             return
-        share = self._share(parse_message(data))
+        share = self._range_share(parse_message(message_bytes))
         if share is not None:
-            key_position = position(self._lead, 2.0 * (share - 0.5))
-            self._lead.place(_lead_time(self._address, self._lead, instant), key_position)
+            pointer_position = key_position(self._lead, 2.0 * (share - 0.5))
+            self._lead.place(_lead_time(self._address, self._lead, instant), pointer_position)
 
-    def _share(self, message: Message | None) -> float | None:
+    def _range_share(self, message: Message | None) -> float | None:
         """Where in its range a value is, 0 to 1; None for other messages."""
         controller = self._address.controller
-        if isinstance(message, Control) and controller is not None:
+        if isinstance(message, ControlChange) and controller is not None:
             return self._controller_share(message, controller)
-        if isinstance(message, Wheel) and self._address.value_name == "bend":
+        if isinstance(message, PitchWheel) and self._address.value_name == "bend":
             # The middle is exactly the middle, though there are more values below it than above.
             value_from_middle = message.value - _PITCH_BEND_CENTRE
             return 0.5 + 0.5 * value_from_middle / (
                 _PITCH_BEND_CENTRE if value_from_middle < 0 else _TOP - _PITCH_BEND_CENTRE
             )
         if isinstance(message, Pressure) and self._address.value_name == "pressure":
-            return message.value / _COARSE_TOP
+            return message.value / _COARSE_MAX
         return None
 
-    def _controller_share(self, message: Control, controller: int) -> float | None:
+    def _controller_share(self, message: ControlChange, controller: int) -> float | None:
         if message.number == controller:
             self._coarse = message.value
-            return (message.value << 7) / _TOP if self._has_fine else message.value / _COARSE_TOP
-        if message.number == controller + _FINE and controller < _FINE:
+            return (message.value << 7) / _TOP if self._has_fine else message.value / _COARSE_MAX
+        if message.number == controller + _FINE_OFFSET and controller < _FINE_OFFSET:
             self._has_fine = True
             return (self._coarse << 7 | message.value) / _TOP
         return None
@@ -95,22 +95,22 @@ class OscValues:
 
     def receive(self, arguments: Sequence[object], instant: float) -> None:
         """Take the arguments of a message that came at an instant [s], as `MidiValues` does."""
-        time_ = _lead_time(self._address, self._lead, instant)
+        lead_time = _lead_time(self._address, self._lead, instant)
         if not arguments:
-            self._lead.lift(time_)
+            self._lead.lift(lead_time)
             return
-        numbers = [_finite(argument) for argument in arguments[:2]]
+        numbers = [_number_or_nan(argument) for argument in arguments[:2]]
         signed_share, pressure = numbers[0], numbers[1] if len(numbers) > 1 else 0.5
-        self._lead.place(time_, position(self._lead, signed_share), 2.0 * pressure)
+        self._lead.place(lead_time, key_position(self._lead, signed_share), 2.0 * pressure)
 
 
-def position(lead: _core.Lead, signed_share: float) -> float:
+def key_position(lead: _core.Lead, signed_share: float) -> float:
     """A position [m] of a key, -1 at the lower end of its travel and 1 at the upper."""
     low, high = lead.range
     return 0.5 * (low + high) + 0.5 * (high - low) * signed_share
 
 
-def _finite(argument: object) -> float:
+def _number_or_nan(argument: object) -> float:
     """A number; what is not one becomes NaN, which a lead refuses and counts."""
     is_number = isinstance(argument, int | float) and not isinstance(argument, bool)
     try:
@@ -133,7 +133,7 @@ class OscPort:
         except PythonOscMissingError as error:
             raise BoardError(str(error)) from None
         self._handlers: dict[str, OscValues] = {}
-        self._over = threading.Event()
+        self._end_event = threading.Event()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind((_LOOPBACK, port))
@@ -159,7 +159,7 @@ class OscPort:
         self._thread.start()
 
     def _run(self) -> None:
-        while not self._over.is_set():
+        while not self._end_event.is_set():
             try:
                 datagram = self._socket.recv(DATAGRAM_BYTES_MAX)
             except TimeoutError:
@@ -177,7 +177,7 @@ class OscPort:
 
     def close(self) -> None:
         """Receive nothing any more."""
-        self._over.set()
+        self._end_event.set()
         if self._thread.is_alive():
             self._thread.join()
         self._socket.close()

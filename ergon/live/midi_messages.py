@@ -9,13 +9,13 @@ from enum import Enum
 
 CLOCKS_PER_BEAT = 24  # MIDI clock messages in a beat
 CLOCKS_PER_SONG_POSITION = 6  # clocks of one unit of a song position
-_OFF, _ON, _KEY_PRESSURE, _CONTROL = 0x80, 0x90, 0xA0, 0xB0
-_PROGRAM, _PRESSURE, _WHEEL = 0xC0, 0xD0, 0xE0
+_NOTE_OFF, _NOTE_ON, _KEY_PRESSURE, _CONTROL_CHANGE = 0x80, 0x90, 0xA0, 0xB0
+_PROGRAM_CHANGE, _CHANNEL_PRESSURE, _PITCH_BEND = 0xC0, 0xD0, 0xE0
 _SONG_POSITION = 0xF2
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class NoteOn:
     """A note that begins: its number and velocity, 1 to 127."""
 
     number: int
@@ -23,14 +23,14 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True)
-class NoteEnd:
+class NoteOff:
     """The end of a note, by its number."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
-class Control:
+class ControlChange:
     """A controller that has moved: its number and value, 0 to 127."""
 
     number: int
@@ -38,7 +38,7 @@ class Control:
 
 
 @dataclass(frozen=True, slots=True)
-class Wheel:
+class PitchWheel:
     """Where the pitch wheel is, 0 to 16383; 8192 is its middle."""
 
     value: int
@@ -53,7 +53,7 @@ class Pressure:
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class ProgramChange:
     """A program that was chosen, 0 to 127."""
 
     number: int
@@ -75,36 +75,36 @@ class Transport(Enum):
     STOP = 0xFC
 
 
-Played = Note | NoteEnd | Control | Wheel | Pressure | Program
-Message = Played | SongPosition | Transport
-_TRANSPORT = {message.value: message for message in Transport}
+PlayedMessage = NoteOn | NoteOff | ControlChange | PitchWheel | Pressure | ProgramChange
+Message = PlayedMessage | SongPosition | Transport
+_TRANSPORT_BY_BYTE = {message.value: message for message in Transport}
 
 
 def parse_message(message_bytes: bytes) -> Message | None:
     """The message in the bytes of one packet; None for malformed and all other messages."""
     if len(message_bytes) == 1:
-        return _TRANSPORT.get(message_bytes[0])
+        return _TRANSPORT_BY_BYTE.get(message_bytes[0])
     if (
         len(message_bytes) == 2
         and message_bytes[1] <= 127
-        and message_bytes[0] & 0xF0 in (_PRESSURE, _PROGRAM)
+        and message_bytes[0] & 0xF0 in (_CHANNEL_PRESSURE, _PROGRAM_CHANGE)
     ):
         return (
             Pressure(message_bytes[1])
-            if message_bytes[0] & 0xF0 == _PRESSURE
-            else Program(message_bytes[1])
+            if message_bytes[0] & 0xF0 == _CHANNEL_PRESSURE
+            else ProgramChange(message_bytes[1])
         )
     if len(message_bytes) != 3 or message_bytes[1] > 127 or message_bytes[2] > 127:
         return None
     message_kind = message_bytes[0] & 0xF0
-    if message_kind == _ON and message_bytes[2]:  # velocity 0 ends a note
-        return Note(message_bytes[1], message_bytes[2])
-    if message_kind in (_ON, _OFF):
-        return NoteEnd(message_bytes[1])
-    if message_kind == _CONTROL:
-        return Control(message_bytes[1], message_bytes[2])
-    if message_kind == _WHEEL:
-        return Wheel(message_bytes[1] | message_bytes[2] << 7)
+    if message_kind == _NOTE_ON and message_bytes[2]:  # velocity 0 ends a note
+        return NoteOn(message_bytes[1], message_bytes[2])
+    if message_kind in (_NOTE_ON, _NOTE_OFF):
+        return NoteOff(message_bytes[1])
+    if message_kind == _CONTROL_CHANGE:
+        return ControlChange(message_bytes[1], message_bytes[2])
+    if message_kind == _PITCH_BEND:
+        return PitchWheel(message_bytes[1] | message_bytes[2] << 7)
     if message_kind == _KEY_PRESSURE:
         return Pressure(message_bytes[2], message_bytes[1])
     if message_bytes[0] == _SONG_POSITION:
@@ -116,5 +116,5 @@ def encode_song_position(beats: float) -> bytes:
     """The message for a position in beats, rounded down to a sixteenth; beyond its range, the
     greatest position that fits.
     """
-    units = min(int(beats * CLOCKS_PER_BEAT) // CLOCKS_PER_SONG_POSITION, (1 << 14) - 1)
-    return bytes([_SONG_POSITION, units & 0x7F, units >> 7])
+    sixteenths = min(int(beats * CLOCKS_PER_BEAT) // CLOCKS_PER_SONG_POSITION, (1 << 14) - 1)
+    return bytes([_SONG_POSITION, sixteenths & 0x7F, sixteenths >> 7])

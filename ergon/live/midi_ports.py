@@ -81,19 +81,19 @@ class ArrivalStamps:
 
     def __init__(self) -> None:
         """Begin before the first message."""
-        self._first_time = 0.0  # the system clock at the first message [s]
-        self._ahead: deque[float] = deque(maxlen=_DELAYS_KEPT)
+        self._elapsed_seconds = 0.0  # the system clock at the first message [s]
+        self._delays: deque[float] = deque(maxlen=_DELAYS_KEPT)
 
     def stamp(self, seconds_since: float, instant_now: float) -> float:
         """The instant [s] of a message that came `seconds_since` seconds after the last one and was
         received at `instant_now`.
         """
-        self._first_time += seconds_since if 0.0 <= seconds_since < _PAUSE_MAX else 0.0
-        lead_seconds = instant_now - self._first_time
-        if self._ahead and abs(lead_seconds - min(self._ahead)) > _PAUSE_MAX:
-            self._ahead.clear()
-        self._ahead.append(lead_seconds)
-        return self._first_time + min(self._ahead)
+        self._elapsed_seconds += seconds_since if 0.0 <= seconds_since < _PAUSE_MAX else 0.0
+        delay = instant_now - self._elapsed_seconds
+        if self._delays and abs(delay - min(self._delays)) > _PAUSE_MAX:
+            self._delays.clear()
+        self._delays.append(delay)
+        return self._elapsed_seconds + min(self._delays)
 
 
 class SystemInput:
@@ -113,10 +113,10 @@ class SystemInput:
 
         stamps = ArrivalStamps()
 
-        def pass_on(data: Sequence[int], seconds_since: float, _context: object) -> None:
+        def forward(data: Sequence[int], seconds_since: float, _context: object) -> None:
             receive(bytes(data), stamps.stamp(float(seconds_since), time.monotonic()))
 
-        self._port.set_callback(pass_on)
+        self._port.set_callback(forward)
 
     def close(self) -> None:
         """Pass on nothing any more."""
@@ -133,7 +133,7 @@ class SystemOutput:
         Raises MidiError.
         """
         rtmidi = _rtmidi()
-        self._failures = _failures(rtmidi)
+        self._error_types = _error_types(rtmidi)
         self._lock = threading.Lock()
         self._port, self.name = _open_port(rtmidi, rtmidi.MidiOut, port_name, "output")
 
@@ -142,7 +142,7 @@ class SystemOutput:
         with self._lock:
             try:
                 self._port.send_message(data)
-            except self._failures:
+            except self._error_types:
                 return
 
     def close(self) -> None:
@@ -162,7 +162,7 @@ def _rtmidi() -> Any:
     return supriya_midi
 
 
-def _failures(rtmidi: Any) -> tuple[type[Exception], ...]:
+def _error_types(rtmidi: Any) -> tuple[type[Exception], ...]:
     # RtMidi's errors come as RuntimeError where they are raised before a port has its callback.
     return (rtmidi.RtMidiError, RuntimeError, NotImplementedError, ValueError)
 
@@ -176,9 +176,9 @@ def input_names() -> list[str]:
     """The names of this machine's MIDI inputs; opens none. Raises MidiError."""
     rtmidi = _rtmidi()
     port_names: list[str] = []
-    for system in rtmidi.get_compiled_api():
+    for midi_api in rtmidi.get_compiled_api():
         with contextlib.suppress(rtmidi.RtMidiError, NotImplementedError):
-            port = rtmidi.MidiIn(system)
+            port = rtmidi.MidiIn(midi_api)
             port_names += [str(name) for name in port.get_ports()]
             port.delete()
     return port_names
@@ -191,18 +191,18 @@ def _open_port(rtmidi: Any, make_client: Any, port_name: str, direction: str) ->
     """
     numbered_ports: list[tuple[Any, int, str]] = []
     port_error = "this machine has no MIDI"
-    for system in rtmidi.get_compiled_apis():
-        if system == rtmidi.RtMidiAPI.RTMIDI_DUMMY:
+    for midi_api in rtmidi.get_compiled_apis():
+        if midi_api == rtmidi.RtMidiAPI.RTMIDI_DUMMY:
             continue
         try:
-            port = make_client(system, CLIENT_NAME)
+            port = make_client(midi_api, CLIENT_NAME)
             if port_name == VIRTUAL:
                 port.open_virtual_port(CLIENT_NAME)
                 return port, f"{CLIENT_NAME} (virtual)"
             numbered_ports += [
                 (port, number, str(name)) for number, name in enumerate(port.get_ports())
             ]
-        except _failures(rtmidi) as error:
+        except _error_types(rtmidi) as error:
             port_error = str(error)
     if port_name == VIRTUAL:
         raise MidiError(f"no MIDI {direction} of ergon's own can be opened: {port_error}")
@@ -211,7 +211,7 @@ def _open_port(rtmidi: Any, make_client: Any, port_name: str, direction: str) ->
     ]
     try:
         port.open_port(port_number, CLIENT_NAME)
-    except _failures(rtmidi) as error:
+    except _error_types(rtmidi) as error:
         raise MidiError(f"the MIDI {direction} {opened_name} cannot be opened: {error}") from None
     return port, opened_name
 
@@ -220,16 +220,16 @@ def choose_port(port_name: str, port_names: Sequence[str], direction: str) -> in
     """The number of the port called `port_name`, or of the only one that contains it. Raises
     MidiError.
     """
-    equal_names = [number for number, name in enumerate(port_names) if name == port_name]
-    partial_names = [
+    exact_matches = [number for number, name in enumerate(port_names) if name == port_name]
+    partial_matches = [
         port_number
         for port_number, name in enumerate(port_names)
         if port_name and port_name.lower() in name.lower()
     ]
-    candidates = equal_names or partial_names
+    candidates = exact_matches or partial_matches
     if len(candidates) == 1:
         return candidates[0]
-    several_text = (
+    mismatch_text = (
         f"{len(candidates)} MIDI {direction}s are called so: "
         if candidates
         else f"no MIDI {direction} is called"
@@ -238,8 +238,8 @@ def choose_port(port_name: str, port_names: Sequence[str], direction: str) -> in
         f"'{port_names[port_number]}'" for port_number in (candidates or range(len(port_names)))
     )
     if candidates:
-        raise MidiError(f"{several_text}{shown_names}; write more of the name")
+        raise MidiError(f"{mismatch_text}{shown_names}; write more of the name")
     existing_ports = f"there are {shown_names}" if port_names else "there is none"
     raise MidiError(
-        f"{several_text} '{port_name}'; {existing_ports}; `{VIRTUAL}` opens one of ergon's own"
+        f"{mismatch_text} '{port_name}'; {existing_ports}; `{VIRTUAL}` opens one of ergon's own"
     )

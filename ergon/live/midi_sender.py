@@ -41,40 +41,38 @@ class TimedSender:
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._to: IO[bytes] = self._process.stdin
-        self._echoes: IO[bytes] = self._process.stdout
-        word, _, echo_answer = (
-            self._echoes.readline().decode(errors="replace").strip().partition(" ")
-        )
-        if word != "ready":
+        self._stdin: IO[bytes] = self._process.stdin
+        self._stdout: IO[bytes] = self._process.stdout
+        state, _, reply = self._stdout.readline().decode(errors="replace").strip().partition(" ")
+        if state != "ready":
             self.close()
-            raise MidiError(echo_answer or f"the process that sends MIDI to '{port}' did not start")
-        self.name = echo_answer
+            raise MidiError(reply or f"the process that sends MIDI to '{port}' did not start")
+        self.name = reply
 
     def send_at(self, data: bytes, instant: float) -> None:
         """Send a message at an instant [s, time.monotonic]; at once if that is past."""
         with contextlib.suppress(OSError):  # the process is gone
-            self._to.write(b"%d %s\n" % (round(instant * 1e9), data.hex().encode()))
+            self._stdin.write(b"%d %s\n" % (round(instant * 1e9), data.hex().encode()))
 
     def next_echo(self) -> bytes:
         """The next line that the port `echo` has written; empty at the end."""
         with contextlib.suppress(ValueError):  # closed by another thread
-            return self._echoes.readline()
+            return self._stdout.readline()
         return b""
 
     def close(self) -> None:
         """End the process: it sends a MIDI stop and closes the port."""
         with contextlib.suppress(OSError):
-            self._to.close()
+            self._stdin.close()
         try:
             self._process.wait(_CLOSE_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self._echoes.close()
+        self._stdout.close()
 
 
-def _run(receive: int, send: Callable[[bytes], None]) -> None:
+def _run(input_descriptor: int, send: Callable[[bytes], None]) -> None:
     """Send the messages that are read from a descriptor, each when it is due, until the descriptor
     ends.
     """
@@ -85,16 +83,16 @@ def _run(receive: int, send: Callable[[bytes], None]) -> None:
         seconds_left = (
             (waiting_messages[0][0] - time.monotonic_ns()) / 1e9 if waiting_messages else 1.0
         )
-        if select.select([receive], [], [], max(0.0, min(seconds_left, 1.0)))[0]:
-            bytes_read = os.read(receive, 1 << 16)
+        if select.select([input_descriptor], [], [], max(0.0, min(seconds_left, 1.0)))[0]:
+            bytes_read = os.read(input_descriptor, 1 << 16)
             if not bytes_read:
                 return
             *lines, unfinished_line = (unfinished_line + bytes_read).split(b"\n")
             for line in lines:
-                instant, _, data = line.partition(b" ")
+                due, _, hex_text = line.partition(b" ")
                 heapq.heappush(
                     waiting_messages,
-                    (int(instant), next(message_numbers), bytes.fromhex(data.decode())),
+                    (int(due), next(message_numbers), bytes.fromhex(hex_text.decode())),
                 )
         while waiting_messages and waiting_messages[0][0] <= time.monotonic_ns():
             send(heapq.heappop(waiting_messages)[2])
@@ -107,21 +105,21 @@ def _echo(data: bytes) -> None:
 def main(port: str) -> None:
     """Run as the process that sends."""
     try:
-        system = None if port == ECHO else SystemOutput(port)
+        output = None if port == ECHO else SystemOutput(port)
     except MidiError as error:
         print(f"error {error}", flush=True)
         return
     with contextlib.suppress(AttributeError, OSError):  # not granted: like any other program
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
     gc.disable()
-    print(f"ready {port if system is None else system.name}", flush=True)
-    send = _echo if system is None else system.send
+    print(f"ready {port if output is None else output.name}", flush=True)
+    send = _echo if output is None else output.send
     with contextlib.suppress(KeyboardInterrupt):
         _run(0, send)
     with contextlib.suppress(OSError):
         send(_STOP)
-    if system is not None:
-        system.close()
+    if output is not None:
+        output.close()
 
 
 if __name__ == "__main__":

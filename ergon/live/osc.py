@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from .osc_in import Command, HandlerTable
     from .osc_out import Send
 
-    Place = tuple[str, int]
+    HostPort = tuple[str, int]
 
 LOOPBACK = "127.0.0.1"
 _CHECK_PERIOD = 0.005  # [s] between two looks at the performance
 _DATAGRAMS_AT_ONCE = 64  # datagrams read before the next look at the performance
 _ANSWERS_PER_SECOND = 10  # a second: a flood of mistakes gets no flood of answers
 _REFUSALS_PER_SECOND = 2  # to strangers; other senders keep their answers
-KEY = re.compile(r"[A-Za-z0-9_-]{16,64}")
+KEY_PATTERN = re.compile(r"[A-Za-z0-9_-]{16,64}")
 KEY_VARIABLE = "ERGON_OSC_KEY"
 _UNKNOWN_MAX = 1000  # unknown addresses that are remembered, each reported once
 _ADDRESS_SHOWN_MAX = 80  # characters of an unknown address in a report
@@ -53,7 +53,7 @@ class OscError(ErgonError):
     """An address that OSC cannot use, or a socket that does not open."""
 
 
-def parse_address(address_text: str) -> Place:
+def parse_address(address_text: str) -> HostPort:
     """`[HOST:]PORT` as (host, port); without a host, only this machine. Raises OscError."""
     host, _, port = address_text.rpartition(":")
     if not port.isascii() or not port.isdigit() or int(port) > 65535:
@@ -68,8 +68,8 @@ class OscServer:
 
     def __init__(
         self,
-        receive_address: Place | None,
-        send_address: Place | None,
+        receive_address: HostPort | None,
+        send_address: HostPort | None,
         command: Command = refuse_command,
         key: str = "",
     ) -> None:
@@ -78,28 +78,30 @@ class OscServer:
         Raises OscError, or PythonOscMissingError without python-osc.
         """
         require_python_osc()
-        if key and not KEY.fullmatch(key):
+        if key and not KEY_PATTERN.fullmatch(key):
             raise OscError(f"{KEY_VARIABLE} must be 16 to 64 letters, digits, _ or -")
         self._key = key
-        self._senders = SenderCheck()
+        self._sender_check = SenderCheck()
         self._has_hands: Callable[[], bool] = lambda: False
         self._command = command
-        self._here = None if receive_address is None else _open_socket(receive_address, bound=True)
-        self._there = None if send_address is None else _open_socket(send_address, bound=False)
-        self.place = None if self._here is None else self._here[0].getsockname()[:2]
-        self.stopped = False  # somebody asked for the end
-        self.malformed = 0  # datagrams that were no OSC
-        self.unsent = 0  # datagrams that did not leave
+        self._inbound = (
+            None if receive_address is None else _open_socket(receive_address, bound=True)
+        )
+        self._outbound = None if send_address is None else _open_socket(send_address, bound=False)
+        self.address = None if self._inbound is None else self._inbound[0].getsockname()[:2]
+        self.is_stop_requested = False  # somebody asked for the end
+        self.n_malformed = 0  # datagrams that were no OSC
+        self.n_unsent = 0  # datagrams that did not leave
         self._remarks: deque[str] = deque(maxlen=100)
-        self._unknown: set[str] = set()
-        self._refused: set[str] = set()
-        self._answers = _RateLimit(_ANSWERS_PER_SECOND)
-        self._refusals = _RateLimit(_REFUSALS_PER_SECOND)
+        self._unknown_addresses: set[str] = set()
+        self._reported_refusals: set[str] = set()
+        self._answer_limit = _RateLimit(_ANSWERS_PER_SECOND)
+        self._refusal_limit = _RateLimit(_REFUSALS_PER_SECOND)
         self._sender: tuple[object, ...] = ()
         self._handlers: HandlerTable = {}
-        self._teller: OscSender | None = None
+        self._event_sender: OscSender | None = None
         self._input_values: InputValues | None = None
-        self._over = threading.Event()
+        self._end_event = threading.Event()
         self._thread: threading.Thread | None = None
 
     def begin(
@@ -108,7 +110,7 @@ class OscServer:
         """Serve a performance that began at frame `start` with a `gain` (ratio)."""
 
         def stop() -> None:
-            self.stopped = True
+            self.is_stop_requested = True
             performance.stop()
 
         def set_input(name: str, value: float) -> bool:
@@ -136,8 +138,8 @@ class OscServer:
         messages. `has_hands`: whether forces act on live hands.
         """
         self._handlers, self._input_values, self._has_hands = handlers, input_values, has_hands
-        self._teller = make_sender(self._send) if self._there else None
-        self._over.clear()
+        self._event_sender = make_sender(self._send) if self._outbound else None
+        self._end_event.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
         self._thread.start()
 
@@ -151,7 +153,7 @@ class OscServer:
         """End serving a performance; events that wait are still sent."""
         if self._thread is None:
             return
-        self._over.set()
+        self._end_event.set()
         self._thread.join()
         self._thread = None
         self._send_messages()
@@ -159,7 +161,7 @@ class OscServer:
     def close(self) -> None:
         """Close the sockets."""
         self.stop_serving()
-        for socket_and_address in (self._here, self._there):
+        for socket_and_address in (self._inbound, self._outbound):
             if socket_and_address is not None:
                 socket_and_address[0].close()
 
@@ -172,24 +174,24 @@ class OscServer:
         return remarks
 
     def _run(self) -> None:
-        check_time = time.monotonic()
-        while not self._over.is_set():
-            self._receive(check_time - time.monotonic())
-            if time.monotonic() >= check_time:
-                check_time = max(check_time + _CHECK_PERIOD, time.monotonic())
+        next_check = time.monotonic()
+        while not self._end_event.is_set():
+            self._receive(next_check - time.monotonic())
+            if time.monotonic() >= next_check:
+                next_check = max(next_check + _CHECK_PERIOD, time.monotonic())
                 self._send_messages()
                 if self._input_values is not None:
                     with contextlib.suppress(_core.EngineError):
                         self._input_values.send_due()
 
     def _send_messages(self) -> None:
-        if self._teller is not None:
+        if self._event_sender is not None:
             with contextlib.suppress(_core.EngineError):  # the performance is closed already
-                self._teller.send_new(time.time)
+                self._event_sender.send_new(time.time)
 
     def _send(self, address: str, arguments: Sequence[object], when: float | None = None) -> None:
-        if self._there is not None:
-            self._send_datagram(*self._there, encode_message(address, arguments, when))
+        if self._outbound is not None:
+            self._send_datagram(*self._outbound, encode_message(address, arguments, when))
 
     def _send_datagram(
         self, sender: socket.socket, target_address: tuple[object, ...], datagram: bytes
@@ -197,14 +199,14 @@ class OscServer:
         try:
             sender.sendto(datagram, target_address)
         except OSError:
-            self.unsent += 1
+            self.n_unsent += 1
 
     def _receive(self, timeout_seconds: float) -> None:
         """Handle the requests that have come; wait up to `timeout_seconds` [s] for one."""
-        if self._here is None:
-            self._over.wait(max(0.0, timeout_seconds))
+        if self._inbound is None:
+            self._end_event.wait(max(0.0, timeout_seconds))
             return
-        listener = self._here[0]
+        listener = self._inbound[0]
         if not select.select([listener], [], [], max(0.0, timeout_seconds))[0]:
             return
         received = []
@@ -216,12 +218,12 @@ class OscServer:
                 is_empty = True
                 break
             except OSError:
-                self.malformed += 1  # too long, where the system says so
-        self._senders.look_up_senders(sender for _, sender in received)
+                self.n_malformed += 1  # too long, where the system says so
+        self._sender_check.look_up_senders(sender for _, sender in received)
         for datagram, sender in received:
             self._handle(datagram, sender)
         if is_empty:
-            self._senders.queue_is_empty()
+            self._sender_check.count_empty_queue()
 
     def _handle(self, datagram: bytes, sender: tuple[object, ...]) -> None:
         try:
@@ -229,10 +231,10 @@ class OscServer:
                 raise MalformedDatagramError
             messages = parse_messages(datagram)
         except MalformedDatagramError:
-            self.malformed += 1
+            self.n_malformed += 1
             return
         self._sender = sender
-        sender_access = self._senders.access(sender)
+        sender_access = self._sender_check.access(sender)
         for written_address, message_arguments in messages:
             address = self._without_key(written_address)
             if address is None:
@@ -259,10 +261,10 @@ class OscServer:
 
     def _refusal(self, sender_access: SenderAccess, address: str) -> str:
         """Why a request without the key is refused; empty if it is heard."""
-        if sender_access.is_own:
+        if sender_access.is_user:
             return ""
         hint = f"write the key before the address, /KEY/ergon/… ({KEY_VARIABLE})"
-        if sender_access.is_told:
+        if sender_access.is_identified:
             return f"the sender is not heard: {sender_access.reason}; {hint}"
         if self._key:
             return f"the sender is not heard without the key; {hint}"
@@ -272,40 +274,40 @@ class OscServer:
 
     def _refuse(self, sender: tuple[object, ...], refusal: str) -> None:
         """Answer a stranger, and report each kind of refusal once."""
-        if refusal not in self._refused:
-            self._refused.add(refusal)
+        if refusal not in self._reported_refusals:
+            self._reported_refusals.add(refusal)
             self._remarks.append(f"osc: {refusal}")
-        if self._here is not None and self._refusals.take():
-            self._send_datagram(self._here[0], sender, encode_message("/ergon/error", [refusal]))
+        if self._inbound is not None and self._refusal_limit.allow():
+            self._send_datagram(self._inbound[0], sender, encode_message("/ergon/error", [refusal]))
 
     def _report_unknown(self, address: str) -> None:
         """Report an unknown address once; the number of reports a second is limited."""
         if (
-            address in self._unknown
-            or len(self._unknown) >= _UNKNOWN_MAX
-            or not self._answers.take()
+            address in self._unknown_addresses
+            or len(self._unknown_addresses) >= _UNKNOWN_MAX
+            or not self._answer_limit.allow()
         ):
             return
-        self._unknown.add(address)
+        self._unknown_addresses.add(address)
         self._remarks.append(f"osc: no address {_printable(address)}")
 
     def _answer(self, sender: tuple[object, ...], address: str, sentence: str) -> None:
-        if self._here is not None and self._answers.take():
-            self._send_datagram(self._here[0], sender, encode_message(address, [sentence]))
+        if self._inbound is not None and self._answer_limit.allow():
+            self._send_datagram(self._inbound[0], sender, encode_message(address, [sentence]))
 
 
 class _RateLimit:
     """A bound on datagrams a second."""
 
     def __init__(self, n_per_second: int) -> None:
-        self._sent: deque[float] = deque(maxlen=n_per_second)
+        self._instants: deque[float] = deque(maxlen=n_per_second)
 
-    def take(self) -> bool:
+    def allow(self) -> bool:
         """Whether another one may be sent now."""
-        instant_now = time.monotonic()
-        if len(self._sent) == self._sent.maxlen and instant_now - self._sent[0] < 1.0:
+        now = time.monotonic()
+        if len(self._instants) == self._instants.maxlen and now - self._instants[0] < 1.0:
             return False
-        self._sent.append(instant_now)
+        self._instants.append(now)
         return True
 
 
@@ -314,7 +316,7 @@ def _printable(address: str) -> str:
     return ascii(address[:_ADDRESS_SHOWN_MAX])[1:-1]
 
 
-def _open_socket(osc_address: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
+def _open_socket(osc_address: HostPort, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
     """A datagram socket, and the address that `osc_address` names."""
     open_socket = None
     try:

@@ -28,7 +28,7 @@ class HandlerTable(Protocol):
 
 
 SILENT_DB = -144.0
-_MAX_COMMAND = 1000  # characters: a line that somebody types is shorter
+_COMMAND_LENGTH_MAX = 1000  # characters: a line that somebody types is shorter
 
 
 class OscRequestError(ErgonError):
@@ -59,7 +59,7 @@ def request_handlers(
     part_names = stage.listening.parts()
     groups_by_name = {name: group for group, name in enumerate(part_names)}
 
-    def setter_for(names: Iterable[str]) -> Callable[[float], None]:
+    def gain_setter(names: Iterable[str]) -> Callable[[float], None]:
         group_indices = [groups_by_name[name] for name in names]
         return lambda ratio: _check_accepted(
             [performance.part_gain(group, ratio) for group in group_indices]
@@ -76,11 +76,11 @@ def request_handlers(
             lambda ratio: _check_accepted([performance.gain(gain * ratio)])
         ),
         **{
-            f"/ergon/instrument/{name}/gain": gain_handler(setter_for([name]))
+            f"/ergon/instrument/{name}/gain": gain_handler(gain_setter([name]))
             for name in part_names
         },
         **{
-            f"/ergon/player/{player}/gain": gain_handler(setter_for(instrument_names))
+            f"/ergon/player/{player}/gain": gain_handler(gain_setter(instrument_names))
             if instrument_names
             else _shared_key_handler(player)
             for player, instrument_names in instruments_by_player.items()
@@ -136,8 +136,8 @@ def _joined_parts(piece: Piece) -> Iterator[set[str]]:
                 yield {part_name, *(end.part for end in module.ends)}
 
 
-def _check_accepted(all_heeded: Sequence[bool]) -> None:
-    if not all(all_heeded):
+def _check_accepted(acceptances: Sequence[bool]) -> None:
+    if not all(acceptances):
         raise OscRequestError("too many requests at once; this one was dropped")
 
 
@@ -149,11 +149,11 @@ def button_handler(action: Callable[[], object]) -> Handler:
     released.
     """
 
-    def ask(arguments: Sequence[object]) -> None:
+    def handle(arguments: Sequence[object]) -> None:
         if not arguments or arguments[0] not in (0, False):
             action()
 
-    return ask
+    return handle
 
 
 def gain_handler(action: Callable[[float], object]) -> Handler:
@@ -164,58 +164,52 @@ def gain_handler(action: Callable[[float], object]) -> Handler:
 def level_handler(action: Callable[[float], object]) -> Handler:
     """Handle a level in dB: pass it to `action`."""
 
-    def ask(arguments: Sequence[object]) -> None:
-        level_asked = arguments[0] if len(arguments) == 1 else None
-        if (
-            isinstance(level_asked, bool)
-            or not isinstance(level_asked, int | float)
-            or math.isnan(level_asked)
-        ):
+    def handle(arguments: Sequence[object]) -> None:
+        level = arguments[0] if len(arguments) == 1 else None
+        if isinstance(level, bool) or not isinstance(level, int | float) or math.isnan(level):
             raise OscRequestError("the argument has to be one number, a level in dB")
-        if level_asked > LOUDEST_DB:
-            raise OscRequestError(
-                f"{level_asked:.4g} dB is above the highest level, {LOUDEST_DB:g} dB"
-            )
-        action(float(level_asked))
+        if level > LOUDEST_DB:
+            raise OscRequestError(f"{level:.4g} dB is above the highest level, {LOUDEST_DB:g} dB")
+        action(float(level))
 
-    return ask
+    return handle
 
 
 def number_handler(action: Callable[[float], object]) -> Handler:
     """Handle a finite number: pass it to `action`."""
 
-    def ask(arguments: Sequence[object]) -> None:
-        value_asked = arguments[0] if len(arguments) == 1 else None
+    def handle(arguments: Sequence[object]) -> None:
+        argument = arguments[0] if len(arguments) == 1 else None
         try:
-            number_asked = float(value_asked) if isinstance(value_asked, int | float) else math.nan
+            number = float(argument) if isinstance(argument, int | float) else math.nan
         except OverflowError:
-            number_asked = math.nan
-        if isinstance(value_asked, bool) or not math.isfinite(number_asked):
+            number = math.nan
+        if isinstance(argument, bool) or not math.isfinite(number):
             raise OscRequestError("the argument has to be one finite number; 1 is full scale")
-        action(number_asked)
+        action(number)
 
-    return ask
+    return handle
 
 
 def text_handler(action: Callable[[str], object]) -> Handler:
     """Handle a text: pass it to `action`."""
 
-    def ask(arguments: Sequence[object]) -> None:
-        line_asked = arguments[0] if len(arguments) == 1 else None
-        if not isinstance(line_asked, str) or len(line_asked) > _MAX_COMMAND:
+    def handle(arguments: Sequence[object]) -> None:
+        line = arguments[0] if len(arguments) == 1 else None
+        if not isinstance(line, str) or len(line) > _COMMAND_LENGTH_MAX:
             raise OscRequestError(
-                f"the argument has to be one string of at most {_MAX_COMMAND} characters"
+                f"the argument has to be one string of at most {_COMMAND_LENGTH_MAX} characters"
             )
-        action(line_asked)
+        action(line)
 
-    return ask
+    return handle
 
 
 def _shared_key_handler(player: str) -> Handler:
-    def ask(_arguments: Sequence[object]) -> None:
+    def refuse(_arguments: Sequence[object]) -> None:
         raise OscRequestError(
             f"every instrument of {player}'s key is shared with other keys: "
             "use /ergon/instrument/NAME/gain"
         )
 
-    return ask
+    return refuse

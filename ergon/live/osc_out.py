@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 HAND_PERIOD = 0.01  # [s] between two messages about a hand
 _LEVEL_PERIOD = 0.1  # [s] between two messages about the level
 # Reports of a sound card come late, never early: the earliest of this many seconds counts [s].
-_REPORTS_KEPT = 1.0
+_REPORTS_SECONDS = 1.0
 _JUMP_MIN = 0.02  # [s]; a larger change is a new time line: server restarted, clock set
 
 
@@ -32,22 +32,22 @@ class HearingClock:
         """Begin with frame `start`, at `rate` frames a second."""
         self._rate, self._start = rate, start
         self._reports: deque[tuple[float, float]] = deque()
-        self._dropped = 0
-        self._line: tuple[int, int, bool] | None = None
+        self._n_dropped = 0
+        self._stream_state: tuple[int, int, bool] | None = None
 
     def update(self, status: _core.Status, instant_now: float) -> None:
         """Use a status that was requested at `instant_now`."""
         if status.sounding is None or not status.paced:
             return
         zero_instant = instant_now - status.sounding + status.latency
-        status_line = (status.underruns, status.dropped, status.alive)
-        if status_line != self._line or (
+        stream_state = (status.underruns, status.dropped, status.alive)
+        if stream_state != self._stream_state or (
             self._reports and abs(zero_instant - self._reports[-1][1]) > _JUMP_MIN
         ):
             self._reports.clear()
-        self._line, self._dropped = status_line, status.dropped
+        self._stream_state, self._n_dropped = stream_state, status.dropped
         self._reports.append((instant_now, zero_instant))
-        while self._reports[0][0] < instant_now - _REPORTS_KEPT:
+        while self._reports[0][0] < instant_now - _REPORTS_SECONDS:
             self._reports.popleft()
 
     def instant_of(self, frame: int) -> float | None:
@@ -55,7 +55,7 @@ class HearingClock:
         if not self._reports:
             return None
         zero_instant = min(zero_instant for _, zero_instant in self._reports)
-        return zero_instant + (frame - self._start - self._dropped) / self._rate
+        return zero_instant + (frame - self._start - self._n_dropped) / self._rate
 
 
 class OscSender:
@@ -74,16 +74,16 @@ class OscSender:
         """
         self._performance, self._stage, self._send = performance, stage, send
         self._hearing_clock = HearingClock(stage.rate, start)
-        self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live_hands]
+        self._hand_addresses = [f"/ergon/hand/{hand.player}" for hand in stage.live_hands]
         self._session = events
-        message_bytes = (
-            _EventsFrom(_piece_beats(stage), start),
-            _EventsFrom(_gesture_events(stage), start),
+        piece_events = (
+            _PieceEvents(_piece_beats(stage), start),
+            _PieceEvents(_gesture_events(stage), start),
         )
-        self._events: Sequence[_EventSource] = message_bytes if events is None else (events,)
-        self._late: tuple[int, int] | None = None
+        self._events: Sequence[_EventSource] = piece_events if events is None else (events,)
+        self._late_and_gaps: tuple[int, int] | None = None
         self._troubles: tuple[str, ...] = ()
-        self._next_hands = self._next_levels = -math.inf
+        self._hands_due = self._levels_due = -math.inf
 
     def send_new(self, clock: Callable[[], float]) -> None:
         """Send what is new; `clock` gives the seconds since 1970. Raises EngineError once it has
@@ -102,17 +102,17 @@ class OscSender:
 
     def _send_status(self, status: _core.Status, instant_now: float) -> None:
         # A clock that is set back must not stop the messages.
-        if not self._next_hands - HAND_PERIOD <= instant_now < self._next_hands:
-            self._next_hands = instant_now + HAND_PERIOD
-            for address, hand in zip(self._hands, status.hands, strict=False):
+        if not self._hands_due - HAND_PERIOD <= instant_now < self._hands_due:
+            self._hands_due = instant_now + HAND_PERIOD
+            for address, hand in zip(self._hand_addresses, status.hands, strict=False):
                 self._send(address, (hand.position, hand.force))
-        if not self._next_levels - _LEVEL_PERIOD <= instant_now < self._next_levels:
-            self._next_levels = instant_now + _LEVEL_PERIOD
+        if not self._levels_due - _LEVEL_PERIOD <= instant_now < self._levels_due:
+            self._levels_due = instant_now + _LEVEL_PERIOD
             levels = [20.0 * math.log10(max(peak, SILENT_PEAK)) for peak in status.peaks]
             self._send("/ergon/level", levels)
         late_and_gaps = status.late, gap_count(status)
-        if late_and_gaps != self._late:
-            self._late = late_and_gaps
+        if late_and_gaps != self._late_and_gaps:
+            self._late_and_gaps = late_and_gaps
             self._send("/ergon/late", late_and_gaps)
         recording = self._performance.recording_trouble()
         players = [hand.player for hand in self._stage.live_hands]
@@ -142,17 +142,17 @@ class SessionEventSource(_EventSource, Protocol):
         """Troubles that the performance itself does not report."""
 
 
-class _EventsFrom:
+class _PieceEvents:
     """Events in the order of their frames, from `start` on."""
 
     def __init__(self, events: Iterator[OscEvent], start: int) -> None:
         self._events = (event for event in events if event[0] >= start)
-        self._next = next(self._events, None)
+        self._next_event = next(self._events, None)
 
     def pop_before(self, frame: int) -> Iterator[OscEvent]:
         """Events before a frame that were not returned yet."""
-        while self._next is not None and self._next[0] < frame:
-            event, self._next = self._next, next(self._events, None)
+        while self._next_event is not None and self._next_event[0] < frame:
+            event, self._next_event = self._next_event, next(self._events, None)
             yield event
 
 
@@ -164,15 +164,15 @@ def _piece_beats(stage: Stage) -> Iterator[OscEvent]:
         yield beat_event
 
 
-def beat_events(tempo: TempoMap, rate: float, first_bar: int) -> Iterator[OscEvent]:
+def beat_events(tempo: TempoMap, rate: float, bar_number: int) -> Iterator[OscEvent]:
     """Every beat from a bar on, without end, with (bar, beat, bpm)."""
     while True:
-        start, length = tempo.bars.bar(first_bar)
+        start, length = tempo.bars.bar(bar_number)
         for bar_beat in range(math.ceil(length)):
             position = start + bar_beat
             frame = frame_of(tempo.seconds(position), rate)
-            yield frame, "/ergon/beat", (first_bar, bar_beat + 1, float(tempo.bpm(position)))
-        first_bar += 1
+            yield frame, "/ergon/beat", (bar_number, bar_beat + 1, float(tempo.bpm(position)))
+        bar_number += 1
 
 
 def _gesture_events(stage: Stage) -> Iterator[OscEvent]:

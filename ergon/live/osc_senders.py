@@ -23,9 +23,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-_TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
-_CAUTION = 1.0  # [s] after a datagram of a stranger, in which a new socket has to wait
-_NOTED_MAX = 1000  # sockets that are remembered
+_SOCKET_TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
+_CAUTION_SECONDS = 1.0  # [s] after a datagram of a stranger, in which a new socket has to wait
+_KNOWN_SENDERS_MAX = 1000  # sockets that are remembered
 _ROOT = 0
 
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
@@ -37,17 +37,17 @@ class SenderAccess:
     sender is not, `reason` says what was found.
     """
 
-    is_own: bool
-    is_told: bool
+    is_user: bool
+    is_identified: bool
     reason: str = ""
 
 
-FROM_USER = SenderAccess(is_own=True, is_told=True)
-UNTOLD = SenderAccess(is_own=False, is_told=False)
+USER_ACCESS = SenderAccess(is_user=True, is_identified=True)
+UNIDENTIFIED = SenderAccess(is_user=False, is_identified=False)
 
 
-def _stranger(reason: str) -> SenderAccess:
-    return SenderAccess(is_own=False, is_told=True, reason=reason)
+def _refusal(reason: str) -> SenderAccess:
+    return SenderAccess(is_user=False, is_identified=True, reason=reason)
 
 
 class _Socket(NamedTuple):
@@ -60,7 +60,7 @@ class _Socket(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Noted:
+class _KnownSender:
     """A sender that was seen: its sockets, whether others can share their port, and the number of
     times that the queue has to be empty before they are heard.
     """
@@ -74,32 +74,32 @@ class SenderCheck:
     """Tells the senders of datagrams, batch by batch."""
 
     def __init__(
-        self, tables: Sequence[Path] = _TABLES, clock: Callable[[], float] = time.monotonic
+        self, tables: Sequence[Path] = _SOCKET_TABLES, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Read the sockets of the system from these tables."""
         self._tables, self._clock = tables, clock
         self._sockets: list[_Socket] | None = None
-        self._known_access: dict[tuple[Address, int], _Noted] = {}
-        self._emptied = 0  # how often all datagrams were read
-        self._stranger_at = -_CAUTION
+        self._known_senders: dict[tuple[Address, int], _KnownSender] = {}
+        self._empty_count = 0  # how often all datagrams were read
+        self._stranger_instant = -_CAUTION_SECONDS
 
     def look_up_senders(self, senders: Iterable[tuple[object, ...]]) -> None:
         """Look the sockets of a batch of senders up, after its datagrams were read."""
-        ports = {port for address, port in map(_place, senders) if address.is_loopback}
+        ports = {port for address, port in map(_address_and_port, senders) if address.is_loopback}
         self._sockets = _sockets(self._tables, ports) if ports else []
 
-    def queue_is_empty(self) -> None:
+    def count_empty_queue(self) -> None:
         """After the verdicts on a batch: at its end no datagram waited any more."""
-        self._emptied += 1
+        self._empty_count += 1
 
     def access(self, sender: tuple[object, ...]) -> SenderAccess:
         """Who a sender of the batch is."""
-        address, port = _place(sender)
+        address, port = _address_and_port(sender)
         if not address.is_loopback or self._sockets is None:
-            return UNTOLD
+            return UNIDENTIFIED
         sender_access = self._find_access(address, port)
-        if not sender_access.is_own:
-            self._stranger_at = self._clock()
+        if not sender_access.is_user:
+            self._stranger_instant = self._clock()
         return sender_access
 
     def _find_access(self, address: Address, port: int) -> SenderAccess:
@@ -110,66 +110,64 @@ class SenderCheck:
             if row.port == port and (row.address == address or row.address.is_unspecified)
         ]
         if not senders:
-            return _stranger("its socket is closed already, so its user cannot be identified")
+            return _refusal("its socket is closed already, so its user cannot be identified")
         if any(row.user not in (_ROOT, os.geteuid()) for row in senders):
-            return _stranger("it belongs to another user")
+            return _refusal("it belongs to another user")
         inodes = frozenset(row.inode for row in senders)
-        known_access = self._known_access.get((address, port))
-        if known_access is None or known_access.inodes != inodes:
+        known_sender = self._known_senders.get((address, port))
+        if known_sender is None or known_sender.inodes != inodes:
             # A socket that is noted now is older than what comes after the queue was empty twice:
             # the first time may have been before it was noted.
-            is_calm = self._clock() - self._stranger_at >= _CAUTION
-            trusted_from = 0 if is_calm else self._emptied + 2
-            known_access = _Noted(inodes, _can_be_shared(address, port), trusted_from)
-            if len(self._known_access) >= _NOTED_MAX:
-                self._known_access.clear()
-            self._known_access[address, port] = known_access
-        if known_access.is_shared:
-            return _stranger("its port can be shared, so its user cannot be identified")
-        if self._emptied < known_access.trusted_from:
-            return _stranger("it is new while strangers send; what it sends from now on is heard")
-        return FROM_USER
+            is_calm = self._clock() - self._stranger_instant >= _CAUTION_SECONDS
+            trusted_from = 0 if is_calm else self._empty_count + 2
+            known_sender = _KnownSender(inodes, _is_shareable(address, port), trusted_from)
+            if len(self._known_senders) >= _KNOWN_SENDERS_MAX:
+                self._known_senders.clear()
+            self._known_senders[address, port] = known_sender
+        if known_sender.is_shared:
+            return _refusal("its port can be shared, so its user cannot be identified")
+        if self._empty_count < known_sender.trusted_from:
+            return _refusal("it is new while strangers send; what it sends from now on is heard")
+        return USER_ACCESS
 
 
-def _place(sender: tuple[object, ...]) -> tuple[Address, int]:
+def _address_and_port(sender: tuple[object, ...]) -> tuple[Address, int]:
     """Address and port of a sender; an IPv4 address as such, in whatever way it came."""
     address = ipaddress.ip_address(str(sender[0]).partition("%")[0])
-    return _plain(address), int(str(sender[1]))
+    return _unmapped(address), int(str(sender[1]))
 
 
-def _plain(address: Address) -> Address:
-    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
-    return address if mapped is None else mapped
+def _unmapped(address: Address) -> Address:
+    ipv4_address = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    return address if ipv4_address is None else ipv4_address
 
 
 def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
     """The sockets that have one of the ports; None where the system has no such tables."""
     port_suffixes = tuple(f":{port:04X}" for port in ports)
-    sockets, is_listed = [], False
+    sockets, has_tables = [], False
     for table in tables:
         try:
             table_rows = table.read_text(encoding="ascii").splitlines()[1:]
         except OSError:
             continue
-        is_listed = True
+        has_tables = True
         for row in table_rows:
-            row_words = row.split()
-            if row_words[1].endswith(port_suffixes):
-                number, _, port = row_words[1].partition(":")
-                address = _address(number)
-                sockets.append(
-                    _Socket(address, int(port, 16), int(row_words[7]), int(row_words[9]))
-                )
-    return sockets if is_listed else None
+            columns = row.split()
+            if columns[1].endswith(port_suffixes):
+                address_digits, _, port = columns[1].partition(":")
+                address = _address(address_digits)
+                sockets.append(_Socket(address, int(port, 16), int(columns[7]), int(columns[9])))
+    return sockets if has_tables else None
 
 
 def _address(digits: str) -> Address:
     """An address of the tables, which are words of 32 bits in the machine's order of bytes."""
     words = [int(digits[offset : offset + 8], 16) for offset in range(0, len(digits), 8)]
-    return _plain(ipaddress.ip_address(struct.pack(f"={len(words)}I", *words)))
+    return _unmapped(ipaddress.ip_address(struct.pack(f"={len(words)}I", *words)))
 
 
-def _can_be_shared(address: Address, port: int) -> bool:
+def _is_shareable(address: Address, port: int) -> bool:
     """Whether a second socket can have an address, which the first one has to allow."""
     family = socket.AF_INET if address.version == 4 else socket.AF_INET6
     with socket.socket(family, socket.SOCK_DGRAM) as second_socket:

@@ -25,10 +25,10 @@ class InputValues:
         """Use `set_input` to give an input a value; it returns False if that must be tried
         again.
         """
-        self._tell, self._clock = set_input, clock
+        self._set_input, self._clock = set_input, clock
         self._waiting_values: dict[str, float] = {}
-        self._n_allowed = _VALUES_AT_ONCE
-        self._counted_until = clock()
+        self._n_tokens = _VALUES_AT_ONCE
+        self._refill_instant = clock()
 
     def handler_of(self, name: str) -> Handler:
         """The handler of requests for an input."""
@@ -43,14 +43,14 @@ class InputValues:
         longest.
         """
         instant_now = self._clock()
-        self._n_allowed = min(
+        self._n_tokens = min(
             _VALUES_AT_ONCE,
-            self._n_allowed + (instant_now - self._counted_until) * _VALUES_PER_SECOND,
+            self._n_tokens + (instant_now - self._refill_instant) * _VALUES_PER_SECOND,
         )
-        self._counted_until = instant_now
-        while self._waiting_values and self._n_allowed >= 1.0:
+        self._refill_instant = instant_now
+        while self._waiting_values and self._n_tokens >= 1.0:
             input_name = next(iter(self._waiting_values))
-            if not self._tell(input_name, self._waiting_values[input_name]):
+            if not self._set_input(input_name, self._waiting_values[input_name]):
                 return
             del self._waiting_values[input_name]
-            self._n_allowed -= 1.0
+            self._n_tokens -= 1.0

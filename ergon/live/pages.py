@@ -20,13 +20,13 @@ class Pages:
     def __init__(
         self,
         server: _core.ViewServer,
-        window: Callable[[Stage, _core.Simulation], _core.Window],
+        make_window: Callable[[Stage, _core.Simulation], _core.Window],
     ) -> None:
-        """Keep `window`, which is called with a stage and its simulation before it plays."""
-        self.server, self.window = server, window
+        """Keep `make_window`, which is called with a stage and its simulation before it plays."""
+        self.server, self.make_window = server, make_window
         self.remarks: deque[str] = deque()  # what could not be shown, with the reason
-        self._next: tuple[Stage, _core.Performance] | None = None
-        self._news = threading.Condition()
+        self._next_stage: tuple[Stage, _core.Performance] | None = None
+        self._condition = threading.Condition()
         self._is_over = False
         self._thread: threading.Thread | None = None
 
@@ -36,9 +36,9 @@ class Pages:
         A thread makes the window, because that can take longer than a line may. Of several
         waiting stages only the newest is shown.
         """
-        with self._news:
-            self._next = stage, performance
-            self._news.notify()
+        with self._condition:
+            self._next_stage = stage, performance
+            self._condition.notify()
         if self._thread is None:
             self._thread = threading.Thread(
                 target=self._make_windows, name="ergon pages", daemon=True
@@ -47,22 +47,22 @@ class Pages:
 
     def _make_windows(self) -> None:
         while True:
-            with self._news:
-                self._news.wait_for(lambda: self._is_over or self._next is not None)
-                if self._is_over or self._next is None:
+            with self._condition:
+                self._condition.wait_for(lambda: self._is_over or self._next_stage is not None)
+                if self._is_over or self._next_stage is None:
                     return
-                (stage, performance), self._next = self._next, None
+                (stage, performance), self._next_stage = self._next_stage, None
             try:
-                self.server.show(self.window(stage, stage.simulation), performance)
+                self.server.show(self.make_window(stage, stage.simulation), performance)
             except ErgonError as error:
                 if not self._is_over:
                     self.remarks.append(f"pages cannot show this version: {error}")
 
     def close(self) -> None:
         """End the server."""
-        with self._news:
+        with self._condition:
             self._is_over = True
-            self._news.notify()
+            self._condition.notify()
         if self._thread is not None:
             self._thread.join()
         self.server.close()

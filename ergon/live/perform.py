@@ -50,17 +50,17 @@ class PlaybackConfig:
     end: int | None = None  # the frame of the piece at which it stops before its end
     boards: Sequence[Board] = ()
     guides: Mapping[str, float] = field(default_factory=dict)  # player → K [N/m]
-    driven: Collection[str] = ()  # players whose real keys their parts move
+    driven_players: Collection[str] = ()  # players whose real keys their parts move
     force_max: float | None = None
-    ahead: int | None = None
+    frames_ahead: int | None = None
     audio_in: str = "auto"
     record_in: Path | None = None
     record: Path | None = None
-    about: Mapping[str, object] = field(default_factory=dict)
-    frozen: Sequence[VerifiedStem] = ()
+    header: Mapping[str, object] = field(default_factory=dict)
+    frozen_stems: Sequence[VerifiedStem] = ()
     fold: _core.Fold | None = None  # folds the mix to the channels of the output
     pages: Pages | None = None
-    endless: bool = False
+    is_endless: bool = False
     loose: bool = False  # every hand has a guide, which is off at first
 
 
@@ -79,26 +79,26 @@ def perform(
     """
     import numpy as np
 
-    tick = tick_frames(stage)
+    tick_size = tick_frames(stage)
     simulation = stage.simulation
     start_snapshot = simulation.snapshot()
     mixer = stage.mixer(highpass=config.highpass, reference=config.reference)
-    _compute_unheard(
-        simulation, mixer, stage.n_channels, config, config.start // tick * tick, progress
+    _warm_up(
+        simulation, mixer, stage.n_channels, config, config.start // tick_size * tick_size, progress
     )
     hand_numbers = {hand.player: hand.index for hand in stage.live_hands}
-    driven_players = {player for board in config.boards for _, player in board.axes}
-    played_hands = [hand for hand in stage.live_hands if hand.player in driven_players]
+    board_players = {player for board in config.boards for _, player in board.axes}
+    real_hands = [hand for hand in stage.live_hands if hand.player in board_players]
     hands = [
         _core.LiveHand(
             hand.standin,
             hand.reach,
             _guidance_spring(config, hand.player, stage.piece.keys[hand.key]),
-            force_response(stage.network, hand, stage.rate, hand.reach, played_hands)
-            if hand in played_hands
+            force_response(stage.network, hand, stage.rate, hand.reach, real_hands)
+            if hand in real_hands
             else np.zeros(0),
             stage.piece.keys[hand.key].measured,
-            _written_forces(stage, config, hand, tick),
+            _written_forces(stage, config, hand, tick_size),
         )
         for hand in stage.live_hands
     ]
@@ -114,30 +114,30 @@ def perform(
     record_target = None
     if config.record is not None:
         axes = [(hand.player, hand.key) for hand in stage.live_hands]
-        header_json = json.dumps({**config.about, "sent": "wire"}, ensure_ascii=False)
+        header_json = json.dumps({**config.header, "sent": "wire"}, ensure_ascii=False)
         record_target = _core.RecordTarget(config.record, axes, header_json)
     fades_from = None
-    if stage.fades_from is not None and not config.endless and config.end is None:
-        fades_from = max(0, stage.fades_from - config.start // tick * tick)
+    if stage.fade_start is not None and not config.is_endless and config.end is None:
+        fades_from = max(0, stage.fade_start - config.start // tick_size * tick_size)
     try:
-        window = config.pages and config.pages.window(stage, simulation)
+        window = config.pages and config.pages.make_window(stage, simulation)
         performance = _core.Performance(
             simulation,
             mixer,
-            tick_frames=tick,
+            tick_frames=tick_size,
             audio=config.audio,
             gain=config.gain,
             limit=config.limit,
-            n_frames=None if config.endless else config.end or stage.n_frames,
+            n_frames=None if config.is_endless else config.end or stage.n_frames,
             fades_from=fades_from,
             hands=hands,
             boards=boards,
             bars=bar_frames(stage, 0, stage.n_frames),
-            ahead=config.ahead,
+            ahead=config.frames_ahead,
             record=record_target,
             frozen=[
                 _core.FrozenStem(stem.path, stem.offset, stem.n_frames, stem.taps)
-                for stem in config.frozen
+                for stem in config.frozen_stems
             ],
             fold=config.fold,
             seen=window is not None,
@@ -173,7 +173,7 @@ def _written_forces(
     """
     import numpy as np
 
-    if hand.player not in config.driven or config.loose:
+    if hand.player not in config.driven_players or config.loose:
         return np.zeros(0)
     from ergon.scores.staging.driving import written_forces
 
@@ -184,7 +184,7 @@ def _written_forces(
 def _guidance_spring(
     config: PlaybackConfig, player: str, guided_key: Key
 ) -> _core.GuidanceSpring | None:
-    if player in config.driven:
+    if player in config.driven_players:
         from ergon.scores.staging.driving import moving_mass
 
         # Critically damped: it brings back what drifts, and a hand wins against it.
@@ -200,7 +200,7 @@ def _guidance_spring(
     return None if stiffness is None else _core.GuidanceSpring(stiffness, GUIDANCE_MAX[1], False)
 
 
-def _compute_unheard(
+def _warm_up(
     simulation: _core.Simulation,
     mixer: _core.Mixer,
     n_channels: int,
@@ -212,9 +212,9 @@ def _compute_unheard(
     import numpy as np
 
     frame_count = 0
-    for mixed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
-        for stem in config.frozen:
-            stem.join(mixed_frames, frame_count)
-        mixer.process(mixed_frames, np.zeros((len(mixed_frames), n_channels)))
-        frame_count += len(mixed_frames)
+    for computed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
+        for stem in config.frozen_stems:
+            stem.join(computed_frames, frame_count)
+        mixer.process(computed_frames, np.zeros((len(computed_frames), n_channels)))
+        frame_count += len(computed_frames)
         progress(frame_count)

@@ -39,11 +39,11 @@ def _port(path: str, usb: _core.UsbBoard | None) -> Port:
     vendor_name, kinds = _VENDORS.get(usb.vendor, ("", ()))
     name_parts = [vendor_name] if vendor_name and vendor_name not in usb.name else []
     name_parts += [word for word in (usb.name, usb.serial) if word]
-    stable_path = _by_id(path)
+    stable_path = _stable_path(path)
     return Port(path, " ".join(name_parts), tuple(f"{kind}:{stable_path}" for kind in kinds))
 
 
-def _by_id(path: str) -> str:
+def _stable_path(path: str) -> str:
     """A path that does not depend on the order in which boards are plugged in."""
     try:
         device_links = sorted(BY_ID.iterdir())

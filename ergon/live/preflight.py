@@ -42,11 +42,11 @@ def preflight_frames(stage: Stage) -> int:
 
 def find_gain(
     stage: Stage,
-    wanted_level: Level,
+    target_level: Level,
     frozen: Sequence[VerifiedStem],
     progress: Callable[[int], None],
 ) -> PreflightGain:
-    """The gain that brings the mix to the peak or loudness of `wanted_level`; the stage itself does
+    """The gain that brings the mix to the peak or loudness of `target_level`; the stage itself does
     not advance.
 
     Stand-ins play for real hands; `frozen` parts are included. `progress` is called with the
@@ -55,18 +55,18 @@ def find_gain(
     import numpy as np
 
     n_frames = preflight_frames(stage)
-    mixer = stage.mixer(highpass=wanted_level.highpass, reference=wanted_level.reference)
-    level_meter = MeasuredLevel(wanted_level, stage.rate, stage.n_channels)
+    mixer = stage.mixer(highpass=target_level.highpass, reference=target_level.reference)
+    level_meter = MeasuredLevel(target_level, stage.rate, stage.n_channels)
     simulation = stage.simulation
     start_snapshot = simulation.snapshot()
     frame_count = 0
-    for mixed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
+    for computed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
         for stem in frozen:
-            stem.join(mixed_frames, frame_count)
-        frozen_mix = np.zeros((len(mixed_frames), stage.n_channels))
-        mixer.process(mixed_frames, frozen_mix)
-        level_meter.take(frozen_mix)
-        frame_count += len(mixed_frames)
+            stem.join(computed_frames, frame_count)
+        mix = np.zeros((len(computed_frames), stage.n_channels))
+        mixer.process(computed_frames, mix)
+        level_meter.take(mix)
+        frame_count += len(computed_frames)
         progress(frame_count)
     simulation.restore(start_snapshot)
     if n_frames == stage.n_frames:

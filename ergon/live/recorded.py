@@ -33,7 +33,7 @@ class HandRecording:
     `level` is the level that was heard; `warnings` are sentences for the user.
     """
 
-    hands: dict[str, NDArray[np.float64]]
+    positions: dict[str, NDArray[np.float64]]
     level: Level
     warnings: tuple[str, ...]
 
@@ -66,10 +66,10 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
             raise RecordingMismatchError(
                 f"{path}: it records {player} on {key_name}, which this score does not have"
             )
-        ticks = round(piece.rate / (piece.players[player].tick or TICK_HZ))
-        if ticks != recording.frames:
+        tick_frames = round(piece.rate / (piece.players[player].tick or TICK_HZ))
+        if tick_frames != recording.frames:
             raise RecordingMismatchError(
-                f"{path}: its ticks last {recording.frames} frames, the score's {ticks}"
+                f"{path}: its ticks last {recording.frames} frames, the score's {tick_frames}"
             )
         hands[player] = np.ascontiguousarray(tick_positions[:, axis_index])
     description = read_description(recording)

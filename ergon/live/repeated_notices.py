@@ -10,7 +10,7 @@ _PAUSE = 10.0  # [s] of the piece between two lines of one kind
 
 
 @dataclass(slots=True)
-class _Counted:
+class _NoticeCount:
     """Notices of one kind since the last line: their number, the sum of their amounts [s], and the
     latest.
     """
@@ -21,7 +21,7 @@ class _Counted:
     frame: int = 0
     sentence: str = ""
 
-    def line(self) -> tuple[int, str]:
+    def take_line(self) -> tuple[int, str]:
         """The line of the notices since the last line; the count starts again."""
         if self.seconds:
             words = f"{self.count} times more, for {self.seconds:.3f} s in all"
@@ -37,10 +37,10 @@ class RepeatedNotices:
 
     def __init__(self, rate: float) -> None:
         """Count by frames of the piece at `rate` [Hz]."""
-        self._pause = int(_PAUSE * rate)
-        self._counted: dict[str, _Counted] = {}
+        self._pause_frames = int(_PAUSE * rate)
+        self._counts_by_name: dict[str, _NoticeCount] = {}
 
-    def shown(
+    def add_notice(
         self, frame: int, kind: str, sentence: str, seconds: float = 0.0
     ) -> list[tuple[int, str]]:
         """The lines to show now for a notice of an event: itself, or nothing if it is counted.
@@ -50,22 +50,22 @@ class RepeatedNotices:
         if kind not in REPEATING:
             return [(frame, sentence)]
         notice_name = kind if seconds else sentence
-        counted_notice = self._counted.get(notice_name)
-        if counted_notice is None or (
-            not counted_notice.count and frame >= counted_notice.line_frame + self._pause
+        notice_count = self._counts_by_name.get(notice_name)
+        if notice_count is None or (
+            not notice_count.count and frame >= notice_count.line_frame + self._pause_frames
         ):
-            self._counted[notice_name] = _Counted(frame)
+            self._counts_by_name[notice_name] = _NoticeCount(frame)
             return [(frame, sentence)]
-        counted_notice.count += 1
-        counted_notice.seconds += seconds
-        counted_notice.frame, counted_notice.sentence = frame, sentence
-        return self.due(frame)
+        notice_count.count += 1
+        notice_count.seconds += seconds
+        notice_count.frame, notice_count.sentence = frame, sentence
+        return self.due_lines(frame)
 
-    def due(self, frame: int) -> list[tuple[int, str]]:
+    def due_lines(self, frame: int) -> list[tuple[int, str]]:
         """The lines of what was counted, for kinds whose last line is ten seconds old."""
-        return self._lines(frame - self._pause)
+        return self._lines(frame - self._pause_frames)
 
-    def rest(self) -> list[tuple[int, str]]:
+    def last_lines(self) -> list[tuple[int, str]]:
         """The lines of all that was counted, at the end of a performance."""
         return self._lines(None)
 
@@ -73,9 +73,9 @@ class RepeatedNotices:
         """Lines of the kinds whose last line came at frame `latest_frame` or before; None: of all
         kinds.
         """
-        pending_notices = (notice for notice in self._counted.values() if notice.count)
+        pending_notices = (notice for notice in self._counts_by_name.values() if notice.count)
         return sorted(
-            counted_notice.line()
-            for counted_notice in pending_notices
-            if latest_frame is None or counted_notice.line_frame <= latest_frame
+            notice_count.take_line()
+            for notice_count in pending_notices
+            if latest_frame is None or notice_count.line_frame <= latest_frame
         )

@@ -14,9 +14,9 @@ FULL_FORCE = (
     5.0  # [N] at which the motors turn fastest; the page draws its spring in full colour there
 )
 _SMOOTHING_SHARE = 0.3  # step of the smoothed force towards a new one, as a share
-_BUZZ_FACTOR = 2.0  # how much more a change counts than a force that lasts
+_CHANGE_FACTOR = 2.0  # how much more a change counts than a force that lasts
 _MOTOR_MAX = 0xFFFF
-_LENGTH_MS = 200  # duration of an effect, which is renewed before its end
+_EFFECT_MS = 200  # duration of an effect, which is renewed before its end
 _RUMBLE_TYPE, _EVENT_TYPE = 0x50, 0x15  # FF_RUMBLE and EV_FF of linux/input-event-codes.h
 _UPLOAD_REQUEST = 0x40304580  # EVIOCSFF
 # struct ff_effect of linux/input.h, for a rumble: type, id, direction, two of a trigger, length,
@@ -34,10 +34,10 @@ class RumbleEnvelope:
 
     def step(self, force: float) -> tuple[float, float]:
         """Strong and weak motor, 0 to 1: the force [N], and how much it differs from before."""
-        force_size = abs(force)
-        change = abs(force_size - self._smoothed_force)
-        self._smoothed_force += _SMOOTHING_SHARE * (force_size - self._smoothed_force)
-        return min(1.0, force_size / FULL_FORCE), min(1.0, _BUZZ_FACTOR * change / FULL_FORCE)
+        magnitude = abs(force)
+        change = abs(magnitude - self._smoothed_force)
+        self._smoothed_force += _SMOOTHING_SHARE * (magnitude - self._smoothed_force)
+        return min(1.0, magnitude / FULL_FORCE), min(1.0, _CHANGE_FACTOR * change / FULL_FORCE)
 
 
 class Rumble:
@@ -47,24 +47,24 @@ class Rumble:
         """`descriptor` is that of the gamepad, open for writing."""
         self._descriptor, self._effect_id, self._last_motors = descriptor, -1, (0, 0)
         self._envelope = RumbleEnvelope()
-        self.is_there = self._upload(0, 0)
+        self.is_available = self._upload_effect(0, 0)
 
     def set_force(self, key_force: float) -> None:
         """Let the motors tell of a force [N]; to be called some 20 times a second."""
-        if not self.is_there:
+        if not self.is_available:
             return
         strong, weak = (round(_MOTOR_MAX * part) for part in self._envelope.step(key_force))
         if (strong, weak) == (0, 0) == self._last_motors:
             return
         self._last_motors = (strong, weak)
-        if self._upload(strong, weak):
+        if self._upload_effect(strong, weak):
             with contextlib.suppress(OSError):
                 os.write(self._descriptor, _EVENT.pack(0, 0, _EVENT_TYPE, self._effect_id, 1))
 
-    def _upload(self, strong: int, weak: int) -> bool:
+    def _upload_effect(self, strong: int, weak: int) -> bool:
         import fcntl
 
-        effect = _EFFECT.pack(_RUMBLE_TYPE, self._effect_id, 0, 0, 0, _LENGTH_MS, 0, strong, weak)
+        effect = _EFFECT.pack(_RUMBLE_TYPE, self._effect_id, 0, 0, 0, _EFFECT_MS, 0, strong, weak)
         try:
             upload_answer = fcntl.ioctl(self._descriptor, _UPLOAD_REQUEST, effect)
         except OSError:  # no motors, or opened for reading alone

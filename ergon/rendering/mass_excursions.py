@@ -76,7 +76,7 @@ def measure_excursions(
     """Run the stage of a probed piece to its end; what its points, contacts and bows did."""
     excursions = [Excursion(point) for point in probed.points]
     closings = [ContactClosings(contact) for contact in probed.contacts]
-    bows = [bow for bow in map(sticking_detector, probed.rubbings) if bow is not None]
+    bows = [bow for bow in map(sticking_detector, probed.friction_links) if bow is not None]
     first_frame = 0
     for block_frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK_FRAMES):
         for excursion, low_excursion, high_excursion in zip(

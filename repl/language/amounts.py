@@ -88,12 +88,12 @@ def _read_level(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
     return k.GAIN.parse(slot_text)
 
 
-def _read_gain(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> float:
-    ratio: float = _read_level(slot_text, scope, slots_read)
-    if ratio > GAIN_MAX:
+def _read_gain(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> float:
+    gain_ratio: float = _read_level(slot_text, scope, earlier_values)
+    if gain_ratio > GAIN_MAX:
         message = f"{slot_text.strip()} is above the highest level, {q.LOUDEST_DB:g}dB"
         raise TextError(message, length=len(slot_text))
-    return ratio
+    return gain_ratio
 
 
 _LENGTH_UNITS = ("bar", "beats", "s", "ms")
@@ -200,29 +200,27 @@ SEED_VALUE = quantity_value(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole numb
 # --- parameters --------------------------------------------------------------------------------
 
 
-def _near_targets(text: str, scope: Scope) -> list[str]:
+def _near_targets(path_text: str, scope: Scope) -> list[str]:
     """The parameters of the module, or else the part, that a wrong path names; or all."""
-    path_head = text.rpartition(".")[0]
+    path_head = path_text.rpartition(".")[0]
     while path_head:
-        matching_targets = [
-            target for target in scope.targets if target.startswith(f"{path_head}.")
-        ]
-        if matching_targets:
-            return matching_targets
+        near_targets = [target for target in scope.targets if target.startswith(f"{path_head}.")]
+        if near_targets:
+            return near_targets
         path_head = path_head.rpartition(".")[0]
     return list(scope.targets)
 
 
-def _read_target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if text not in scope.targets:
-        raise unknown_name_error(text, "a parameter", _near_targets(text, scope))
-    return text
+def _read_target(path_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if path_text not in scope.targets:
+        raise unknown_name_error(path_text, "a parameter", _near_targets(path_text, scope))
+    return path_text
 
 
 def _read_change(
-    change_text: str, scope: Scope, slots_read: Mapping[str, Any]
+    change_text: str, scope: Scope, earlier_values: Mapping[str, Any]
 ) -> tuple[float | None, float | None]:
-    target_path = slots_read["target"]
+    target_path = earlier_values["target"]
     shape = scope.targets[target_path]
     if shape is CENTS_SHAPE:
         return shape.parse(change_text), None
@@ -254,9 +252,11 @@ TARGET_VALUE = Value("a parameter, such as bell.m.K", _read_target, _target_comp
 TUNING = "tuning"  # what `show` may be followed by, as by a name of the score
 
 
-def _read_shown_name(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
+def _read_shown_name(name_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> str:
     shown_name: str = (
-        text if text == TUNING or text in scope.targets else ANY_NAME.read(text, scope, slots_read)
+        name_text
+        if name_text == TUNING or name_text in scope.targets
+        else ANY_NAME.read(name_text, scope, earlier_values)
     )
     return shown_name
 

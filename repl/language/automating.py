@@ -57,8 +57,8 @@ _SET_OPTIONS = {
 _LFO_OPTIONS = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
 
 
-def _read_target(path_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
-    target_path = str(amounts.TARGET_VALUE.read(path_text, scope, slots_read))
+def _read_target(path_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> str:
+    target_path = str(amounts.TARGET_VALUE.read(path_text, scope, earlier_values))
     if target_path.rpartition(".")[2] not in ALL_PARAMETERS:
         known_parameters = ", ".join(ALL_PARAMETERS)
         message = f"only these parameters change by themselves: {known_parameters}"
@@ -87,22 +87,26 @@ def _split_options(
         except TextError as error:
             error.offset += option_word.offset
             raise
-    end = values_text[-1].offset + len(values_text[-1].text) if values_text else 0
-    return line_text[:end], end, {name: word.text for name, word in placed_options.items()}
+    values_end = values_text[-1].offset + len(values_text[-1].text) if values_text else 0
+    return (
+        line_text[:values_end],
+        values_end,
+        {name: word.text for name, word in placed_options.items()},
+    )
 
 
-def _amount_reader(scope: Scope, fields: Mapping[str, Any]) -> ReadAmount:
-    target = fields["target"]
+def _amount_reader(scope: Scope, earlier_values: Mapping[str, Any]) -> ReadAmount:
+    target = earlier_values["target"]
     return amount_reader(scope.targets[target].parse, target.rpartition(".")[2])
 
 
-def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_set(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `set` as texts."""
     values_text, values_end, placed_options = _split_options(slot_text, scope, _SET_OPTIONS)
-    read_field = _amount_reader(scope, slots_read)
+    read_amount = _amount_reader(scope, earlier_values)
     for word_match in re.finditer(r"[a-z]{2,}(?=\s|$)", values_text):
         if word_match.group() == "over":  # the words before `over` are no values
-            read_field(values_text[: word_match.start()].strip())
+            read_amount(values_text[: word_match.start()].strip())
         suggestion = nearest(word_match.group(), (*_SET_OPTIONS, "over", *CHOICE_WORDS))
         if suggestion is not None and word_match.group() not in CHOICE_WORDS:
             message = f"unknown word '{word_match.group()}'"
@@ -111,40 +115,40 @@ def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Ma
                 message, offset=word_match.start(), length=length, suggestion=suggestion
             )
     if is_curve(values_text):
-        parse_curve(values_text, read_field)
+        parse_curve(values_text, read_amount)
         if extra_options := placed_options.keys() - {"until"}:
             raise TextError(
                 f"a curve has no steps; leave out `{min(extra_options)}`", offset=values_end
             )
         return {"to": " ".join(values_text.split()), **placed_options}
-    is_pitch = slots_read["target"].endswith(".f")
-    parse_values(values_text, read_field, is_pitch=is_pitch)
+    is_pitch = earlier_values["target"].endswith(".f")
+    parse_values(values_text, read_amount, is_pitch=is_pitch)
     if not placed_options.keys() & {"every", "euclid"}:
         message = "several values need the length of a step: every 1"
         raise TextError(message, offset=values_end, length=max(1, len(slot_text) - values_end))
     return {"to": " ".join(values_text.split()), **placed_options}
 
 
-def _read_lfo(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_lfo(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
     range_text, range_offset, placed_options = _split_options(slot_text, scope, _LFO_OPTIONS)
-    parse_range(range_text, _amount_reader(scope, slots_read))
+    parse_range(range_text, _amount_reader(scope, earlier_values))
     if "period" not in placed_options:
         message = "the length of one swing is missing: period 4bar"
         raise TextError(message, offset=range_offset, length=max(1, len(slot_text) - range_offset))
     return {"range": range_text, **placed_options}
 
 
-def _completions(option_examples: Mapping[str, str], first_example: str = "") -> Any:
+def _option_completions(option_examples: Mapping[str, str], first_example: str = "") -> Any:
     def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if not context.before:
             shape = context.scope.targets[context.fields["target"]]
-            completions = (
+            value_completions = (
                 (v.Completion(first_example, "its ends"),)
                 if first_example
                 else amounts.dimension_value(shape).completions(context)
             )
-            yield from completions
+            yield from value_completions
             return
         last_word = context.before[-1]
         if last_word in option_examples:
@@ -172,8 +176,8 @@ def _source_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
         yield v.Completion(word.partition(" ")[0], hint)
 
 
-def _read_range_ends(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
-    parse_range(text, _amount_reader(scope, slots_read))
+def _read_range_ends(text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> str:
+    parse_range(text, _amount_reader(scope, earlier_values))
     return text
 
 
@@ -226,9 +230,11 @@ AUTOMATED_TARGET = v.Value(
     "a parameter, such as bell.m.f", _read_target, amounts.TARGET_VALUE.completions
 )
 AUTOMATION_VALUES = v.Value(
-    "values and the length of a step", _read_set, _completions(_SET_OPTIONS)
+    "values and the length of a step", _read_set, _option_completions(_SET_OPTIONS)
 )
-LFO_VALUE = v.Value("a range and a period", _read_lfo, _completions(_LFO_OPTIONS, "0.8..1.2"))
+LFO_VALUE = v.Value(
+    "a range and a period", _read_lfo, _option_completions(_LFO_OPTIONS, "0.8..1.2")
+)
 
 
 def automate(

@@ -13,16 +13,16 @@ _MAX_TICKS = 64  # numbers of a run with which lines are tried when they are def
 _NAME_PATTERN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 _VALUE_PATTERN = re.compile(r"[^\s\[\]$#\"\\]{1,100}")
 _SETTING_PATTERN = re.compile(r"\s*\$([^\s=]*)\s*=\s*(.*?)\s*")
-_USE_PATTERN = re.compile(r"\$([A-Za-z][A-Za-z0-9_]{0,31})(?:\[([^\[\]$]*)\])?")
+_REFERENCE_PATTERN = re.compile(r"\$([A-Za-z][A-Za-z0-9_]{0,31})(?:\[([^\[\]$]*)\])?")
 
 
 def parse_setting(line: str) -> tuple[str, str] | None:
     """The name and the value of a line `$n = 8`; None if it is another line. Raises TextError."""
-    match = _SETTING_PATTERN.fullmatch(line)
-    return None if match is None else checked_name_and_value(match[1], match[2])
+    setting_match = _SETTING_PATTERN.fullmatch(line)
+    return None if setting_match is None else check_setting(setting_match[1], setting_match[2])
 
 
-def checked_name_and_value(value_name: str, value_text: str) -> tuple[str, str]:
+def check_setting(value_name: str, value_text: str) -> tuple[str, str]:
     """A name and its value, if they may be that. Raises TextError."""
     if not _NAME_PATTERN.fullmatch(value_name):
         message = (
@@ -57,9 +57,9 @@ def with_values(block_lines: Iterable[str], value_words: Sequence[str]) -> list[
                 raise TextError(message, length=len(value_word))
             value_name, value_text = value_names[word_index], value_word
         elif value_name not in (*value_names, TICK_NAME):
-            known_text = f"; it has {', '.join(value_names)}" if value_names else ", nor any other"
+            values_text = f"; it has {', '.join(value_names)}" if value_names else ", nor any other"
             raise TextError(
-                f"the block has no value {quote(value_name)}{known_text}", length=len(value_word)
+                f"the block has no value {quote(value_name)}{values_text}", length=len(value_word)
             )
         if not _VALUE_PATTERN.fullmatch(value_text):
             raise TextError(
@@ -87,7 +87,7 @@ def defaults(block_lines: Iterable[str]) -> dict[str, str]:
 def has_tick(block_lines: Iterable[str]) -> bool:
     """Whether any line has `$tick`."""
     return any(
-        match[1] == TICK_NAME for line in block_lines for match in _USE_PATTERN.finditer(line)
+        match[1] == TICK_NAME for line in block_lines for match in _REFERENCE_PATTERN.finditer(line)
     )
 
 
@@ -95,14 +95,16 @@ def variants(block_line: str, values_by_name: Mapping[str, str]) -> Iterator[str
     """A line as it is in successive runs, with all of the words in its brackets. Raises
     TextError.
     """
-    choice_counts = [len((match[2] or "").split()) for match in _USE_PATTERN.finditer(block_line)]
-    for tick_number in range(min(max(choice_counts, default=1) or 1, _MAX_TICKS)):
-        yield _filled_line(block_line, {**values_by_name, TICK_NAME: str(tick_number)})
+    choice_counts = [
+        len((match[2] or "").split()) for match in _REFERENCE_PATTERN.finditer(block_line)
+    ]
+    for tick in range(min(max(choice_counts, default=1) or 1, _MAX_TICKS)):
+        yield _filled_line(block_line, {**values_by_name, TICK_NAME: str(tick)})
 
 
 def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
-    def value_of(bracket_match: re.Match[str]) -> str:
-        value_name, choice_words = bracket_match[1], bracket_match[2]
+    def chosen_value(bracket_match: re.Match[str]) -> str:
+        value_name, choice_text = bracket_match[1], bracket_match[2]
         if value_name not in values_by_name:
             message = (
                 f"${value_name} has no value: begin the block with def NAME {value_name}=8:, or "
@@ -110,20 +112,20 @@ def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
             )
             raise TextError(message, offset=bracket_match.start(), length=len(bracket_match[0]))
         value_text = values_by_name[value_name]
-        if choice_words is None:
+        if choice_text is None:
             return value_text
-        choice_list = choice_words.split()
-        if not value_text.isdecimal() or not choice_list:
+        choices = choice_text.split()
+        if not value_text.isdecimal() or not choices:
             missing_text = (
                 f"${value_name} is {value_text}, and counts"
-                if choice_list
+                if choices
                 else f"${value_name}[] needs"
             )
             message = f"{missing_text} words in brackets from 0 on: $tick[C4 E4 G4]"
             raise TextError(message, offset=bracket_match.start(), length=len(bracket_match[0]))
-        return choice_list[int(value_text) % len(choice_list)]
+        return choices[int(value_text) % len(choices)]
 
-    return _USE_PATTERN.sub(value_of, line_text)
+    return _REFERENCE_PATTERN.sub(chosen_value, line_text)
 
 
 def _value_count(count: int) -> str:

@@ -10,7 +10,7 @@ from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import amounts
 from ergon.repl.language import values as v
-from ergon.repl.language.block_values import checked_name_and_value
+from ergon.repl.language.block_values import check_setting
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.lines import submitted_lines
@@ -59,8 +59,8 @@ def _block_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str
     if not slot_text.endswith(":"):
         message = f"a ':' is missing: def {slot_text}: and then its lines"
         raise TextError(message, length=len(slot_text), suggestion=f"{slot_text}:")
-    name_word, *setting_words = slot_text[:-1].split()
-    block_name = v.check_new_name(name_word)
+    block_word, *setting_words = slot_text[:-1].split()
+    block_name = v.check_new_name(block_word)
     if block_name in _CONDITION_WORDS:
         message = f"{quote(block_name)} is a word of conditions: give the block another name"
         raise TextError(message, length=len(block_name))
@@ -80,10 +80,10 @@ def _setting_line(slot_text: str) -> str:
         raise TextError(
             f"{quote(slot_text)} has no value: write {slot_text}=8", length=len(slot_text)
         )
-    return "${} = {}".format(*checked_name_and_value(value_name, value_text))
+    return "${} = {}".format(*check_setting(value_name, value_text))
 
 
-def _words_to_colon(words: Sequence[str]) -> int:
+def _count_to_colon(words: Sequence[str]) -> int:
     """How many words there are up to the colon."""
     return next((number for number, word in enumerate(words, 1) if word.endswith(":")), 1)
 
@@ -103,11 +103,11 @@ def _parse_rule(rule_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Con
         raise TextError(f"a block is missing: when {rule_text} NAME", offset=len(rule_text))
     name_start = rule_text.rindex(rule_words[-1])
     try:
-        known_name = BLOCK_VALUE.read(rule_words[-1], scope, {})
+        block_name = BLOCK_VALUE.read(rule_words[-1], scope, {})
     except TextError as error:
         error.offset += name_start
         raise
-    return parse_condition(rule_text[:name_start].rstrip()), known_name
+    return parse_condition(rule_text[:name_start].rstrip()), block_name
 
 
 def _rule_completions(context: CompletionContext) -> Iterator[Completion]:
@@ -131,7 +131,7 @@ NEW_BLOCK = Value(
     "a name and ':'",
     _block_name,
     lambda context: v.name_completions(context.scope.blocks),
-    count=_words_to_colon,
+    count=_count_to_colon,
 )
 VALUES_VALUE = Value(
     "values, such as 16 or n=16", lambda text, *_: tuple(text.split()), lambda _: ()
@@ -146,11 +146,7 @@ RULE_VALUE = Value("a condition and a block", _parse_rule, _rule_completions)
 
 
 def define(
-    name: tuple[str, tuple[str, ...]],
-    lines: tuple[str, ...],
-    *,
-    when: When,
-    words: Words,
+    name: tuple[str, tuple[str, ...]], lines: tuple[str, ...], *, when: When, words: Words
 ) -> DefineBlock:
     """Define a block; the lines that set its values come first."""
     return DefineBlock(name[0], (*name[1], *lines), when=when, words=words)

@@ -28,21 +28,21 @@ def build_line(verb: str, slot_values: Sequence[object], named_values: Mapping[s
     one of `now=True`, `at=`, `in_=`. Values that are None or False are left out. Raises
     TypeError if the verb has no such form, ValueError for a value of more than one line.
     """
-    option_values = {name.rstrip("_"): value for name, value in named_values.items()}
-    option_values = {
+    present_values = {name.rstrip("_"): value for name, value in named_values.items()}
+    present_values = {
         name: value
-        for name, value in option_values.items()
+        for name, value in present_values.items()
         if value is not None and value is not False
     }
     for verb_form in forms_of(verb):
         # A time is accepted only by verbs that take one.
         time_words = {
-            name: option_values[name]
+            name: present_values[name]
             for name in WHEN
-            if name in option_values and verb_form.takes_time
+            if name in present_values and verb_form.takes_time
         }
         untimed_values = {
-            name: value for name, value in option_values.items() if name not in time_words
+            name: value for name, value in present_values.items() if name not in time_words
         }
         words = _words_in_order(verb_form, slot_values, untimed_values)
         if words is not None and len(time_words) <= 1:
@@ -54,41 +54,41 @@ def _words_in_order(
     verb_form: Form, slot_values: Sequence[object], named_values: Mapping[str, object]
 ) -> list[str] | None:
     """The words of a line without its time; None where the values do not fit the form."""
-    values_left = dict(named_values)
+    remaining_values = dict(named_values)
     value_by_slot: dict[int, object] = {}
     for slot_index, slot in enumerate(verb_form.slots):
         for slot_name in (slot.keyword.rstrip("="), slot.field):
-            if slot_name in values_left and slot_index not in value_by_slot:
-                value_by_slot[slot_index] = values_left.pop(slot_name)
+            if slot_name in remaining_values and slot_index not in value_by_slot:
+                value_by_slot[slot_index] = remaining_values.pop(slot_name)
         for slot_name in slot.value.first_words if slot.value is not None else ():
-            if slot_name in values_left and slot_index not in value_by_slot:
-                value_by_slot[slot_index] = _play_options({slot_name: values_left.pop(slot_name)})[
-                    0
-                ]
+            if slot_name in remaining_values and slot_index not in value_by_slot:
+                value_by_slot[slot_index] = _play_options(
+                    {slot_name: remaining_values.pop(slot_name)}
+                )[0]
     open_slots = [
         slot_number
         for slot_number in range(len(verb_form.slots))
         if slot_number not in value_by_slot
     ]
     # If there are more values than required places, they fill optional places from the left.
-    spare_values = len(slot_values) - sum(
+    n_spare = len(slot_values) - sum(
         not verb_form.slots[slot_number].optional for slot_number in open_slots
     )
     value_iterator = iter(slot_values)
     for slot_index in open_slots:
         if verb_form.slots[slot_index].optional:
-            if spare_values <= 0:
+            if n_spare <= 0:
                 continue
-            spare_values -= 1
-        elif spare_values < 0:
+            n_spare -= 1
+        elif n_spare < 0:
             return None
         value_by_slot[slot_index] = next(value_iterator)
     option_words = (
-        _play_options(values_left)
+        _play_options(remaining_values)
         if any(slot.value is PLAYING_VALUE for slot in verb_form.slots)
         else []
     )
-    if spare_values > 0 or (values_left and not option_words):
+    if n_spare > 0 or (remaining_values and not option_words):
         return None
     slot_texts = [
         _slot_text(verb_form.slots[slot_number], value_by_slot[slot_number])
@@ -125,8 +125,12 @@ def _play_options(named_values: Mapping[str, object]) -> list[str]:
     ]
 
 
-def _option_text(value: object) -> str:
-    words_text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+def _option_text(option_value: object) -> str:
+    words_text = (
+        ", ".join(map(str, option_value))
+        if isinstance(option_value, list | tuple)
+        else str(option_value)
+    )
     if "\n" in words_text:
         raise ValueError("a value must be on one line")
     return words_text

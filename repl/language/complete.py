@@ -19,7 +19,7 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     """Completions of the word before the cursor. Raises nothing."""
     text_before = text[:cursor]
     statement_start = _statement_start(text_before)
-    if len(text_before) - statement_start > MAX_LINE or _in_comment(text_before):
+    if len(text_before) - statement_start > MAX_LINE or _is_in_comment(text_before):
         return []
     word_start = max(
         (match.end() for match in _SEPARATOR_PATTERN.finditer(text_before, statement_start)),
@@ -54,6 +54,6 @@ def _statement_start(text_before: str) -> int:
     return line_start
 
 
-def _in_comment(line_head: str) -> bool:
+def _is_in_comment(line_head: str) -> bool:
     line = line_head[line_head.rfind("\n") + 1 :]
     return comment_start(line) < len(line)

@@ -18,7 +18,7 @@ from ergon.repl.language import amounts, verbs
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
-from ergon.repl.language.line_verb import find_verb_of
+from ergon.repl.language.line_verb import split_verb
 from ergon.repl.language.lines import Line, split_words
 from ergon.repl.language.scope import Scope
 
@@ -28,10 +28,7 @@ _TIME_KEYWORDS = {
     "sync": amounts.SYNC_VALUE,
 }  # words before the time at which a line acts
 # A verb, the word that it does not take, and the line that does it.
-_OTHER_VERBS = (
-    ("undo", re.compile(r"\d+"), "back {}"),
-    ("stop", NAME, "mute {0}, or remove {0}"),
-)
+_OTHER_VERBS = (("undo", re.compile(r"\d+"), "back {}"), ("stop", NAME, "mute {0}, or remove {0}"))
 _UNIT_BY_WORD = {
     **{name: "bar" for name in ("bar", "bars")},
     **{name: "" for name in ("beat", "beats")},
@@ -63,25 +60,25 @@ def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> 
     """
     line_words = _split_joined_words(split_words(typed_line))
     if hints is not None and len(line_words) < 2:
-        _first_hints(line_words, scope, hints)
+        _add_first_hints(line_words, scope, hints)
     if not line_words:
         return None
-    verb, verb_words = find_verb_of(line_words, scope)
+    verb, verb_words = split_verb(line_words, scope)
     line_end = line_words[-1].end
-    refusals = []
+    errors = []
     for form in _possible_forms(verb, verb_words):
         form_reader = _FormReader(form, typed_line, list(verb_words), line_end, scope, hints)
         try:
             command = form_reader.command()
         except TextError as error:
-            refusals.append(error)
+            errors.append(error)
         else:
             if command is not None:
                 return command
     if hints is not None:
         return None
     # The form that could be read furthest is probably the intended one.
-    raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
+    raise max(errors, key=lambda error: (error.offset, error.suggestion is not None))
 
 
 def _possible_forms(verb: str, verb_words: list[Word]) -> Iterator[Form]:
@@ -118,7 +115,7 @@ def _split_word(word: Word, length: int) -> tuple[Word, Word]:
     )
 
 
-def _first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None:
+def _add_first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None:
     if not line_words:
         hints.completions.extend(v.name_completions(scope.players))
         for verb in verbs.VERBS:
@@ -152,20 +149,20 @@ class _FormReader:
         verb_form: Form,
         typed_line: Line,
         form_words: list[Word],
-        verb_end: int,
+        line_end: int,
         scope: Scope,
         hints: Hints | None,
     ) -> None:
         self.form = verb_form
         self.line = typed_line
         self.words = form_words
-        self.end_of_line = verb_end  # the position of a missing word
+        self.line_end = line_end  # the position of a missing word
         self.scope = scope
         self.hints = hints
         self.fields: dict[str, Any] = {
             slot.field: None for slot in verb_form.slots if slot.field and slot.optional
         }
-        self.as_written: dict[str, Word] = {}
+        self.written_words: dict[str, Word] = {}
         self.when: When = None
         self.has_when = False  # whether the words include a time; nothing is offered after it
 
@@ -184,7 +181,7 @@ class _FormReader:
             self._offer_options(option_slots)
             return None
         self._check_end(option_slots)
-        return self.form.make(**self.fields, when=self.when, words=self.as_written)
+        return self.form.make(**self.fields, when=self.when, words=self.written_words)
 
     def _read_time(self) -> None:
         """Take the time `now`, `at C` or `in 2` from the end of the words."""
@@ -194,11 +191,11 @@ class _FormReader:
         keyword = self.words[-2].text if len(self.words) > 1 else ""
         if last_word.text == "now":
             self.when = NOW
-            self.has_when, self.as_written["when"] = True, last_word
+            self.has_when, self.written_words["when"] = True, last_word
             del self.words[-1:]
         elif keyword in _TIME_KEYWORDS:
-            self.when = self._read_value(_TIME_KEYWORDS[keyword], last_word)
-            self.has_when, self.as_written["when"] = True, last_word
+            self.when = self._read_word(_TIME_KEYWORDS[keyword], last_word)
+            self.has_when, self.written_words["when"] = True, last_word
             del self.words[-2:]
         elif last_word.text in _TIME_KEYWORDS:
             self._offer_value(_TIME_KEYWORDS[last_word.text])
@@ -213,14 +210,14 @@ class _FormReader:
         self, form_slot: Slot, later_slots: list[Slot], option_slots: list[Slot]
     ) -> bool:
         """Read a place that has a fixed order; False if that word is still being typed."""
-        words_needed = sum(
+        n_needed = sum(
             (slot.value is not None) + bool(slot.keyword)
             for slot in later_slots
             if not slot.optional
         )
         if form_slot.optional and self.words:
             is_typing = self.hints is not None
-            if len(self.words) + is_typing <= words_needed:
+            if len(self.words) + is_typing <= n_needed:
                 return True
         if form_slot.keyword:
             if not self.words:
@@ -290,17 +287,17 @@ class _FormReader:
             if not self.words:
                 self._offer_value(option_slot.value)
             description = option_slot.value.description
-            raise TextError(f"'{option_slot.keyword}' needs {description}", offset=self.end_of_line)
+            raise TextError(f"'{option_slot.keyword}' needs {description}", offset=self.line_end)
         self._store(option_slot, self.words.pop(0))
 
     def _store(self, slot: Slot, word: Word) -> None:
         assert slot.value is not None
-        self.fields[slot.field] = self._read_value(slot.value, word)
-        self.as_written[slot.field] = word
+        self.fields[slot.field] = self._read_word(slot.value, word)
+        self.written_words[slot.field] = word
 
-    def _read_value(self, value: v.Value, line_word: Word) -> Any:
+    def _read_word(self, slot_value: v.Value, line_word: Word) -> Any:
         try:
-            return value.read(line_word.text, self.scope, self.fields)
+            return slot_value.read(line_word.text, self.scope, self.fields)
         except TextError as error:
             error.offset += line_word.start
             raise
@@ -320,7 +317,7 @@ class _FormReader:
             verb = example.split()[0]
             names = [f"{verb} {name}" for name in (*list(self.scope.players)[:4], "all")]
             example = f"{', '.join(names[:-1])} or {names[-1]}"
-        error_offset = self.words[0].start if self.words else self.end_of_line
+        error_offset = self.words[0].start if self.words else self.line_end
         raise TextError(f"{missing_text} is missing: {example}", offset=error_offset)
 
     def _check_end(self, option_slots: list[Slot]) -> None:
@@ -374,10 +371,10 @@ class _FormReader:
 
     # --- completions ------------------------------------------------------------------------------
 
-    def _offer_value(self, value: v.Value, earlier_words: tuple[str, ...] = ()) -> None:
+    def _offer_value(self, slot_value: v.Value, earlier_words: tuple[str, ...] = ()) -> None:
         if self.hints is not None and not self.has_when:
             context = v.CompletionContext(self.hints.typed, earlier_words, self.scope, self.fields)
-            self.hints.completions.extend(value.completions(context))
+            self.hints.completions.extend(slot_value.completions(context))
 
     def _offer_keyword(self, slot: Slot) -> None:
         if self.hints is not None and not self.has_when:

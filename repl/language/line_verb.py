@@ -13,7 +13,7 @@ from ergon.scores.pattern.cycle_table import FORM_BY_WORD as TRANSFORMS
 _NAMING_VERBS = ("strikes", "takes", "=")  # these verbs may follow a new name
 
 
-def find_verb_of(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
+def split_verb(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     """The verb, and the other words."""
     first_word = line_words[0].text
     second_word = line_words[1].text if len(line_words) > 1 else ""
@@ -22,15 +22,15 @@ def find_verb_of(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]
     if first_word in scope.blocks and not _is_near_subject_verb(second_word):
         return "run", line_words  # the other words are the block's values
     _check_family(line_words[0], second_word, scope)
-    player_verb_word = verbs.verbs_matching(second_word, verbs.SUBJECT_VERBS) if second_word else ()
+    subject_verbs = verbs.verbs_matching(second_word, verbs.SUBJECT_VERBS) if second_word else ()
     is_player = first_word in scope.players
     is_instrument = first_word in playable_instruments(scope)
     is_played = first_word in scope.gestures or first_word in scope.takes or is_instrument
     is_name = first_word not in verbs.VERBS or is_instrument  # an instrument may be called `pan`
-    is_subject_verb = second_word in verbs.SUBJECT_VERBS and is_name
-    is_subject_verb = is_subject_verb and not (second_word == "every" and is_played)
-    if player_verb_word and (is_player or is_subject_verb):
-        return player_verb_word[0], [line_words[0], *line_words[2:]]
+    has_subject_verb = second_word in verbs.SUBJECT_VERBS and is_name
+    has_subject_verb = has_subject_verb and not (second_word == "every" and is_played)
+    if subject_verbs and (is_player or has_subject_verb):
+        return subject_verbs[0], [line_words[0], *line_words[2:]]
     if is_name and _is_stroke(line_words, scope):
         return "hear", line_words
     matching_verbs = verbs.verbs_matching(first_word, verbs.VERBS)
@@ -39,11 +39,11 @@ def find_verb_of(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]
     raise _unknown_verb_error(line_words, matching_verbs, scope)
 
 
-def _check_family(unknown_word: Word, second_word: str, scope: Scope) -> None:
+def _check_family(instrument_word: Word, second_word: str, scope: Scope) -> None:
     """Refuse a first word that is neither a verb nor a name, but an instrument of a family that is
     not in use.
     """
-    instrument_name = unknown_word.text.split(".")[0]
+    instrument_name = instrument_word.text.split(".")[0]
     known_names = (
         scope.players,
         scope.strikes,
@@ -60,14 +60,14 @@ def _check_family(unknown_word: Word, second_word: str, scope: Scope) -> None:
         and not verbs.verbs_matching(instrument_name, verbs.VERBS)
     ):
         error = v.missing_family_error(instrument_name, family)
-        error.offset = unknown_word.start
+        error.offset = instrument_word.start
         raise error
 
 
 def _is_stroke(words: list[Word], scope: Scope) -> bool:
     """Whether a line is an instrument, notes and a level alone: `kick f`, `vib C4 E4 mf`."""
-    first, *later_words = (word.text for word in words)
-    is_instrument = first.partition(".")[0] in playable_instruments(scope)
+    instrument_path, *later_words = (word.text for word in words)
+    is_instrument = instrument_path.partition(".")[0] in playable_instruments(scope)
     return (
         is_instrument
         and bool(later_words)
@@ -100,10 +100,10 @@ def _unknown_verb_error(
         )
     if matching_verbs:
         return verbs.ambiguous_verb_error(first_word, matching_verbs, word_start)
-    played_name = first_word in scope.gestures or first_word in scope.takes
-    if played_name and (player := next(iter(scope.players), None)):
+    is_playable = first_word in scope.gestures or first_word in scope.takes
+    if is_playable and (first_player := next(iter(scope.players), None)):
         message = f"{quote(first_word)} is not a verb; a player plays it"
-        suggestion = f"{player} plays {first_word}"
+        suggestion = f"{first_player} plays {first_word}"
         return TextError(message, offset=word_start, length=len(first_word), suggestion=suggestion)
     if first_word in TRANSFORMS:
         message = f"{quote(first_word)} is a transformation, of a rhythm or of strikes"
@@ -125,9 +125,9 @@ def _unknown_verb_error(
         )
     known_words = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
     nearest_verb = verbs.VERB_BY_SYNONYM.get(first_word) or nearest(first_word, known_words)
-    is_meant = first_word in verbs.VERB_BY_SYNONYM
+    is_synonym = first_word in verbs.VERB_BY_SYNONYM
     if (
-        not is_meant
+        not is_synonym
         and nearest_verb in verbs.REMOVING_VERBS
         and not is_one_slip(first_word, nearest_verb)
     ):

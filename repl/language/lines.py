@@ -46,31 +46,33 @@ def submitted_lines(submitted_text: str) -> Iterator[Line]:
         raise TextError(f"this text has more than {MAX_LINES} lines")
     joined_text, line_start, line_offset = "", 0, 0
     open_block: Line | None = None  # the part that is read so far
-    for text_line in submitted_text.split("\n"):
-        if len(joined_text) + len(text_line) > MAX_LINE:
-            message = f"this line has {len(joined_text) + len(text_line):,} characters"
+    for typed_line in submitted_text.split("\n"):
+        if len(joined_text) + len(typed_line) > MAX_LINE:
+            message = f"this line has {len(joined_text) + len(typed_line):,} characters"
             raise TextError(f"{message}; {MAX_LINE:,} are the most", offset=line_offset)
-        _check_characters(text_line, line_offset)
+        _check_characters(typed_line, line_offset)
         code_text = (
-            text_line if _PYTHON_PATTERN.match(text_line) else _COMMENT_PATTERN.sub("", text_line)
+            typed_line
+            if _PYTHON_PATTERN.match(typed_line)
+            else _COMMENT_PATTERN.sub("", typed_line)
         )
         line_start = line_start if joined_text else line_offset
-        line_offset += len(text_line) + 1
-        if is_continued(text_line):
-            joined_text += code_text.rstrip()[:-1].ljust(len(text_line)) + " "
+        line_offset += len(typed_line) + 1
+        if is_continued(typed_line):
+            joined_text += code_text.rstrip()[:-1].ljust(len(typed_line)) + " "
             continue
-        full_line, joined_text = Line(joined_text + code_text, line_start), ""
+        joined_line, joined_text = Line(joined_text + code_text, line_start), ""
         if open_block is not None and (
-            not text_line.strip() or full_line.text.strip() == _END_WORD
+            not typed_line.strip() or joined_line.text.strip() == _END_WORD
         ):
             yield open_block
             open_block = None
         elif open_block is not None:
-            open_block = _block_with_line(open_block, full_line)
-        elif _BLOCK_PATTERN.fullmatch(full_line.text):
-            open_block = full_line
-        elif full_line.text.strip():
-            yield full_line
+            open_block = _block_with_line(open_block, joined_line)
+        elif _BLOCK_PATTERN.fullmatch(joined_line.text):
+            open_block = joined_line
+        elif joined_line.text.strip():
+            yield joined_line
     if joined_text.strip():
         open_block = (
             Line(joined_text, line_start)
@@ -116,8 +118,8 @@ def split_words(line: Line) -> list[Word]:
 
 def comment_start(line: str) -> int:
     """Where the comment of a physical line begins; the length of the line if it has none."""
-    match = None if _PYTHON_PATTERN.match(line) else _COMMENT_PATTERN.search(line)
-    return match.start() if match else len(line)
+    comment_match = None if _PYTHON_PATTERN.match(line) else _COMMENT_PATTERN.search(line)
+    return comment_match.start() if comment_match else len(line)
 
 
 def _check_characters(line_text: str, text_offset: int) -> None:
@@ -132,8 +134,13 @@ def _check_characters(line_text: str, text_offset: int) -> None:
             "this line contains a character that has no meaning here "
             f"(U+{ord(line_text[first_strange]):04X})"
         )
-        part = line_text[first_strange : last_strange + 1]
-        printable_part = "".join(c if c.isprintable() else " " if c.isspace() else "" for c in part)
+        strange_text = line_text[first_strange : last_strange + 1]
+        printable_text = "".join(
+            c if c.isprintable() else " " if c.isspace() else "" for c in strange_text
+        )
         raise TextError(
-            message, offset=text_offset + first_strange, length=len(part), suggestion=printable_part
+            message,
+            offset=text_offset + first_strange,
+            length=len(strange_text),
+            suggestion=printable_text,
         )

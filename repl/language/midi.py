@@ -95,8 +95,8 @@ SOURCE_VALUE = Value(
 
 def _range_ends(slot_text: str, example: str) -> tuple[str, str]:
     """Both ends of a range; a single value is both."""
-    low_end, _dots, high_end = slot_text.partition("..")
-    if _dots and not (low_end and high_end):
+    low_end, dots, high_end = slot_text.partition("..")
+    if dots and not (low_end and high_end):
         raise TextError(f"a range has two ends, such as {example}", length=max(1, len(slot_text)))
     return low_end, high_end or low_end
 
@@ -150,12 +150,7 @@ TEMPOS_VALUE = Value(
 
 
 def map_control(
-    source: str,
-    target: str,
-    range: tuple[float, float, str],
-    *,
-    when: When,
-    words: Words,
+    source: str, target: str, range: tuple[float, float, str], *, when: When, words: Words
 ) -> MapControl | Learn:
     """Map a controller to a parameter."""
     low, high, unit = range
@@ -213,14 +208,14 @@ def _read_impulses(text: str, *_: Any) -> tuple[float, float]:
 
 def _parse_impulse(impulse_text: str) -> float:
     """An impulse with its unit; 0 needs none."""
-    value = level(impulse_text)  # refuses what has no unit
-    if value.is_strength and value.low != 0.0:
+    impulse = level(impulse_text)  # refuses what has no unit
+    if impulse.is_strength and impulse.low != 0.0:
         message = (
             f"{quote(impulse_text)} is a strength, and here are impulses: write them with their "
             "unit,"
         )
         raise TextError(f"{message} such as 1mNs..20mNs", length=len(impulse_text))
-    return 0.0 if value.is_strength else value.low
+    return 0.0 if impulse.is_strength else impulse.low
 
 
 def _read_struck(text: str, *_: Any) -> str:

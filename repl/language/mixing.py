@@ -94,12 +94,7 @@ def route(
 
 
 def filtered(
-    name: str,
-    kind: str,
-    fields: Mapping[str, str],
-    *,
-    when: When,
-    words: Words,
+    name: str, kind: str, fields: Mapping[str, str], *, when: When, words: Words
 ) -> Filter:
     """Set a filter or the delay of an instrument, or remove it."""
     return Filter(name, kind, fields, when=when, words=words)
@@ -136,13 +131,15 @@ def _read_filter_kind(text: str, *_: Any) -> str:
     return text
 
 
-def _read_filter_fields(slot_text: str, _: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
+def _read_filter_fields(
+    slot_text: str, _: Scope, earlier_values: Mapping[str, Any]
+) -> dict[str, str]:
     if slot_text == "off":
         return {}
-    field_shapes = _FILTER_SHAPES[slots_read["kind"]]
+    field_shapes = _FILTER_SHAPES[earlier_values["kind"]]
     word_matches = list(re.finditer(r"\S+", slot_text))
     if len(word_matches) > len(field_shapes):
-        kind = slots_read["kind"]
+        kind = earlier_values["kind"]
         message = f"{kind} takes no more than {len(field_shapes)}, such as {_FILTER_EXAMPLES[kind]}"
         raise TextError(
             message,
@@ -154,7 +151,7 @@ def _read_filter_fields(slot_text: str, _: Scope, slots_read: Mapping[str, Any])
         check_value(shape, word.group(), word.start())
         filter_fields[name] = word.group()
     if "gain" in field_shapes and "gain" not in filter_fields:
-        message = f"a level is missing, such as {_FILTER_EXAMPLES[slots_read['kind']]}"
+        message = f"a level is missing, such as {_FILTER_EXAMPLES[earlier_values['kind']]}"
         raise TextError(message, offset=len(slot_text))
     return filter_fields
 

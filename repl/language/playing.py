@@ -77,14 +77,14 @@ class ParsedPlay:
     parsed_words: play_words.PlayWords
 
 
-def _read_play(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> ParsedPlay:
+def _read_play(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> ParsedPlay:
     gesture_names: list[play_words.Word] = []
 
-    def name_at(word: str, offset: int) -> str:
+    def check_name(word: str, offset: int) -> str:
         gesture_names.append(play_words.Word(word, offset))
         return word
 
-    parsed_words = play_words.parse(slot_text, name_at=name_at)
+    parsed_words = play_words.parse(slot_text, read_name=check_name)
     for played_name in gesture_names or [parsed_words.played]:
         _with_offset(played_name.offset, v.PLAYED_VALUE, played_name.text, scope)
     play_options = {}
@@ -104,15 +104,15 @@ def _read_play(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> P
     )
 
 
-def _with_offset(word_offset: int, value: v.Value, text: str, scope: Scope) -> Any:
+def _with_offset(word_offset: int, option_value: v.Value, text: str, scope: Scope) -> Any:
     try:
-        return value.read(text, scope, {})
+        return option_value.read(text, scope, {})
     except TextError as error:
         error.offset += word_offset
         raise
 
 
-def _by_example(option: str) -> v.Value:
+def _value_by_example(option: str) -> v.Value:
     """A value whose completion is its example."""
     shape, example = OPTION_SHAPES[option], play_words.OPTION_EXAMPLES[option] or ""
     assert isinstance(shape, Text), option
@@ -126,7 +126,7 @@ _OPTION_VALUES = {
     "until": amounts.POSITION_VALUE,
     "every": amounts.LENGTH_VALUE,
     "times": amounts.TIMES_VALUE,
-    **{name: _by_example(name) for name in ("chance", "euclid", "swing", "skip")},
+    **{name: _value_by_example(name) for name in ("chance", "euclid", "swing", "skip")},
 }
 
 
@@ -228,8 +228,8 @@ def _part_text(words_by_field: Mapping[str, Word], parsed_play: ParsedPlay) -> s
         for option_name in options
         if option_name not in flag_names
     ]
-    chain = [f"do {words_by_field['do'].text}"] if parsed_play.transforms else []
-    return " ".join([parsed_play.played_text, *values, *flag_names, *chain])
+    option_texts = [f"do {words_by_field['do'].text}"] if parsed_play.transforms else []
+    return " ".join([parsed_play.played_text, *values, *flag_names, *option_texts])
 
 
 def _option_word(word: play_words.Word, play: Word) -> Word:

@@ -39,7 +39,9 @@ _OPTION_EXAMPLES = {
 }
 
 
-def _read_rhythm(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_rhythm(
+    slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]
+) -> Mapping[str, str]:
     """The fields of strikes with a rhythm, as texts; the form is tried for quotes alone."""
     quote_end = slot_text.find('"', 1)
     if quote_end < 0:
@@ -78,7 +80,7 @@ def _read_rhythm(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) ->
         raise
     strike_fields = {name: word.text for name, word in placed_options.items()}
     pattern_owner = strike_fields.get("to") or (
-        slots_read["name"] if slots_read["name"] in playable_instruments(scope) else ""
+        earlier_values["name"] if earlier_values["name"] in playable_instruments(scope) else ""
     )
     try:
         check_text(rhythm)

@@ -117,7 +117,9 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         strikes={strikes.name: "strikes" for strikes in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
         phrases={name: "phrase" for name in piece.phrases},
-        paths=dict.fromkeys(filter(None, map(_path_of, piece.gestures.values())), "path in space"),
+        paths=dict.fromkeys(
+            filter(None, map(_path_name, piece.gestures.values())), "path in space"
+        ),
         acts=dict(_act_names(piece)),
         blocks={name: f"block, {_line_count(block)}" for name, block in piece.blocks.items()},
     )
@@ -177,9 +179,9 @@ def _line_count(block: Sequence[str]) -> str:
     return f"{len(block)} line{'s' if len(block) > 1 else ''}"
 
 
-def _path_of(gesture: Gesture) -> str:
+def _path_name(gesture: Gesture) -> str:
     """The name of the path in space of which a gesture is one axis; "" if it is not one."""
-    is_path = gesture.written is not None and space_path.axes(gesture.written.text) > 1
+    is_path = gesture.written is not None and space_path.axis_count(gesture.written.text) > 1
     return gesture.name.rpartition(".")[0] if is_path else ""
 
 

@@ -75,7 +75,9 @@ OPTIONS = {
 }
 
 
-def _read_strikes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_strikes(
+    slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]
+) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
     first_word = slot_text.split()[0]
     if first_word in scope.phrases and first_word not in playable_instruments(
@@ -190,7 +192,9 @@ def _strikes_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return slot_text
 
 
-def _read_notes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_notes(
+    slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]
+) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
     options_text, transforms_start = split_at_transforms(slot_text)
     words, placed_options = parse_strikes(options_text, OPTIONS)
@@ -204,13 +208,13 @@ def _read_notes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> 
     written_fields = {name: word.text for name, word in placed_options.items()} | _transforms_field(
         slot_text, transforms_start
     )
-    is_sure = slots_read["name"].split(".")[0] in scope.acts or written_fields.keys() & {
+    is_sure = earlier_values["name"].split(".")[0] in scope.acts or written_fields.keys() & {
         "impulse",
         "mass",
     }
     default_impulse = {} if is_sure else {"impulse": _DEFAULT_IMPULSE}
     return {
-        "to": slots_read["name"],
+        "to": earlier_values["name"],
         "notes": " ".join(slot_text[:words_end].split()),
         **written_fields,
         **default_impulse,

@@ -77,14 +77,14 @@ def field_pairs(text: str, text_offset: int = 0) -> Iterator[tuple[str, str, int
         yield field_name, field_text, text_offset + word_match.start()
 
 
-def _read_fields(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
-    field_table, module_fields = KINDS[slots_read["kind"]].table, dict[str, str]()
+def _read_fields(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> dict[str, str]:
+    field_table, module_fields = KINDS[earlier_values["kind"]].table, dict[str, str]()
     field_names = [field.name for field in field_table.fields if field.name not in _END_FIELDS]
     for field_name, field_text, field_offset in field_pairs(slot_text):
         if field_name not in field_names and field_table.free is None:
             suggestion = nearest(field_name, field_names)
             message = (
-                f"{slots_read['kind']} has no field {quote(field_name)}; it has "
+                f"{earlier_values['kind']} has no field {quote(field_name)}; it has "
                 f"{', '.join(field_names)}"
             )
             raise TextError(
@@ -242,7 +242,7 @@ BASE_VALUE = Value(
     "an instrument, or a file and a name such as bell/bell", _read_base, _base_completions
 )
 LINK_END = Value("a key or a module, such as k1 or bell.m", _read_end, _end_completions)
-OTHER_END = v.other_than(LINK_END, "a")
+OTHER_END = v.excluding_earlier(LINK_END, "a")
 LINK_KIND = Value(
     "a kind of link, such as BUT or REF",
     _read_kind,

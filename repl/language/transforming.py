@@ -47,7 +47,7 @@ def transform_completions(earlier_words: Sequence[str]) -> Iterator[Completion]:
             word
             for readers in last_form.arguments
             for reader in readers[:1]
-            for word in reader.known
+            for word in reader.known_words
         ]
         for word in dict.fromkeys(transform_words) or last_form.example.split()[1:2]:
             yield Completion(word, f"as in {last_form.example}")

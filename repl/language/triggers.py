@@ -82,9 +82,9 @@ class Clause:
 
     def holds(self, bar: int, beat: int) -> bool:
         """Whether it holds on a beat of a bar; both count from 1."""
-        value = bar if self.quantity == "bar" else beat
+        counted = bar if self.quantity == "bar" else beat
         return _COMPARISON_BY_SIGN[self.comparison](
-            value % self.modulus if self.modulus else value, self.number
+            counted % self.modulus if self.modulus else counted, self.number
         )
 
 

@@ -173,24 +173,24 @@ def _read_gesture_name(gesture_name: str, scope: Scope, _: Mapping[str, Any]) ->
     return check_new_name(gesture_name)
 
 
-def other_than(slot_value: Value, other_field: str) -> Value:
-    """A value that must differ from the one in `other_field`."""
+def excluding_earlier(name_value: Value, earlier_field: str) -> Value:
+    """A value that must differ from the one in `earlier_field`."""
 
-    def read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Any:
-        if slot_text == slots_read[other_field]:
+    def read(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> Any:
+        if slot_text == earlier_values[earlier_field]:
             raise TextError(
                 f"{quote(slot_text)} is named twice: name two different ones", length=len(slot_text)
             )
-        return slot_value.read(slot_text, scope, slots_read)
+        return name_value.read(slot_text, scope, earlier_values)
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
         return (
             completion
-            for completion in slot_value.completions(context)
-            if completion.text != context.fields[other_field]
+            for completion in name_value.completions(context)
+            if completion.text != context.fields[earlier_field]
         )
 
-    return Value(slot_value.description, read, offers)
+    return Value(name_value.description, read, offers)
 
 
 def _read_with_level(level_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
@@ -232,8 +232,8 @@ TRANSFORMED_PLAYER = replace(_PLAYER_OR_STRIKES, read=_read_player_or_strikes("p
 TRANSFORMED_STRIKES = replace(_PLAYER_OR_STRIKES, read=_read_player_or_strikes("strikes"))
 PLAYED_VALUE = name_value("a gesture or a take", "gestures", "takes")
 KEY_VALUE = name_value("a key", "keys")
-OTHER_KEY = other_than(KEY_VALUE, "a")
-OTHER_PLAYER = other_than(PLAYER_VALUE, "player")
+OTHER_KEY = excluding_earlier(KEY_VALUE, "a")
+OTHER_PLAYER = excluding_earlier(PLAYER_VALUE, "player")
 SOUNDING_VALUE = name_value("an instrument or a player", "instruments", "players")
 STRIKES_VALUE = name_value("the name of strikes", "strikes")
 LEVELLED_VALUE = Value(
@@ -341,16 +341,14 @@ def _example_completions(
 
 def _read_notation(slot_text: str) -> notation.Notation:
     """Read a gesture; for a path in space, its first axis."""
-    if space_path.axes(slot_text) > 1:
+    if space_path.axis_count(slot_text) > 1:
         return space_path.parse(slot_text, events_max=MAX_POINTS)[0]
     return notation.parse(slot_text, events_max=MAX_POINTS)
 
 
 _METRE_UNITS = [unit for unit in UNITS_PER_METRE if unit and unit.isascii()]
 NOTATION_VALUE = Value(
-    "a gesture, such as 0@0 6@1/8 0@1/4",
-    lambda text, *_: _read_notation(text),
-    _point_completions,
+    "a gesture, such as 0@0 6@1/8 0@1/4", lambda text, *_: _read_notation(text), _point_completions
 )
 DO_VALUE = Value(
     "transformations, such as rev, every 4 mirror",

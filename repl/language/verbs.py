@@ -110,10 +110,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         recording.GUIDE_FORM,
         recording.GUIDE_OFF_FORM,
     ),
-    "sound in a file": (
-        recording.RECORD_AUDIO_OFF_FORM,
-        recording.RECORD_AUDIO_FORM,
-    ),
+    "sound in a file": (recording.RECORD_AUDIO_OFF_FORM, recording.RECORD_AUDIO_FORM),
     "controllers and notes": (
         midi.MAP_PARAMETER_FORM,
         midi.MAP_GAIN_FORM,
@@ -224,12 +221,12 @@ def verbs_matching(verb_start: str, candidates: tuple[str, ...]) -> tuple[str, .
 
 def find_verb(verb_word: str) -> str:
     """The verb that a word means. Raises TextError."""
-    every_verb = (*VERBS, *SUBJECT_VERBS, "=")
-    matching_verbs = verbs_matching(verb_word, every_verb)
+    all_verbs = (*VERBS, *SUBJECT_VERBS, "=")
+    matching_verbs = verbs_matching(verb_word, all_verbs)
     if len(matching_verbs) > 1:
         raise ambiguous_verb_error(verb_word, matching_verbs)
     if not matching_verbs:
-        raise v.unknown_name_error(verb_word, "a verb", every_verb)
+        raise v.unknown_name_error(verb_word, "a verb", all_verbs)
     return matching_verbs[0]
 
 

@@ -35,8 +35,8 @@ class ErrorBoundary:
 
     def messages(self) -> Sequence[str]:
         """Messages since the last call, with the errors that were caught."""
-        nothing: Sequence[str] = ()
-        messages = [*self._try(self._session.messages, nothing), *self._mistakes]
+        no_messages: Sequence[str] = ()
+        messages = [*self._try(self._session.messages, no_messages), *self._mistakes]
         self._mistakes.clear()
         return messages
 
@@ -52,9 +52,9 @@ class ErrorBoundary:
         """End every force at once."""
         self._try(self._session.let_go, None)
 
-    def input_ends(self) -> None:
+    def end_input(self) -> None:
         """Note that no further line comes."""
-        self._try(self._session.input_ends, None)
+        self._try(self._session.end_input, None)
 
     def close(self) -> None:
         """End the session."""
@@ -76,22 +76,22 @@ class ErrorBoundary:
         """Add an error to the messages."""
         self._mistakes.append(_error_sentence(error))
 
-    def _try(self, call: Callable[[], Answer], otherwise: Answer) -> Answer:
+    def _try(self, call: Callable[[], Answer], fallback: Answer) -> Answer:
         try:
             return call()
         except BaseException as error:
             if not _is_code_fault(error):
                 raise
             self.add_error(error)
-            return otherwise
+            return fallback
 
 
 def _is_code_fault(error: BaseException) -> bool:
     """Whether an error is a fault in the code; what a signal raises (Ctrl-C, SIGTERM) is not
     caught.
     """
-    panic = type(error).__name__ == "PanicException"  # pyo3's panic, which is not an Exception
-    return panic or isinstance(error, (Exception, SystemExit))
+    is_panic = type(error).__name__ == "PanicException"  # pyo3's panic, which is not an Exception
+    return is_panic or isinstance(error, (Exception, SystemExit))
 
 
 def _error_sentence(error: BaseException) -> str:

@@ -46,7 +46,7 @@ class KeyActions(Protocol):
     def complete(self) -> None:
         """Complete the word, or take a suggestion (Tab)."""
 
-    def too_long(self, length: int) -> None:
+    def report_too_long(self, length: int) -> None:
         """Report that a paste of `length` characters did not fit."""
 
 
@@ -57,20 +57,20 @@ def bindings(actions: KeyActions) -> KeyBindings:
     empty = Condition(lambda: not get_app().current_buffer.text)
     full = Condition(lambda: len(get_app().current_buffer.text) >= TEXT_MAX)
 
-    def does(action: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
+    def handler(action: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
         return lambda event: action()
 
-    key_bindings.add("f12", eager=True)(does(actions.panic))
-    key_bindings.add("c-c", filter=typing)(does(actions.clear))
-    key_bindings.add("<sigint>")(does(actions.clear))
-    key_bindings.add("c-d", filter=typing & empty)(does(actions.leave))
-    key_bindings.add("enter", filter=typing)(does(actions.enter))
-    key_bindings.add("tab", filter=typing)(does(actions.complete))
+    key_bindings.add("f12", eager=True)(handler(actions.panic))
+    key_bindings.add("c-c", filter=typing)(handler(actions.clear))
+    key_bindings.add("<sigint>")(handler(actions.clear))
+    key_bindings.add("c-d", filter=typing & empty)(handler(actions.leave))
+    key_bindings.add("enter", filter=typing)(handler(actions.enter))
+    key_bindings.add("tab", filter=typing)(handler(actions.complete))
     # In other programs these keys suspend, freeze and continue; here nothing may halt a
     # performance.
     for key in ("c-z", "c-s", "c-q"):
-        key_bindings.add(key)(does(lambda: None))
-    key_bindings.add(Keys.Any, filter=full)(does(lambda: None))
+        key_bindings.add(key)(handler(lambda: None))
+    key_bindings.add(Keys.Any, filter=full)(handler(lambda: None))
 
     @key_bindings.add(Keys.BracketedPaste)
     def _(event: KeyPressEvent) -> None:
@@ -78,14 +78,14 @@ def bindings(actions: KeyActions) -> KeyBindings:
         pasted_text = pasted_text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
         buffer = event.current_buffer
         if len(buffer.text) + len(pasted_text) > TEXT_MAX:
-            actions.too_long(len(pasted_text))
+            actions.report_too_long(len(pasted_text))
         else:
             buffer.insert_text(pasted_text)
 
     return key_bindings
 
 
-def _paste_marked(match: re.Match[str]) -> str:
+def _as_paste(match: re.Match[str]) -> str:
     return match[0] if match["key"] else f"{_PASTE_BEGIN}{match[0]}{_PASTE_END}"
 
 
@@ -125,48 +125,50 @@ if sys.platform != "win32":
         """
 
         on_characters: Callable[[str], None]
-        _open = False
-        _answers = ""
+        _is_pasting = False
+        _reports = ""
         _tail = ""  # rest of the last read; a mark may come in two pieces
 
         def read(self, count: int = 1024) -> str:
             """The characters that have come since the last call."""
-            read_data = super().read(count)
-            if not self._open and _PASTE_BEGIN not in read_data:
-                self.on_characters(read_data)
-            read_data = self._with_end(read_data)
-            recent, may_be_cut = self._tail + read_data, "\x1b" in self._tail
+            characters = super().read(count)
+            if not self._is_pasting and _PASTE_BEGIN not in characters:
+                self.on_characters(characters)
+            characters = self._with_paste_end(characters)
+            recent, may_be_cut = self._tail + characters, "\x1b" in self._tail
             self._tail = recent[1 - len(_PASTE_BEGIN) :]
             last_begin, last_end = recent.rfind(_PASTE_BEGIN), recent.rfind(_PASTE_END)
             if last_begin != last_end:  # a mark is in the text
-                self._open = last_begin > last_end
-            if self._open or last_begin != last_end:
-                return self._without_answers(read_data)
-            return read_data if may_be_cut else _KEY_OR_RUN.sub(_paste_marked, read_data)
+                self._is_pasting = last_begin > last_end
+            if self._is_pasting or last_begin != last_end:
+                return self._without_reports(characters)
+            return characters if may_be_cut else _KEY_OR_RUN.sub(_as_paste, characters)
 
-        def _with_end(self, read_data: str) -> str:
+        def _with_paste_end(self, characters: str) -> str:
             """Close an open paste before a Ctrl-C that comes alone, and before F12 anywhere.
 
             A busy program reads pasted text and the key after it in one piece.
             """
-            if self._open and read_data == _CTRL_C:
-                return _PASTE_END + read_data
-            last_mark = max(read_data.rfind(_PASTE_BEGIN), read_data.rfind(_PASTE_END))
-            key = read_data.rfind(F12_SEQUENCE)
+            if self._is_pasting and characters == _CTRL_C:
+                return _PASTE_END + characters
+            last_mark = max(characters.rfind(_PASTE_BEGIN), characters.rfind(_PASTE_END))
+            f12_index = characters.rfind(F12_SEQUENCE)
             is_open = (
-                read_data.startswith(_PASTE_BEGIN, last_mark) if last_mark >= 0 else self._open
+                characters.startswith(_PASTE_BEGIN, last_mark)
+                if last_mark >= 0
+                else self._is_pasting
             )
             return (
-                read_data[:key] + _PASTE_END + read_data[key:]
-                if is_open and key > last_mark
-                else read_data
+                characters[:f12_index] + _PASTE_END + characters[f12_index:]
+                if is_open and f12_index > last_mark
+                else characters
             )
 
-        def _without_answers(self, read_data: str) -> str:
+        def _without_reports(self, characters: str) -> str:
             """Move reports of the terminal, which may come within a paste, to its end."""
-            self._answers += "".join(_CURSOR_REPORT.findall(read_data))
-            read_data = _CURSOR_REPORT.sub("", read_data)
-            if self._open:
-                return read_data
-            answers, self._answers = self._answers, ""
-            return read_data + answers
+            self._reports += "".join(_CURSOR_REPORT.findall(characters))
+            characters = _CURSOR_REPORT.sub("", characters)
+            if self._is_pasting:
+                return characters
+            answers, self._reports = self._reports, ""
+            return characters + answers

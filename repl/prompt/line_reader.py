@@ -35,9 +35,9 @@ class LineReader:
         self._decoder = io.IncrementalNewlineDecoder(decoder, translate=True)
         is_file = stat.S_ISREG(os.fstat(self._fd).st_mode)
         self._room = threading.Semaphore(1) if is_file else None
-        self._part = ""  # the unfinished line
-        self._over = False
-        self._wake, self._woken = os.pipe() if sys.platform != "win32" else (-1, -1)
+        self._unfinished_line = ""  # the unfinished line
+        self._is_stopped = False
+        self._wake_read, self._wake_write = os.pipe() if sys.platform != "win32" else (-1, -1)
         self._thread = threading.Thread(target=self._read, name="ergon-input", daemon=True)
 
     def start(self) -> None:
@@ -51,17 +51,17 @@ class LineReader:
 
     def drop_typed(self) -> None:
         """Drop a line that is typed and not yet entered."""
-        self._part = ""
+        self._unfinished_line = ""
 
     def stop(self) -> None:
         """Stop reading."""
-        self._over = True
+        self._is_stopped = True
         self.note_line_taken()
-        if self._woken >= 0:
-            os.write(self._woken, b"x")
+        if self._wake_write >= 0:
+            os.write(self._wake_write, b"x")
             self._thread.join()
-            os.close(self._wake)
-            os.close(self._woken)
+            os.close(self._wake_read)
+            os.close(self._wake_write)
 
     def _read(self) -> None:
         try:
@@ -70,22 +70,24 @@ class LineReader:
             self._add_text(self._decoder.decode(b"", final=True))
         except OSError:  # a closed terminal is the end of input
             pass
-        if self._part:
-            self._enter(self._part)
+        if self._unfinished_line:
+            self._enter(self._unfinished_line)
         if self._has_room():
             self._queue.end()
 
     def _read_bytes(self) -> bytes:
         """The next bytes, for which it waits; empty at the end."""
-        if self._wake >= 0:
-            ready, _, _ = select.select([self._fd, self._wake], [], [])
-            if self._wake in ready:
+        if self._wake_read >= 0:
+            ready, _, _ = select.select([self._fd, self._wake_read], [], [])
+            if self._wake_read in ready:
                 return b""
         return os.read(self._fd, _CHUNK_BYTES)
 
     def _add_text(self, text: str) -> None:
-        *lines, part = (self._part + text).split("\n")
-        self._part = part if self._room else self._act_on_panic_key(part)
+        *lines, unfinished_line = (self._unfinished_line + text).split("\n")
+        self._unfinished_line = (
+            unfinished_line if self._room else self._act_on_panic_key(unfinished_line)
+        )
         for line in lines:
             self._enter(line)
 
@@ -97,7 +99,7 @@ class LineReader:
         """Wait until another line may be entered; False after `stop`."""
         if self._room is not None:
             self._room.acquire()
-        return not self._over
+        return not self._is_stopped
 
     def _act_on_panic_key(self, typed_text: str) -> str:
         """Remove F12 from a text, and act on it as a panic."""

@@ -23,9 +23,9 @@ def echo(prompt: str, entered_text: str) -> str:
     """Entered text as it stays on the screen: every line after the first has a continuation
     mark.
     """
-    left_out = len(entered_text) - _ECHO_MAX
+    n_omitted = len(entered_text) - _ECHO_MAX
     shown = clean(entered_text[:_ECHO_MAX]).replace("\n", "\n" + continuation(len(prompt)))
-    return prompt + shown + (f" … {left_out:,} more characters" if left_out > 0 else "")
+    return prompt + shown + (f" … {n_omitted:,} more characters" if n_omitted > 0 else "")
 
 
 def continuation(width: int) -> str:
@@ -35,9 +35,9 @@ def continuation(width: int) -> str:
 
 def reply_lines(reply: Reply, *, plain: bool) -> list[str]:
     """The lines of a reply; plain ones are not indented and name no key."""
-    shown = [reply.text if reply.taken else f"not taken: {reply.text}"] if reply.text else []
+    texts = [reply.text if reply.taken else f"not taken: {reply.text}"] if reply.text else []
     if reply.try_ is not None:
-        shown.append(f"try: {reply.try_}" + ("" if plain else f"   {TAB_LABEL}"))
+        texts.append(f"try: {reply.try_}" + ("" if plain else f"   {TAB_LABEL}"))
     indent = "" if plain else INDENT
-    rows = [indent + line for text in shown for line in clean(text).split("\n")]
+    rows = [indent + line for text in texts for line in clean(text).split("\n")]
     return rows + [clean(line) for line in reply.lines]

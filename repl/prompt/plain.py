@@ -20,12 +20,7 @@ from .error_boundary import ErrorBoundary
 from .line_reader import LineReader
 from .message_throttle import MessageThrottle
 from .output import echo, reply_lines
-from .signals import (
-    Terminated,
-    interrupt_ends_forces,
-    signals_blocked_in_threads,
-    with_handler,
-)
+from .signals import Terminated, interrupt_ends_forces, signals_blocked_in_threads, with_handler
 
 _CHECK_PERIOD = 0.1  # s between two looks at what happened
 
@@ -43,10 +38,10 @@ class PlainPrompt:
         self._source, self._sink, self._watch = source, sink, watch
         self._is_terminal = source.isatty()
         self._throttle = MessageThrottle()
-        self._ended = threading.Event()
-        self._writing = threading.Lock()
+        self._end_event = threading.Event()
+        self._write_lock = threading.Lock()
         self._prompt = ""  # the prompt in the last line
-        self._reading = False
+        self._is_reading = False
         self._queue: LineQueue[None] = LineQueue(session)
         self._reader = LineReader(source, self._queue)
         if isinstance(sink, io.TextIOWrapper):  # never fail on a character that the locale lacks
@@ -54,7 +49,7 @@ class PlainPrompt:
 
     def run(self) -> int:
         """Serve until the input ends or a line leaves; the number of refused lines."""
-        refusals = 0
+        n_refused = 0
         listener = threading.Thread(target=self._print_messages, name="ergon-messages", daemon=True)
         with signals_blocked_in_threads():
             listener.start()
@@ -65,16 +60,16 @@ class PlainPrompt:
                     if not queued.text.strip():
                         continue
                     reply = self._do_line(queued)
-                    refusals += not reply.taken
+                    n_refused += not reply.taken
                     self._print(reply_lines(reply, plain=True))
                     if reply.leaves:
                         break
         finally:
             self._reader.stop()
-            self._ended.set()
+            self._end_event.set()
             listener.join()
         self._print([clean(line) for line in self._throttle.pop_all()])
-        return refusals
+        return n_refused
 
     def end(self) -> None:
         """Leave at once; called by a signal handler."""
@@ -110,15 +105,15 @@ class PlainPrompt:
         prompt_text = f"{self._session.state().where} > "
         queued = None
         try:
-            self._reading = True  # before the prompt is visible
-            with self._writing:
+            self._is_reading = True  # before the prompt is visible
+            with self._write_lock:
                 self._prompt = prompt_text
                 self._write(prompt_text)
             queued = self._queue.next()
             self._reader.note_line_taken()
         finally:
-            self._reading = False
-            with self._writing:
+            self._is_reading = False
+            with self._write_lock:
                 self._prompt = ""
                 if not (self._is_terminal and queued):  # a terminal echoes by itself
                     self._write(echo("", queued.text.rstrip() if queued else "") + "\n")
@@ -126,7 +121,7 @@ class PlainPrompt:
 
     def _print(self, lines: Sequence[str]) -> None:
         if lines:
-            with self._writing:
+            with self._write_lock:
                 # Print below the prompt that waits, and then the prompt again.
                 self._write("\n" * bool(self._prompt) + "\n".join(lines) + "\n" + self._prompt)
 
@@ -137,7 +132,7 @@ class PlainPrompt:
     def _print_messages(self) -> None:
         """Print messages, in a thread of its own."""
         with contextlib.suppress(OSError, ValueError):  # the output was closed
-            while not self._ended.wait(_CHECK_PERIOD):
+            while not self._end_event.wait(_CHECK_PERIOD):
                 self._throttle.add(self._session.messages())
                 self._print([clean(line) for line in self._throttle.pop_due(time.monotonic())])
 
@@ -159,7 +154,7 @@ class PlainPrompt:
         self._watch([signal.SIGINT], ends=True)
 
     def _on_interrupt(self, number: int, frame: FrameType | None) -> None:
-        if not self._reading:
+        if not self._is_reading:
             self._session.let_go()
             self._session.cancel()  # a line is dropped as a whole, never half done
             return
@@ -185,11 +180,11 @@ def _without_flow_control(terminal: int) -> Iterator[None]:
     import termios
 
     old_attributes = termios.tcgetattr(terminal)
-    changed = termios.tcgetattr(terminal)
-    changed[0] &= ~termios.IXON
+    attributes = termios.tcgetattr(terminal)
+    attributes[0] &= ~termios.IXON
     # Without this, Ctrl-C also discards output, sometimes the next prompt.
-    changed[3] |= termios.NOFLSH
-    termios.tcsetattr(terminal, termios.TCSANOW, changed)
+    attributes[3] |= termios.NOFLSH
+    termios.tcsetattr(terminal, termios.TCSANOW, attributes)
     try:
         yield
     finally:

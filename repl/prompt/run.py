@@ -38,17 +38,17 @@ def run(
     usual effect; before that, `watch` makes them end forces and sound. In a terminal, Ctrl-C
     clears the typed text; while a line is computed, it ends all forces.
     """
-    refused = 0
-    calm = ErrorBoundary(session)
-    server = _make_prompt(calm, plain or not can_redraw(), history, watch)
-    with termination_deferred(server.end, watch), suspension_disabled(watch):
+    n_refused = 0
+    boundary = ErrorBoundary(session)
+    prompt = _make_prompt(boundary, plain or not can_redraw(), history, watch)
+    with termination_deferred(prompt.end, watch), suspension_disabled(watch):
         try:
-            refused = server.run()
+            n_refused = prompt.run()
         finally:
-            calm.close()
-    for message in calm.messages():
+            boundary.close()
+    for message in boundary.messages():
         print(clean(message))
-    return EXIT_REFUSED if strict and refused else 0
+    return EXIT_REFUSED if strict and n_refused else 0
 
 
 def _make_prompt(
@@ -63,11 +63,11 @@ def _make_prompt(
 
 def can_redraw() -> bool:
     """Whether there is a terminal that can redraw a line."""
-    dumb = os.environ.get("TERM", "").lower() in ("dumb", "unknown")
-    return sys.stdin.isatty() and sys.stdout.isatty() and not dumb
+    is_dumb = os.environ.get("TERM", "").lower() in ("dumb", "unknown")
+    return sys.stdin.isatty() and sys.stdout.isatty() and not is_dumb
 
 
-def history_of_user(environment: Mapping[str, str] = os.environ) -> Path | None:
+def user_history(environment: Mapping[str, str] = os.environ) -> Path | None:
     """$XDG_STATE_HOME/ergon/history, or ~/.local/state/ergon/history."""
     folder = state_folder(environment)
     return None if folder is None else folder / "history"

@@ -52,11 +52,11 @@ class ScreenPrompt:
         self._queue: LineQueue[None] = LineQueue(session)
         self._is_computing = False
         self._throttle = MessageThrottle()
-        self._refused = ("", "")  # the line, and what to type instead
-        self._refusals = 0
-        self._leaving = False
-        self._where = ""
-        self._drawn = 0.0
+        self._last_refusal = ("", "")  # the line, and what to type instead
+        self._n_refused = 0
+        self._is_leaving = False
+        self._position_text = ""
+        self._drawn_instant = 0.0
         self._prompt: PromptSession[None] = PromptSession(
             self._prompt_text,
             multiline=True,
@@ -78,8 +78,8 @@ class ScreenPrompt:
         """The status line, with the drawing of a traced key above it if there is room."""
         session_state, terminal_size = self._session.state(), self._app.output.get_size()
         rows = session_state.drawing if len(session_state.drawing) < terminal_size.rows // 2 else ()
-        drawn = [clean(row)[: terminal_size.columns] for row in rows]
-        return "\n".join([*drawn, status(session_state, terminal_size.columns)])
+        drawing_rows = [clean(row)[: terminal_size.columns] for row in rows]
+        return "\n".join([*drawing_rows, status(session_state, terminal_size.columns)])
 
     def run(self) -> int:
         """Serve until it is left; the number of refused lines."""
@@ -88,7 +88,7 @@ class ScreenPrompt:
         self._watch([signal.SIGINT], ends=True)
         for line in self._throttle.pop_all():
             print(clean(line))
-        return self._refusals
+        return self._n_refused
 
     def end(self) -> None:
         """Leave at once; may be called by a signal."""
@@ -107,21 +107,21 @@ class ScreenPrompt:
             contextlib.redirect_stderr(proxy),
         ):
             worker.start()
-            serving = event_loop.create_task(self._app.run_async(set_exception_handler=False))
-            while not serving.done():
-                await asyncio.wait({serving}, timeout=_CHECK_PERIOD)
+            app_task = event_loop.create_task(self._app.run_async(set_exception_handler=False))
+            while not app_task.done():
+                await asyncio.wait({app_task}, timeout=_CHECK_PERIOD)
                 self._show_messages()
                 if self._app.is_done:
                     # If the terminal was closed while text was printed, prompt_toolkit waits for
                     # ever.
-                    await asyncio.wait({serving}, timeout=_END_TIMEOUT)
-                    serving.cancel()
+                    await asyncio.wait({app_task}, timeout=_END_TIMEOUT)
+                    app_task.cancel()
             proxy.close()
             # The loop still has to print the last output.
-            if under_way := asyncio.all_tasks() - {asyncio.current_task()}:
-                await asyncio.wait(under_way, timeout=_END_TIMEOUT)
+            if pending_tasks := asyncio.all_tasks() - {asyncio.current_task()}:
+                await asyncio.wait(pending_tasks, timeout=_END_TIMEOUT)
             with contextlib.suppress(EOFError, asyncio.CancelledError), _hangup_is_end():
-                await serving
+                await app_task
 
     def _show_messages(self) -> None:
         """Show new messages, and redraw the status from time to time."""
@@ -129,8 +129,8 @@ class ScreenPrompt:
         now = time.monotonic()
         for line in self._throttle.pop_due(now):
             print(clean(line))
-        if now - self._drawn >= _REDRAW_PERIOD:
-            self._drawn = now
+        if now - self._drawn_instant >= _REDRAW_PERIOD:
+            self._drawn_instant = now
             self._app.invalidate()
 
     # --- actions of keys ------------------------------------------------------------------------
@@ -148,9 +148,9 @@ class ScreenPrompt:
 
     def leave(self) -> None:
         """Leave when all lines are done; if pressed again, at once."""
-        if self._leaving:
+        if self._is_leaving:
             self._exit()
-        self._leaving = True
+        self._is_leaving = True
         self._queue.end()
 
     def enter(self) -> None:
@@ -164,7 +164,7 @@ class ScreenPrompt:
         """Insert the suggestion of the last refusal, if no other text is typed; else complete the
         word.
         """
-        line, try_ = self._refused
+        line, try_ = self._last_refusal
         if try_ and self._buffer.text.strip() in ("", line.strip()):
             self._buffer.document = Document(try_)
         elif self._buffer.complete_state:
@@ -172,17 +172,17 @@ class ScreenPrompt:
         else:
             self._buffer.start_completion(insert_common_part=True)
 
-    def too_long(self, length: int) -> None:
+    def report_too_long(self, length: int) -> None:
         """Report that a paste of `length` characters did not fit."""
-        why = (
+        message = (
             f"not taken: a paste of {length:,} characters (a block has {TEXT_MAX:,} at most; "
             "`load` and `reload` read files)"
         )
-        self._throttle.add([INDENT + why])
+        self._throttle.add([INDENT + message])
 
-    def _on_characters(self, data: str) -> None:
+    def _on_characters(self, characters: str) -> None:
         """Let a stop in the typed characters act before they become keys, which takes too long."""
-        line, enter, _ = data.partition("\r")
+        line, enter, _ = characters.partition("\r")
         if enter:
             self._queue.stop_now(valid_unicode(self._buffer.text + line))
 
@@ -196,9 +196,9 @@ class ScreenPrompt:
         """The prompt: it shows the present beat until text is typed, which would move if it
         changed.
         """
-        if not self._where or not self._buffer.text:
-            self._where = self._session.state().where
-        return f"{self._where} > "
+        if not self._position_text or not self._buffer.text:
+            self._position_text = self._session.state().where
+        return f"{self._position_text} > "
 
     def _queue_entered(self, buffer: Buffer) -> bool:
         """Queue the entered line, after those before it."""
@@ -224,8 +224,8 @@ class ScreenPrompt:
     def _show_reply(self, typed_text: str, reply: Reply) -> None:
         if lines := reply_lines(reply, plain=False):
             print("\n".join(lines))
-        self._refusals += not reply.taken
-        self._refused = (typed_text, reply.try_ or "")
+        self._n_refused += not reply.taken
+        self._last_refusal = (typed_text, reply.try_ or "")
         if reply.leaves:
             self._exit()
 

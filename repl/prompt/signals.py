@@ -102,12 +102,12 @@ def termination_deferred(end_session: Callable[[], None], watch: SignalWatch) ->
         end_session()
 
     # A signal that the caller ignores (nohup) stays ignored.
-    ending = [
+    signals = [
         number for number in _TERMINATING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN
     ]
-    with with_handler(handler, *ending), contextlib.suppress(Terminated):
-        watch(ending, ends=True)
+    with with_handler(handler, *signals), contextlib.suppress(Terminated):
+        watch(signals, ends=True)
         yield
-    watch(ending, ends=True)
+    watch(signals, ends=True)
     for number in signals_received:
         signal.raise_signal(number)

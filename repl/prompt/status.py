@@ -34,19 +34,22 @@ def status(session_state: State, line_width: int) -> str:
     texts_after += [f"quant {session_state.quant}"]
     if session_state.recording is not None:
         texts_after.insert(0, f"rec {session_state.recording:.1f} s")
-    playing = (
+    playing_text = (
         " · ".join(f"{player} {played_name}" for player, played_name in session_state.playing)
         or "—"
     )
-    least = min(len(playing), _WIDTH_MIN)
+    width_min = min(len(playing_text), _WIDTH_MIN)
     while (
-        texts_after and len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])) + least > line_width
+        texts_after
+        and len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])) + width_min > line_width
     ):
         texts_after.pop()
-    room = max(line_width - len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])), least)
-    if len(playing) > room:
-        playing = playing[: room - 1] + "…"
-    return clean(_FIELD_SEPARATOR.join([*texts, playing, *texts_after]))[:line_width]
+    playing_width = max(
+        line_width - len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])), width_min
+    )
+    if len(playing_text) > playing_width:
+        playing_text = playing_text[: playing_width - 1] + "…"
+    return clean(_FIELD_SEPARATOR.join([*texts, playing_text, *texts_after]))[:line_width]
 
 
 def _level_text(level: float) -> str:

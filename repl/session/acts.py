@@ -20,9 +20,9 @@ class Acts:
 
     def __init__(self, append_event: Callable[..., None]) -> None:
         """Use `append_event` to write an event to the journal."""
-        self._tell = append_event
+        self._append_event = append_event
         self._lock = threading.Lock()
-        self._under_way: dict[int, tuple[str, dict[str, object]]] = {}
+        self._pending_acts: dict[int, tuple[str, dict[str, object]]] = {}
 
     def request(
         self, request_act: Callable[[], int | None], event: str, **act_fields: object
@@ -31,9 +31,9 @@ class Acts:
         False if too many are under way.
         """
         with self._lock:  # the event of the act needs the entry
-            ticket = request_act() if len(self._under_way) < _UNDER_WAY_MAX else None
+            ticket = request_act() if len(self._pending_acts) < _UNDER_WAY_MAX else None
             if ticket is not None:
-                self._under_way[ticket] = event, act_fields
+                self._pending_acts[ticket] = event, act_fields
             return ticket is not None
 
     def note_ended(self, engine_event: EngineEvent) -> None:
@@ -42,7 +42,7 @@ class Acts:
         """
         assert engine_event.act_ticket is not None
         with self._lock:
-            act_fields = self._under_way.pop(engine_event.act_ticket, None)
+            act_fields = self._pending_acts.pop(engine_event.act_ticket, None)
         if act_fields is not None and not engine_event.is_late:
             name, fields = act_fields
-            self._tell(name, frame=engine_event.frame, **fields)
+            self._append_event(name, frame=engine_event.frame, **fields)

@@ -32,13 +32,15 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], beat_now: float)
     tempo = piece.tempo_map
     bar, _ = tempo.bar_beat(beat_now)
     bar_starts = [tempo.bars.start(bar + number) for number in range(_DEFAULT_BARS + 1)]
-    events_by_player = {name: [*_beginnings(piece, name, bar_starts)] for name in piece.players}
+    events_by_player = {
+        name: [*_play_beginnings(piece, name, bar_starts)] for name in piece.players
+    }
     strokes_by_name = {
-        strikes.name: [*_strokes_within(piece, strikes, bar_starts)] for strikes in piece.strikes
+        strikes.name: [*_strokes(piece, strikes, bar_starts)] for strikes in piece.strikes
     }
     events_by_player |= {name: strokes for name, strokes in strokes_by_name.items() if strokes}
-    names = max(map(len, events_by_player), default=0)
-    name_width = min(names, _NAME_LETTERS_MAX) + 2
+    name_length_max = max(map(len, events_by_player), default=0)
+    name_width = min(name_length_max, _NAME_LETTERS_MAX) + 2
     columns_left = min(shutil.get_terminal_size().columns, _WIDTH_MAX) - name_width
     while (
         len(bar_starts) > 2
@@ -46,11 +48,13 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], beat_now: float)
     ):
         bar_starts.pop()
     n_beats = bar_starts[-1] - bar_starts[0]
-    text_width = max(_COLUMNS_PER_BEAT_MIN, min(_COLUMNS_PER_BEAT_MAX, int(columns_left / n_beats)))
-    n_columns = math.ceil(n_beats * text_width)
+    beat_columns = max(
+        _COLUMNS_PER_BEAT_MIN, min(_COLUMNS_PER_BEAT_MAX, int(columns_left / n_beats))
+    )
+    n_columns = math.ceil(n_beats * beat_columns)
 
     def column(beat: float) -> int:
-        return int((beat - bar_starts[0]) * text_width + SAME)
+        return int((beat - bar_starts[0]) * beat_columns + SAME)
 
     on_beats = [bar_starts[0] + number for number in range(math.ceil(n_beats - SAME))]
     header_cells = [(column(beat), _beat_text(piece, beat)) for beat in on_beats]
@@ -85,7 +89,7 @@ def _beat_text(piece: Piece, beat: float) -> str:
     return f"{bar}|1" if beat_in_bar < 1.5 else f"{beat_in_bar:.0f}"
 
 
-def _beginnings(
+def _play_beginnings(
     piece: Piece, player: str, bar_starts: Sequence[float]
 ) -> Iterator[tuple[float, str]]:
     """What a player begins within these bars, each with its beat."""
@@ -105,7 +109,7 @@ def _beginnings(
                 yield play_beats[place_index], shown_name
 
 
-def _strokes_within(
+def _strokes(
     piece: Piece, strikes: Strikes, bar_starts: Sequence[float]
 ) -> Iterator[tuple[float, str]]:
     """The strikes within these bars, each with its beat, and the note that it strikes."""
@@ -127,7 +131,7 @@ def _strokes_within(
             if note is not None:
                 yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
     elif strikes.rate is not None:
-        begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        begin, stop = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
         if begin < last_beat and (stop is None or stop > first_beat):
             yield max(begin, bar_starts[0]), _CONTINUED_SIGN
     else:

@@ -37,24 +37,26 @@ class BlockRuns:
     ) -> None:
         """Begin without queued runs; `queue` lets a line wait for its frame, `drop` removes it."""
         self._schedule, self._log, self._queue, self._drop = schedule, log, queue, drop
-        self._waiting: dict[int, tuple[str, Rule]] = {}
+        self._waiting_runs: dict[int, tuple[str, Rule]] = {}
         self._last_runs: dict[str, float] = {}
-        self._last = 0.0  # the beat of the last turn
-        self._refused: set[str] = set()
+        self._last_beat = 0.0  # the beat of the last turn
+        self._refused_names: set[str] = set()
 
     def queue_due(self) -> None:
         """Queue runs that are due, and drop those whose rule no longer holds."""
         schedule = self._schedule
         rules = {(name, rule) for name, rule in self._rules()}
-        if not rules and not self._waiting:
+        if not rules and not self._waiting_runs:
             return
         is_running, beat_now = schedule.running.clock.is_running, schedule.beat_now()
-        has_jumped = beat_now < self._last - SAME
-        self._last = beat_now
+        has_jumped = beat_now < self._last_beat - SAME
+        self._last_beat = beat_now
         if has_jumped or not is_running:
             self._last_runs.clear()
-        for waiting_line in [line for line in schedule.waiting if line.number in self._waiting]:
-            block_name, rule = self._waiting[waiting_line.number]
+        for waiting_line in [
+            line for line in schedule.waiting if line.number in self._waiting_runs
+        ]:
+            block_name, rule = self._waiting_runs[waiting_line.number]
             if (
                 has_jumped
                 or not is_running
@@ -62,8 +64,8 @@ class BlockRuns:
             ):
                 self._drop(waiting_line)
         waiting_numbers = {line.number for line in schedule.waiting}
-        for number in self._waiting.keys() - waiting_numbers:
-            del self._waiting[number]
+        for number in self._waiting_runs.keys() - waiting_numbers:
+            del self._waiting_runs[number]
             schedule.past_versions.pop(number, None)  # `undo` returns to typed lines alone
         if is_running:
             for block_name, rule in sorted(rules, key=lambda line: line[0]):
@@ -108,9 +110,9 @@ class BlockRuns:
                 Entry(run_line, edit, when=run_position, is_typed=False)
             )
         except REFUSALS as error:
-            if block_name not in self._refused:  # once, and not for each bar
-                self._refused.add(block_name)
+            if block_name not in self._refused_names:  # once, and not for each bar
+                self._refused_names.add(block_name)
                 self._log.say(f"{block_name} cannot run: {error}")
             return
-        self._refused.discard(block_name)
-        self._waiting[queued_version.version.number] = block_name, rule
+        self._refused_names.discard(block_name)
+        self._waiting_runs[queued_version.version.number] = block_name, rule

@@ -20,17 +20,17 @@ _WRITE_DELAY = 0.6
 
 @dataclass(slots=True)
 class Capture:
-    """A take from frame `start` to `stop`, which is None while it is being recorded."""
+    """A take from frame `start_frame` to `stop_frame`, which is None while it is being recorded."""
 
     player: str
     name: str
-    start: int
-    stop: int | None = None
+    start_frame: int
+    stop_frame: int | None = None
     n_missing: int = 0  # ticks that were not recorded, once it is written
 
     def seconds(self, frame: int, rate: float) -> float | None:
         """Its length so far [s]; None before it begins."""
-        return None if frame < self.start else (frame - self.start) / rate
+        return None if frame < self.start_frame else (frame - self.start_frame) / rate
 
 
 @dataclass(slots=True)
@@ -55,18 +55,18 @@ class Captures:
         """End the take at a frame. Raises NotTakenError."""
         if self.current is None:
             raise NotTakenError("no take is being recorded; `record PLAYER as NAME` begins one")
-        if stop <= self.current.start:
+        if stop <= self.current.start_frame:
             self.current = None
             raise NotTakenError("the take ended before it began: nothing was recorded")
-        self.current.stop = stop
+        self.current.stop_frame = stop
         return self.current
 
     def pop_ready(self, schedule: Schedule) -> Capture | None:
         """The take that has ended and whose recording is on the disk, once; else None."""
         capture = self.current
-        if capture is None or capture.stop is None:
+        if capture is None or capture.stop_frame is None:
             return None
-        if schedule.engine.frame < capture.stop + _WRITE_DELAY * schedule.rate:
+        if schedule.engine.frame < capture.stop_frame + _WRITE_DELAY * schedule.rate:
             return None
         self.current = None
         return capture
@@ -74,10 +74,10 @@ class Captures:
     def write(self, capture: Capture, folder: Path, tick_frames: int) -> Path:
         """Write a take beside the score. Raises NotTakenError."""
         assert self.path is not None
-        assert capture.stop is not None
+        assert capture.stop_frame is not None
         take_path = folder / "takes" / f"{capture.name}.take"
         try:
-            tick_span = capture.start // tick_frames, capture.stop // tick_frames
+            tick_span = capture.start_frame // tick_frames, capture.stop_frame // tick_frames
             recording = _core.read_recording(self.path, tick_span)
             if not len(recording.ticks()):
                 raise NotTakenError(

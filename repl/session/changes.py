@@ -21,9 +21,9 @@ from ergon.repl.session.gains import (
     fader_ratios,
     faders_after,
     gains_at,
-    on_other_faders,
-    with_faded_mix,
     with_faders,
+    with_known_faders,
+    with_rebased_faders,
 )
 from ergon.repl.session.version import PastVersion
 
@@ -49,12 +49,12 @@ class PendingChange:
     gains: Mapping[int, float] = field(default_factory=dict)
 
     @property
-    def is_gains(self) -> bool:
+    def is_gain_change(self) -> bool:
         """Whether it changes gains alone."""
         return self.running_after.stage is self.running_before.stage
 
 
-class TakenBack(NamedTuple):
+class Withdrawal(NamedTuple):
     """Lines of changes that were not made, and the version before them."""
 
     lines: Sequence[WaitingLine]
@@ -64,14 +64,14 @@ class TakenBack(NamedTuple):
 class Changes:
     """Changes in the order in which they act.
 
-    `running` is the version after all of them, `done` has the numbers of their lines.
+    `running` is the version after all of them, `done_numbers` has the numbers of their lines.
     """
 
     def __init__(self, engine: Engine, running: RunningVersion) -> None:
         """Begin with a version that plays."""
         self.running = running
         self.pending: list[PendingChange] = []
-        self.done: list[int] = []
+        self.done_numbers: list[int] = []
         self._engine = engine
         self._n_sent = 0
         # Changes that were taken back; one that was made before it could be is put back.
@@ -84,7 +84,7 @@ class Changes:
         """What the engine plays now."""
         return self.pending[0].running_before if self.pending else self.running
 
-    def playing_at(self, frame: int) -> RunningVersion:
+    def running_at(self, frame: int) -> RunningVersion:
         """What the engine will play at a frame."""
         done_changes = [change for change in self.pending if change.frame <= frame]
         return done_changes[-1].running_after if done_changes else self.playing
@@ -100,8 +100,8 @@ class Changes:
         old_version = self.running
         is_last = all(pending_change.frame <= change.frame for pending_change in self.pending)
         if not is_last:  # gains that act later are under way
-            old_version = self.playing_at(change.frame)
-            running_after = on_other_faders(running_after, old_version.version, lines)
+            old_version = self.running_at(change.frame)
+            running_after = with_rebased_faders(running_after, old_version.version, lines)
             if lines:
                 change = replace(change, gains=changed_ratios(old_version, running_after))
         ticket = self._engine.change(change)
@@ -115,7 +115,7 @@ class Changes:
             running_after,
             change.gains,
         )
-        self.done += [line.number for line in lines]
+        self.done_numbers += [line.number for line in lines]
         self._insert(pending_change)
         if is_last:
             self.running = running_after
@@ -128,15 +128,15 @@ class Changes:
         Raises EngineError, or one of `REFUSALS` if there is not what they name.
         """
         start_frame = self.ready_frame(from_frame, waiting_lines)
-        with_faders(self.playing_at(start_frame), waiting_lines)
+        with_faders(self.running_at(start_frame), waiting_lines)
         self._n_sent += 1
         self._send_gains(start_frame, waiting_lines, self._n_sent)
-        self.done += [line.number for line in waiting_lines]
+        self.done_numbers += [line.number for line in waiting_lines]
         self._sort_history()
 
     def ready_frame(self, first_frame: int, waiting_lines: Sequence[WaitingLine]) -> int:
         """The first frame from `first_frame` on that has all strikes and routes that lines fade."""
-        if can_move_faders(self.playing_at(first_frame), waiting_lines):
+        if can_move_faders(self.running_at(first_frame), waiting_lines):
             return first_frame
         later_changes = (change for change in self.pending if change.frame > first_frame)
         return next(
@@ -151,8 +151,8 @@ class Changes:
     def _send_gains(
         self, change_frame: int, waiting_lines: Sequence[WaitingLine], change_number: int
     ) -> None:
-        running = self.playing_at(change_frame)
-        running_after = with_faded_mix(running, waiting_lines)
+        running = self.running_at(change_frame)
+        running_after = with_known_faders(running, waiting_lines)
         gains = changed_ratios(running, running_after)
         ticket = self._engine.change(gains_at(change_frame, running_after, gains))
         self._insert(
@@ -182,25 +182,23 @@ class Changes:
         """Append changes, the first of which now follows another version."""
         for change in later_changes:
             if change.running_before is not running_before:
-                change = self._on_other_version(change, running_before)
+                change = self._rebased_change(change, running_before)
             self.pending.append(change)
             running_before = change.running_after
 
-    def _on_other_version(
+    def _rebased_change(
         self, change: PendingChange, running_before: RunningVersion
     ) -> PendingChange:
         """A change that follows another version; the engine gets its gains again if they differ."""
-        if change.is_gains:
-            version_after = with_faded_mix(running_before, change.lines)
+        if change.is_gain_change:
+            version_after = with_known_faders(running_before, change.lines)
         else:
-            version_after = on_other_faders(
+            version_after = with_rebased_faders(
                 change.running_after, running_before.version, change.lines
             )
         ratios = fader_ratios(version_after)
-        wanted_ratios = changed_ratios(running_before, version_after)
-        gains = {
-            group: ratios[group] for group in {*change.gains, *wanted_ratios} if group in ratios
-        }
+        new_ratios = changed_ratios(running_before, version_after)
+        gains = {group: ratios[group] for group in {*change.gains, *new_ratios} if group in ratios}
         if gains != change.gains:
             with contextlib.suppress(EngineError):  # too many changes wait
                 self._corrections.add(
@@ -214,7 +212,9 @@ class Changes:
         """Let the numbers of lines be in the order in which they act."""
         coming_numbers = [line.number for change in self.pending for line in change.lines]
         known_numbers = {*coming_numbers}
-        self.done = [number for number in self.done if number not in known_numbers] + coming_numbers
+        self.done_numbers = [
+            number for number in self.done_numbers if number not in known_numbers
+        ] + coming_numbers
 
     def past_versions(
         self, past_by_number: Mapping[int, PastVersion]
@@ -225,15 +225,13 @@ class Changes:
         for pending_change in self.pending:
             old_version = pending_change.running_before.version
             for waiting_line, faders in zip(
-                pending_change.lines,
-                faders_after(old_version, pending_change.lines),
-                strict=True,
+                pending_change.lines, faders_after(old_version, pending_change.lines), strict=True
             ):
                 known_version = past_by_number.get(waiting_line.number)
                 if known_version is None:
                     continue
                 version_after = known_version
-                if pending_change.is_gains:
+                if pending_change.is_gain_change:
                     version_after = PastVersion.from_version(
                         old_version, known_version.where, known_version.line
                     )
@@ -241,18 +239,20 @@ class Changes:
                 if version_after != known_version:
                     yield waiting_line.number, version_after
 
-    def withdraw(self, first_frame: int) -> TakenBack:
+    def withdraw(self, first_frame: int) -> Withdrawal:
         """Take back the changes from a frame on that were not made yet."""
-        staged_indices = (index for index, change in enumerate(self.pending) if not change.is_gains)
+        staged_indices = (
+            index for index, change in enumerate(self.pending) if not change.is_gain_change
+        )
         change_index = next(
             (index for index in staged_indices if self.pending[index].frame >= first_frame), None
         )
         if change_index is None:
-            return TakenBack((), self.running)
+            return Withdrawal((), self.running)
         self._engine.revoke(first_frame)
-        return self._take_back(change_index)
+        return self._withdraw_from(change_index)
 
-    def _take_back(self, first_index: int) -> TakenBack:
+    def _withdraw_from(self, first_index: int) -> Withdrawal:
         """Take back all changes from an index on. Gains are sent again, because they need no new
         version, except those of parts that only the withdrawn changes add.
         """
@@ -262,22 +262,24 @@ class Changes:
         returned_lines: list[WaitingLine] = []
         gain_changes: list[PendingChange] = []
         for returned_change in changes_after:
-            if returned_change.is_gains and can_move_faders(base_version, returned_change.lines):
+            if returned_change.is_gain_change and can_move_faders(
+                base_version, returned_change.lines
+            ):
                 gain_changes.append(returned_change)
                 continue
             returned_lines += returned_change.lines
-            if returned_change.is_gains:
+            if returned_change.is_gain_change:
                 gain_changes.append(replace(returned_change, lines=()))
             else:
                 self._withdrawn[returned_change.ticket] = returned_change
         numbers = {line.number for line in returned_lines}
-        self.done = [number for number in self.done if number not in numbers]
+        self.done_numbers = [number for number in self.done_numbers if number not in numbers]
         self._append_following(base_version, gain_changes)
         if gain_changes:
             self.running = self.pending[-1].running_after
-        return TakenBack(returned_lines, base_version)
+        return Withdrawal(returned_lines, base_version)
 
-    def note_late(self, ticket: int, soonest_frame: int) -> TakenBack:
+    def note_late(self, ticket: int, soonest_frame: int) -> Withdrawal:
         """Note that a change came too late: it and those after it are not made.
 
         Gains are sent again for the frame `soonest_frame`.
@@ -285,15 +287,15 @@ class Changes:
         self._withdrawn.pop(ticket, None)
         if ticket in self._corrections:
             self._corrections.remove(ticket)
-            repeated_change = all_gains_at(soonest_frame, self.playing_at(soonest_frame))
+            repeated_change = all_gains_at(soonest_frame, self.running_at(soonest_frame))
             self._corrections.add(self._engine.change(repeated_change))
-            return TakenBack((), self.running)
+            return Withdrawal((), self.running)
         tickets = [change.ticket for change in self.pending]
         change_index = tickets.index(ticket) if ticket in tickets else None
         if change_index is None:
-            return TakenBack((), self.running)
-        if not self.pending[change_index].is_gains:
-            return self._take_back(change_index)
+            return Withdrawal((), self.running)
+        if not self.pending[change_index].is_gain_change:
+            return self._withdraw_from(change_index)
         late_change, later_changes = self.pending[change_index], self.pending[change_index + 1 :]
         del self.pending[change_index:]
         self._append_following(late_change.running_before, later_changes)
@@ -302,7 +304,7 @@ class Changes:
             late_change.lines,
             late_change.number,
         )
-        return TakenBack((), self.running)
+        return Withdrawal((), self.running)
 
     def note_done(self, engine_event: EngineEvent) -> PendingChange | None:
         """Note that a change was made; returns it. None if the ticket is not known."""
@@ -312,7 +314,7 @@ class Changes:
                 return self.pending.pop(index)
         withdrawn_change = self._withdrawn.pop(engine_event.ticket or 0, None)
         if withdrawn_change is not None:  # the change was made before its withdrawal
-            self.done += [line.number for line in withdrawn_change.lines]
+            self.done_numbers += [line.number for line in withdrawn_change.lines]
             later_changes, self.pending = self.pending, []
             self.running = withdrawn_change.running_after
             self._append_following(withdrawn_change.running_after, later_changes)

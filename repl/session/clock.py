@@ -19,36 +19,36 @@ JOIN_DURATION = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """How beats map to time: a running piece began at second `began_at` of the engine, a
+    """How beats map to time: a running piece began at second `begin_instant` of the engine, a
     stopped one is at beat `stopped_beat`.
     """
 
-    began_at: float | None = None
+    begin_instant: float | None = None
     stopped_beat: float = 0.0
 
     @property
     def is_running(self) -> bool:
         """Whether the piece is running."""
-        return self.began_at is not None
+        return self.begin_instant is not None
 
     def tempo(self, tempo: TempoMap, seconds_now: float) -> TempoMap:
         """The tempo map in seconds of the engine, which is at second `seconds_now`."""
-        if self.began_at is not None:
-            return ShiftedTempoMap(tempo, self.began_at)
+        if self.begin_instant is not None:
+            return ShiftedTempoMap(tempo, self.begin_instant)
         return StoppedTempoMap(tempo, self.stopped_beat, seconds_now)
 
     def beat(self, tempo: TempoMap, seconds: float) -> float:
         """The beat of the piece at a second of the engine."""
         return (
             self.stopped_beat
-            if self.began_at is None
-            else max(0.0, tempo.beats(seconds - self.began_at))
+            if self.begin_instant is None
+            else max(0.0, tempo.beats(seconds - self.begin_instant))
         )
 
     def seconds(self, tempo: TempoMap, beat: float) -> float:
         """The second of the engine at a beat; the piece must be running."""
-        assert self.began_at is not None
-        return tempo.seconds(beat) + self.began_at
+        assert self.begin_instant is not None
+        return tempo.seconds(beat) + self.begin_instant
 
 
 class Timing(NamedTuple):
@@ -110,17 +110,17 @@ def takeover_beats(
     start = start_frame / timing.rate
     if sets_running is not None:
         leave_beat = clock.beat(old_tempo, start)
-        clock_after = running_clock(new_tempo, line_beat, start + timing.takeover_lead)
+        new_clock = running_clock(new_tempo, line_beat, start + timing.takeover_lead)
         return TakeoverBeats(
-            clock_after if sets_running else Clock(None, leave_beat), leave_beat, line_beat
+            new_clock if sets_running else Clock(None, leave_beat), leave_beat, line_beat
         )
     if enter_beat is not None:
-        clock_after = clock_at_beat(clock, new_tempo, enter_beat, start + timing.takeover_lead)
-        return TakeoverBeats(clock_after, line_beat, enter_beat)
-    clock_after, takeover_beat = clock_after_takeover(
+        new_clock = clock_at_beat(clock, new_tempo, enter_beat, start + timing.takeover_lead)
+        return TakeoverBeats(new_clock, line_beat, enter_beat)
+    new_clock, takeover_beat = clock_after_takeover(
         clock, old_tempo, new_tempo, line_beat, start + timing.takeover_lead, timing.tick_seconds
     )
-    return TakeoverBeats(clock_after, takeover_beat, takeover_beat)
+    return TakeoverBeats(new_clock, takeover_beat, takeover_beat)
 
 
 def running_clock(tempo: TempoMap, beat: float, seconds: float) -> Clock:
@@ -139,7 +139,7 @@ def clock_after_takeover(
     new_tempo: TempoMap,
     takeover_beat: float,
     takeover_instant: float,
-    tick: float,
+    tick_seconds: float,
 ) -> tuple[Clock, float]:
     """The clock and the beat with which a version takes over that may have another tempo map.
 
@@ -148,7 +148,7 @@ def clock_after_takeover(
     """
     if (
         not clock.is_running
-        or clock.beat(old_tempo, takeover_instant - tick) <= takeover_beat + SAME
+        or clock.beat(old_tempo, takeover_instant - tick_seconds) <= takeover_beat + SAME
     ):
         return clock, takeover_beat
     old_beat = clock.beat(old_tempo, takeover_instant)

@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
     from ergon.repl.session.frozen_parts import LoadedPart
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.staging.live import Real
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.live import RealHands
+    from ergon.scores.staging.planning import TrialStore
     from ergon.scores.staging.stage import Stage
 
 _BAR_DURATION = Length(bars=1.0)
@@ -72,12 +72,12 @@ class SessionCore:
     def __init__(
         self,
         version: Version,
-        make: Callable[[Stage], Engine],
+        make_engine: Callable[[Stage], Engine],
         *,
         margin: float,
         journal: Journal | None = None,
-        real: Real | None = None,
-        store: Store | None = None,
+        real: RealHands | None = None,
+        store: TrialStore | None = None,
         clock: Clock | None = None,
         hands: Path | None = None,
         disk: Disk | None = None,
@@ -87,7 +87,7 @@ class SessionCore:
         is_seen: bool = False,
         driven: Collection[str] = (),
     ) -> None:
-        """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
+        """Begin with a version whose piece is stopped; `make_engine` makes an engine for its stage.
 
         `margin` [s] is the time in which a change reaches the engine; `hands` is the engine's
         recording of real hands; `disk` has the known hashes if files on the disk differ from the
@@ -98,7 +98,7 @@ class SessionCore:
         """
         version = replace(version, base=version.base or version.texts)
         running = stage_first(version, clock or Clock(), real or {}, store, frozen, is_seen=is_seen)
-        engine = make(running.stage)
+        engine = make_engine(running.stage)
         bounds = engine.force_bounds(running.stage, running.start, (), ())
         running = replace(running, force_bounds=bounds)
         engine.set_faders(fader_ratios(running))
@@ -115,12 +115,12 @@ class SessionCore:
         self.quant: Length | None = _BAR_DURATION
         self.quant_text = "bar"
         # Lines that `undo` took back before they took effect.
-        self.cancelled: list[WaitingLine] = []
+        self.cancelled_lines: list[WaitingLine] = []
         self.captures = Captures(hands)
         self.sound_file = SoundFile()
         self.guidance = Guidance(self.schedule, frozenset(driven))
         self.computing = computing.Computing()
-        self.watch = FileWatch(version.texts) if watches else None
+        self.file_watch = FileWatch(version.texts) if watches else None
         self.stops = Stops(self.schedule, self.computing, self.log, self.queue, self.drop)
         self.fast_values = FastValues(
             self.schedule, self.history, self.log, self.queue, lambda: self.scope
@@ -129,10 +129,10 @@ class SessionCore:
         self.acts = Acts(self.log.write)
         self.midi = MidiInput(self.schedule, self.acts, self.fast_values, self.stops, self.say)
         self.hearing = Hearing(self.schedule, self.acts, self.stops, self.queue)
-        self.taps: list[float] = []
-        self.traced: str | None = None  # player whose key is drawn while it moves
+        self.tap_instants: list[float] = []
+        self.traced_player: str | None = None  # player whose key is drawn while it moves
         self.drawing: tuple[str, ...] = ()
-        self._drawn = 0  # the frame of that drawing
+        self._drawn_frame = 0  # the frame of that drawing
         self.disk = disk or Disk.from_texts(version.texts)
         self.is_over = False  # nothing more is played or written
         self._n_lines = 0
@@ -176,11 +176,11 @@ class SessionCore:
         )
         if line_time is None and all(isinstance(command, DefineBlock) for command in commands):
             line_time = NOW  # nothing is heard of it
-        is_read = any(type(command) in version_edits.READS_FILES for command in commands)
+        reads_files = any(type(command) in version_edits.READS_FILES for command in commands)
         edit = version_edits.combined(commands)
         kind = kind_of(commands, has_levels=bool(self.schedule.head.strike_levels))
         beat_text, queued_version = self.queue(
-            Entry(line_text, edit, kind, line_time, reads_files=is_read)
+            Entry(line_text, edit, kind, line_time, reads_files=reads_files)
         )
         summaries = [
             version_edits.command_summary(command, queued_version, beat_text)
@@ -190,23 +190,21 @@ class SessionCore:
         summaries += self.log.discard_messages(queued_version.version)
         return Reply(True, f"ok {beat_text} {'; '.join(filter(None, summaries))}".rstrip())
 
-    def queue(self, history_entry: Entry) -> tuple[str, RunningVersion]:
+    def queue(self, entry: Entry) -> tuple[str, RunningVersion]:
         """Queue a line for its frame; returns its beat as written, and its version, staged.
 
         Raises one of `REFUSALS`, and nothing has changed.
         """
-        history_entry = replace(history_entry, when=self.resolved_time(history_entry.when))
-        if self.journal is not None and self.journal.is_full and not history_entry.is_stop:
+        entry = replace(entry, when=self.resolved_time(entry.when))
+        if self.journal is not None and self.journal.is_full and not entry.is_stop:
             raise NotTakenError("the journal keeps no further line: make room on the disk")
         with self.schedule.lock:
             self._n_lines += 1
             line_number = self._n_lines
 
-        request = Request(history_entry, line_number, self.quant, self.schedule.n_drops)
-        with self.computing.limited(history_entry.steps):
-            draft = self.schedule.insert(
-                request, lambda draft: self._note_line(history_entry, draft)
-            )
+        request = Request(entry, line_number, self.quant, self.schedule.n_drops)
+        with self.computing.limited(entry.steps):
+            draft = self.schedule.insert(request, lambda draft: self._note_line(entry, draft))
         self.log.note_thawed(draft.checked_version)
         self.hand_over_due()
         for _ in range(_TRIES_MAX):  # a late line must be made again
@@ -236,17 +234,17 @@ class SessionCore:
             for waiting_line in self.schedule.waiting
         )
 
-    def _note_line(self, history_entry: Entry, draft: Draft) -> None:
+    def _note_line(self, entry: Entry, draft: Draft) -> None:
         """Note a line that waits from now on in journal and history."""
         waiting_line, version = draft.line, draft.line.result()
         optional_fields: dict[str, object] = {}
-        if history_entry.replaces is not None:
-            optional_fields["replaces"] = history_entry.replaces
-        if not history_entry.is_typed:
+        if entry.replaced_number is not None:
+            optional_fields["replaces"] = entry.replaced_number
+        if not entry.is_typed:
             optional_fields["typed"] = False
         if waiting_line.start is not None:
             optional_fields["start"] = waiting_line.start
-        if history_entry.reads_files:
+        if entry.reads_files:
             optional_fields |= self._fields_read(version)
             self.log.note_read(waiting_line.number, version)
         self.log.write(
@@ -255,19 +253,19 @@ class SessionCore:
             line=waiting_line.line,
             kind=waiting_line.kind.name.lower(),
             beat=waiting_line.beat,
-            goes=history_entry.sets_running,
-            resets=history_entry.resets,
-            restores=history_entry.restores,
+            goes=entry.sets_running,
+            resets=entry.resets,
+            restores=entry.restored_number,
             where=version.piece.tempo_map.written(waiting_line.beat),
             **optional_fields,
         )
-        if history_entry.restores is None and history_entry.is_typed:
+        if entry.restored_number is None and entry.is_typed:
             self.history.add(waiting_line.number)
-            if history_entry.replaces is not None:
-                self.history.remove(history_entry.replaces)
-                self.schedule.past_versions.pop(history_entry.replaces, None)
-            if not history_entry.redoes:
-                self.cancelled.clear()
+            if entry.replaced_number is not None:
+                self.history.remove(entry.replaced_number)
+                self.schedule.past_versions.pop(entry.replaced_number, None)
+            if not entry.is_redo:
+                self.cancelled_lines.clear()
             self.history.sort(self.schedule.effect_order())
 
     def _fields_read(self, version: Version) -> dict[str, object]:
@@ -275,13 +273,13 @@ class SessionCore:
         if version.read_texts is not None:
             self.disk.note_read(version.read_texts)
             disk_fields["base"] = text_fields(version.read_texts)
-            if self.watch is not None:
-                self.watch.watch_texts(version.read_texts)
+            if self.file_watch is not None:
+                self.file_watch.watch_texts(version.read_texts)
         if version.read_files and version.base is not None:
             self.disk.note_written(version.read_files)
             disk_fields["base"] = text_fields(version.base)
-            if self.watch is not None:
-                self.watch.watch_texts(version.texts)
+            if self.file_watch is not None:
+                self.file_watch.watch_texts(version.texts)
         disk_fields["disk"] = self.disk.hashes_by_name(version.texts)
         return {**text_fields(version.texts), **disk_fields, **effect_fields(version)}
 
@@ -299,8 +297,8 @@ class SessionCore:
         self.log.write("saved", score=texts.path, disk=names, **base)
         if is_own:
             self.schedule.rebase(texts)
-        if self.watch is not None:
-            self.watch.has_changed()  # the session itself wrote them
+        if self.file_watch is not None:
+            self.file_watch.has_changed()  # the session itself wrote them
 
     def position_text(self, beat: float) -> str:
         """A beat of the piece as `bar|beat`."""
@@ -335,7 +333,10 @@ class SessionCore:
         if (take := self.captures.pop_ready(self.schedule)) is not None:
             self._add_take(take)
         frame = self.schedule.engine.frame
-        if self.traced is not None and frame >= self._drawn + _DRAWS_EVERY * self.schedule.rate:
+        if (
+            self.traced_player is not None
+            and frame >= self._drawn_frame + _DRAWS_EVERY * self.schedule.rate
+        ):
             self.draw_trace()
 
     def extend_timeline(self) -> None:
@@ -353,10 +354,10 @@ class SessionCore:
     def draw_trace(self) -> None:
         """Draw the traced key, if there is one."""
         engine, running = self.schedule.engine, self.schedule.running
-        self._drawn, self.drawing = engine.frame, ()
-        if self.traced is not None:
+        self._drawn_frame, self.drawing = engine.frame, ()
+        if self.traced_player is not None:
             with contextlib.suppress(NotTakenError):  # the player is gone, or has not moved yet
-                trace_arguments = self.traced, engine.tick_frames, self.captures.path
+                trace_arguments = self.traced_player, engine.tick_frames, self.captures.path
                 trace_lines = inspection.draw_trace(
                     running, engine.frame, *trace_arguments, height=_TRACE_HEIGHT
                 )
@@ -369,7 +370,7 @@ class SessionCore:
             if engine_event.act_ticket is not None:
                 self.acts.note_ended(engine_event)
                 continue
-            for player, is_real in engine_event.real_now.items():
+            for player, is_real in engine_event.is_real_by_player.items():
                 self.log.write("hand", player=player, real=is_real, frame=engine_event.frame)
             if engine_event.sentence:
                 self.log.say(f"{self.log.position_at(engine_event.frame)} {engine_event.sentence}")
@@ -395,8 +396,8 @@ class SessionCore:
         except (NotTakenError, *REFUSALS) as error:
             self.log.say(str(error))
             return
-        assert take.stop is not None
-        duration = (take.stop - take.start) / self.schedule.rate
+        assert take.stop_frame is not None
+        duration = (take.stop_frame - take.start_frame) / self.schedule.rate
         missing_seconds = take.n_missing * self.schedule.engine.tick_frames / self.schedule.rate
         missing_text = (
             f", of which {missing_seconds:.3f} s were not recorded" if take.n_missing else ""
@@ -404,8 +405,10 @@ class SessionCore:
         self.log.say(f"take {take.name}: {duration:.1f} s{missing_text} -> {take_file}")
 
     def _take_sound_file(self) -> None:
-        message, closed = self.sound_file.report_change(self.schedule.engine, self.schedule.rate)
+        message, closed_file = self.sound_file.report_change(
+            self.schedule.engine, self.schedule.rate
+        )
         if message:
             self.log.say(message)
-        if closed is not None:
-            self.log.write("sound", first=closed.first_frame, frames=closed.n_frames)
+        if closed_file is not None:
+            self.log.write("sound", first=closed_file.first_frame, frames=closed_file.n_frames)

@@ -28,7 +28,7 @@ class Disk:
 
     def __init__(self, known: Mapping[str, str] | None = None) -> None:
         """Begin with hashes by file name."""
-        self._known = dict(known or {})
+        self._hash_by_file = dict(known or {})
 
     @classmethod
     def from_texts(cls, texts: Texts) -> Disk:
@@ -43,23 +43,27 @@ class Disk:
 
     def note_written(self, files: Mapping[str, str]) -> None:
         """Note that files were written with these texts."""
-        self._known.update((file, text_hash(text)) for file, text in files.items())
+        self._hash_by_file.update((file, text_hash(text)) for file, text in files.items())
 
     def hashes(self) -> Mapping[str, str]:
         """Hashes by file, in hexadecimal."""
-        return self._known
+        return self._hash_by_file
 
     def hashes_by_name(self, texts: Texts) -> dict[str, str]:
         """Hashes by the names that a journal uses for the files of a score."""
         folder = Path(texts.path).parent
-        by_name = {journal_name(file, folder): known for file, known in self._known.items()}
-        return {name: known for name, known in by_name.items() if not name.startswith("..")}
+        hash_by_name = {
+            journal_name(file, folder): file_hash for file, file_hash in self._hash_by_file.items()
+        }
+        return {
+            name: file_hash for name, file_hash in hash_by_name.items() if not name.startswith("..")
+        }
 
     def add_journal_hashes(self, hashes: Mapping[str, str]) -> None:
         """Add hashes from a journal; `check` compares files with them before they are
         overwritten.
         """
-        self._known.update(hashes)
+        self._hash_by_file.update(hashes)
 
     def unsaved_texts(self, score_texts: Texts) -> dict[str, str]:
         """The unsaved texts of the score and the files that it uses, by file."""
@@ -67,7 +71,8 @@ class Disk:
         return {
             file: text
             for file, text in ((score_texts.path, score_texts.text), *score_texts.overlay.items())
-            if self._known.get(target_path(file, folder), self._known.get(file)) != text_hash(text)
+            if self._hash_by_file.get(target_path(file, folder), self._hash_by_file.get(file))
+            != text_hash(text)
         }
 
     def check_writable(self, file_name: str, score: Path) -> None:
@@ -81,19 +86,19 @@ class Disk:
         if path != score and not is_below(path, score.parent):
             raise NotTakenError(f"{file_name} is outside the folder of the score, {score.parent}")
         if not os.path.lexists(file_name):
-            if file_name in self._known:
+            if file_name in self._hash_by_file:
                 raise NotTakenError(
                     f"{file_name} was deleted since it was read; `save NAME` writes another file"
                 )
             return
-        known_text = self._known.get(file_name)
-        if known_text is None:
+        known_hash = self._hash_by_file.get(file_name)
+        if known_hash is None:
             raise NotTakenError(
                 f"{file_name} already exists, and this session did not write it: choose another "
                 "name"
             )
         file_text = read_text(path)
-        if file_text is None or text_hash(file_text) != known_text:
+        if file_text is None or text_hash(file_text) != known_hash:
             raise NotTakenError(
                 f"{file_name} was changed on the disk since it was read: "
                 "`save NAME` writes another file, `reload` reads the changed one"
@@ -134,10 +139,10 @@ def file_bytes(file_name: str, file_text: str) -> bytes:
     """The bytes with which a text replaces a file; a byte order mark of the file is kept."""
     try:
         with Path(file_name).open("rb") as old_file:
-            mark = old_file.read(len(_UTF8_BOM)) == _UTF8_BOM
+            has_mark = old_file.read(len(_UTF8_BOM)) == _UTF8_BOM
     except OSError:
-        mark = False
-    return (_UTF8_BOM if mark else b"") + file_text.encode()
+        has_mark = False
+    return (_UTF8_BOM if has_mark else b"") + file_text.encode()
 
 
 def is_score(file_text: str) -> bool:

@@ -114,19 +114,21 @@ class Drafts:
         inserted_lines, inserted_line = sketch.lines.inserted(sketch.requested, soonest_frame)
         checked_version, staged_lines = replace(running, version=inserted_line.result()), None
         if not (sketch.is_checked or inserted_line.rule.is_quick):
-            start_frame = self._making_time.began()
+            start_frame = self._making_time.begin_frame()
             staged_group = staged_group_of(inserted_lines.lines)
             if inserted_line in staged_group:
-                staged_result = self._makings.staged(running, staged_group)
-                staged_lines = StagedGroup(staged_group, running, staged_result)
+                staged_version = self._makings.staged(running, staged_group)
+                staged_lines = StagedGroup(staged_group, running, staged_version)
             else:  # a line that waits for others is only checked
                 start = soonest_frame if inserted_line.start is None else inserted_line.start
-                staged_result = self._makings.staged(running, [replace(inserted_line, start=start)])
+                staged_version = self._makings.staged(
+                    running, [replace(inserted_line, start=start)]
+                )
             if inserted_line.base is not None and not (
                 inserted_line.reads_files or inserted_line.sets_all
             ):
-                check_unheard(inserted_line.base.sounding, staged_result.stage)
-            checked_version = replace(staged_result, version=inserted_line.result())
+                check_unheard(inserted_line.base.sounding, staged_version.stage)
+            checked_version = replace(staged_version, version=inserted_line.result())
             self._making_time.add(start_frame)
         return Draft(
             sketch.lines,
@@ -141,53 +143,47 @@ class Drafts:
         """The frame of the lines under way to the beat of a line, if there is time to make all of
         them: lines of one beat take effect together.
         """
-        line_entry = request.entry
-        pending_changes = [change for change in self._changes.pending if not change.is_gains]
-        if (
-            not pending_changes
-            or RULES[line_entry.kind].is_quick
-            or line_entry.sets_running is not None
-        ):
+        entry = request.entry
+        pending_changes = [change for change in self._changes.pending if not change.is_gain_change]
+        if not pending_changes or RULES[entry.kind].is_quick or entry.sets_running is not None:
             return None
-        last_frame, ready_frame = (
+        last_change, ready_frame = (
             pending_changes[-1],
             self._moments.tick_after(self._making_time.expected + _SPARE_SECONDS),
         )
         is_running = self._changes.running.clock.is_running
-        if not last_frame.lines or not is_running or last_frame.frame < ready_frame:
+        if not last_change.lines or not is_running or last_change.frame < ready_frame:
             return None
-        if any(line.sets_running is not None or line.resets for line in last_frame.lines):
+        if any(line.sets_running is not None or line.resets for line in last_change.lines):
             return None
         with contextlib.suppress(NotTakenError):
             tempo = waiting_lines.head.piece.tempo_map
-            beat, _ = self._moments.place_from(ready_frame, tempo, line_entry.when, request.grid)
-            if abs(beat - last_frame.lines[-1].beat) <= SAME:
-                return last_frame.frame
+            beat, _ = self._moments.place_from(ready_frame, tempo, entry.when, request.grid)
+            if abs(beat - last_change.lines[-1].beat) <= SAME:
+                return last_change.frame
         return None
 
     def _requested_line(self, request: Request, waiting_lines: WaitingLines) -> WaitingLine:
         """The line of a request."""
-        line_entry = request.entry
+        entry = request.entry
         tempo = waiting_lines.head.piece.tempo_map
-        line_beat, start_frame = self._moments.place(
-            tempo, line_entry.when, request.grid, line_entry.kind
-        )
+        line_beat, start_frame = self._moments.place(tempo, entry.when, request.grid, entry.kind)
         if start_frame is None:
-            start_frame = self._start_after_play(line_beat, line_entry.kind, waiting_lines)
-        is_now = line_entry.when is NOW or (line_entry.when is None and request.grid is None)
+            start_frame = self._start_after_play(line_beat, entry.kind, waiting_lines)
+        is_now = entry.when is NOW or (entry.when is None and request.grid is None)
         return WaitingLine(
             number=request.number,
-            line=line_entry.line,
-            edit=line_entry.numbered_edit(request.number),
-            kind=line_entry.kind,
-            beat=line_beat if line_entry.enter is None else line_entry.enter,
+            line=entry.line,
+            edit=entry.numbered_edit(request.number),
+            kind=entry.kind,
+            beat=line_beat if entry.enter_beat is None else entry.enter_beat,
             start=start_frame,
-            sets_running=line_entry.sets_running,
-            resets=line_entry.resets,
-            is_now=is_now or line_entry.sets_running is not None,
-            reads_files=line_entry.reads_files,
-            sets_all=line_entry.sets_all,
-            is_named=isinstance(line_entry.when, Position | Length),
+            sets_running=entry.sets_running,
+            resets=entry.resets,
+            is_now=is_now or entry.sets_running is not None,
+            reads_files=entry.reads_files,
+            sets_all=entry.sets_all,
+            is_named=isinstance(entry.when, Position | Length),
         )
 
     def _start_after_play(

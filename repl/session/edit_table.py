@@ -26,24 +26,24 @@ VERSION_EDITS: dict[type[Command], Callable[[Any], VersionEdit]] = {}
 def makes_edit(kind: type[Command]) -> Callable[[_Make], _Make]:
     """Decorate a function that makes the edit of a command."""
 
-    def checked_make(make: _Make) -> _Make:
+    def register(make: _Make) -> _Make:
         VERSION_EDITS[kind] = make
         return make
 
-    return checked_make
+    return register
 
 
 def edits_texts(kind: type[Command]) -> Callable[[_Change], _Change]:
     """Decorate a function that gives the new texts from command, version and beat."""
 
-    def known(wanted_change: _Change) -> _Change:
+    def register(change: _Change) -> _Change:
         def make(command: Command) -> VersionEdit:
-            return lambda version, beat: with_texts(version, wanted_change(command, version, beat))
+            return lambda version, beat: with_texts(version, change(command, version, beat))
 
         VERSION_EDITS[kind] = make
-        return wanted_change
+        return change
 
-    return known
+    return register
 
 
 def edits_faders(kind: type[Command]) -> Callable[[_Move], _Move]:
@@ -51,19 +51,17 @@ def edits_faders(kind: type[Command]) -> Callable[[_Move], _Move]:
     instruments.
     """
 
-    def known(wanted_change: _Move) -> _Move:
+    def register(change: _Move) -> _Move:
         def make(command: Any) -> VersionEdit:
             return lambda version, beat: replace(
                 version,
-                faders=wanted_change(
-                    command, version.faders, instruments_of(version, command.name)
-                ),
+                faders=change(command, version.faders, instruments_of(version, command.name)),
             )
 
         VERSION_EDITS[kind] = make
-        return wanted_change
+        return change
 
-    return known
+    return register
 
 
 def with_texts(version: Version, texts: Texts) -> Version:

@@ -38,17 +38,17 @@ class Change:
     force_bounds: Sequence[HandForceBounds] = ()
 
     @property
-    def is_gains(self) -> bool:
+    def is_gain_change(self) -> bool:
         """Whether it changes gains alone: the stage goes on."""
         return self.stage is self.old_stage and not self.resets and self.damp is None
 
     @property
     def needs_new_mixer(self) -> bool:
         """Whether the change needs a new mixer."""
-        new_listening, old_listening = self.stage, self.old_stage
+        new_stage, old_stage = self.stage, self.old_stage
         return (
-            new_listening.network is not old_listening.network
-            or new_listening.recalled_outputs != old_listening.recalled_outputs
+            new_stage.network is not old_stage.network
+            or new_stage.recalled_outputs != old_stage.recalled_outputs
         )
 
 
@@ -98,7 +98,7 @@ class EngineEvent:
     """A change, a strike or an input value that took effect or came too late, by its ticket; or a
     sentence for the player.
 
-    `real_now` says by player whether a person moves the key from this frame on.
+    `is_real_by_player` says by player whether a person moves the key from this frame on.
     """
 
     frame: int
@@ -107,7 +107,7 @@ class EngineEvent:
     # The ticket of a strike or a value, which acted unless it `is_late`.
     act_ticket: int | None = None
     sentence: str = ""
-    real_now: Mapping[str, bool] = field(default_factory=dict)
+    is_real_by_player: Mapping[str, bool] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +235,7 @@ class SteppedEngine:
         self._changes: list[tuple[int, Change]] = []
         self._events: list[EngineEvent] = []
         self._acts: list[Callable[[_core.Simulation], bool]] = []  # acts of this frame
-        self._tickets = 0
+        self._n_tickets = 0
 
     def force_bounds(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
@@ -245,20 +245,20 @@ class SteppedEngine:
 
     def change(self, change: Change) -> int:
         """Request a change; one whose frame has passed is reported as late and not made."""
-        self._tickets += 1
+        self._n_tickets += 1
         if change.frame < self.frame:
-            self._events.append(EngineEvent(self.frame, self._tickets, is_late=True))
+            self._events.append(EngineEvent(self.frame, self._n_tickets, is_late=True))
         else:
-            self._changes.append((self._tickets, change))
+            self._changes.append((self._n_tickets, change))
             self._changes.sort(key=lambda entry: (entry[1].frame, entry[0]))
-        return self._tickets
+        return self._n_tickets
 
     def revoke(self, frame: int) -> None:
         """Withdraw the changes that are due at `frame` or later; each is reported as late."""
         revoked_changes = [
             change
             for change in self._changes
-            if change[1].frame >= frame and not change[1].is_gains
+            if change[1].frame >= frame and not change[1].is_gain_change
         ]
         self._changes = [change for change in self._changes if change not in revoked_changes]
         for ticket, _ in sorted(revoked_changes, key=lambda entry: entry[0]):
@@ -266,8 +266,8 @@ class SteppedEngine:
 
     def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
         """Do nothing: no hand is real here."""
-        self._tickets += 1
-        return self._tickets
+        self._n_tickets += 1
+        return self._n_tickets
 
     def strike(self, point: int, impulse: float) -> int:
         """Strike a point of the running stage by an impulse [N·s], at the next frame."""
@@ -279,11 +279,11 @@ class SteppedEngine:
 
     def _act_now(self, action: Callable[[_core.Simulation], bool]) -> int:
         self._do_due_changes()  # a change of this frame comes before it
-        self._tickets += 1
+        self._n_tickets += 1
         is_missed = not action(self._simulation)
         self._acts.append(action)
-        self._events.append(EngineEvent(self.frame, act_ticket=self._tickets, is_late=is_missed))
-        return self._tickets
+        self._events.append(EngineEvent(self.frame, act_ticket=self._n_tickets, is_late=is_missed))
+        return self._n_tickets
 
     def record_sound(self, path: Path) -> None:
         """Refuse: here sound is rendered, not played. Raises NotTakenError."""
@@ -316,10 +316,7 @@ class SteppedEngine:
             self._do_due_changes()
             self._acts = []
             stop_frame = min(
-                [
-                    self.frame + n_frames - n_done,
-                    *(change.frame for _, change in self._changes[:1]),
-                ]
+                [self.frame + n_frames - n_done, *(change.frame for _, change in self._changes[:1])]
             )
             if self._hands:
                 stop_frame = min(stop_frame, self._hold_hands())
@@ -347,7 +344,7 @@ class SteppedEngine:
 
     def _do_change(self, due_change: Change) -> bool:
         """Make a change; False, with nothing changed, if another stage plays than it replaces."""
-        if not due_change.is_gains:
+        if not due_change.is_gain_change:
             is_other = due_change.old_stage.simulation is not self._simulation
             if is_other and not due_change.resets:
                 return False

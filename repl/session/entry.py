@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 class Entry:
     """A line that makes a version: what it edits, when, and its place in the history.
 
-    It is a new version, or an earlier one that it `restores`. In the history it may take the
-    place of the line `replaces`; a line that is not `is_typed` is not in the history. The
+    It is a new version, or an earlier one that it `restored_number`. In the history it may take the
+    place of the line `replaced_number`; a line that is not `is_typed` is not in the history. The
     journal keeps texts that were read from files (`reads_files`).
     """
 
@@ -28,18 +28,18 @@ class Entry:
     kind: LineKind = LineKind.STRUCTURE
     when: When = None
     sets_running: bool | None = None
-    enter: float | None = None  # the beat from which the piece starts
+    enter_beat: float | None = None  # the beat from which the piece starts
     resets: bool = False
-    restores: int | None = None
+    restored_number: int | None = None
     reads_files: bool = False
-    redoes: bool = False
-    replaces: int | None = None
+    is_redo: bool = False
+    replaced_number: int | None = None
     is_typed: bool = True
 
     @property
     def sets_all(self) -> bool:
         """Whether it restores an earlier version."""
-        return self.restores not in (None, -1)
+        return self.restored_number not in (None, -1)
 
     def numbered_edit(self, line_number: int) -> VersionEdit:
         """The edit of a line whose version has a number."""
@@ -59,5 +59,7 @@ class Entry:
         """The limit of its computation; None for a stop."""
         if self.resets:
             return None
-        takes_long = self.reads_files or self.restores is not None or self.sets_running is not None
-        return computing.FILES_STEPS if takes_long else computing.LINE_STEPS
+        is_long = (
+            self.reads_files or self.restored_number is not None or self.sets_running is not None
+        )
+        return computing.FILES_STEPS if is_long else computing.LINE_STEPS

@@ -53,7 +53,7 @@ class Extensions:
 
     def extended(self, running: RunningVersion, start: int) -> RunningVersion:
         """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""
-        start_frame = self._time.began()
+        start_frame = self._time.begin_frame()
         try:
             return self._makings.extended(running, start)
         finally:
@@ -74,7 +74,7 @@ class Extensions:
         except EngineError as error:  # too many changes wait: the next turn tries again
             self._reports.append(TimelineFailed(f"the score could not be continued yet: {error}"))
 
-    def give_up(self, error: Exception) -> None:
+    def stop_extending(self, error: Exception) -> None:
         """Extend the running version no more."""
         running = self._changes.running
         end = running.version.piece.tempo_map.written(running.timeline_end)

@@ -41,14 +41,14 @@ class FastValues:
         """
         self._schedule, self._history, self._log, self._queue = schedule, history, log, queue
         self._scope = scope
-        self._moved: dict[str, LineOf] = {}
-        self._number = 0  # number of the last line made from movements
-        self._names: tuple[str, ...] = ()  # values that moved
-        self._refused: tuple[str, ...] = ()
+        self._pending_lines: dict[str, LineOf] = {}
+        self._last_number = 0  # number of the last line made from movements
+        self._last_names: tuple[str, ...] = ()  # values that moved
+        self._refused_names: tuple[str, ...] = ()
 
     def set_soon(self, name: str, line: LineOf) -> None:
         """Keep the value of a name, in place of one that is not set yet."""
-        self._moved[name] = line
+        self._pending_lines[name] = line
 
     def set_due(self) -> None:
         """Set the values that have come, by one line; wait as long as the last such line has not
@@ -58,14 +58,14 @@ class FastValues:
         the movement as a whole.
         """
         schedule = self._schedule
-        if not self._moved or any(
-            waiting_line.number == self._number for waiting_line in schedule.waiting
+        if not self._pending_lines or any(
+            waiting_line.number == self._last_number for waiting_line in schedule.waiting
         ):
             return
-        moved_values, self._moved = self._moved, {}
+        pending_lines, self._pending_lines = self._pending_lines, {}
         head = schedule.head
         lines_by_name = {
-            name: text for name, line in moved_values.items() if (text := line(head)) is not None
+            name: text for name, line in pending_lines.items() if (text := line(head)) is not None
         }
         if not lines_by_name:
             return
@@ -77,21 +77,21 @@ class FastValues:
 
     def _set(self, names: tuple[str, ...], text: str, when: When) -> None:
         """Queue a line; if the last line of the history has the same names, it is replaced."""
-        is_same = names == self._names and self._history.current_number == self._number
+        is_same = names == self._last_names and self._history.current_number == self._last_number
         try:
             commands = parse(text, self._scope())
             line_time = next(
                 (command.when for command in commands if command.when is not None), when
             )
             edit = version_edits.combined(commands)
-            replaced_number = self._number if is_same else None
+            replaced_number = self._last_number if is_same else None
             _, queued_version = self._queue(
-                Entry(text, edit, kind_of(commands), line_time, replaces=replaced_number)
+                Entry(text, edit, kind_of(commands), line_time, replaced_number=replaced_number)
             )
         except (Refusal, *REFUSALS) as error:
-            if names != self._refused:  # one line for the movement, not one for each value
-                self._refused = names
+            if names != self._refused_names:  # one line for the movement, not one for each value
+                self._refused_names = names
                 self._log.say(f"{', '.join(names)}: {getattr(error, 'message', None) or error}")
             return
-        self._refused = ()
-        self._number, self._names = queued_version.version.number, names
+        self._refused_names = ()
+        self._last_number, self._last_names = queued_version.version.number, names

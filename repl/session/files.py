@@ -16,7 +16,7 @@ from ergon.repl.session.version import NotTakenError, piece_of
 from ergon.scores.edits import excerpt, parts
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.digest import digest_of
-from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.automating import value_on_beat
 
 if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
@@ -27,10 +27,10 @@ def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str
     """Write the last bars as a score beside this one; the names of the written files."""
     version, beat_now = session.schedule.head, session.schedule.beat_now()
     tempo = version.piece.tempo_map
-    bar = tempo.bars.start(tempo.bar_beat(beat_now)[0])
+    bar_start = tempo.bars.start(tempo.bar_beat(beat_now)[0])
     is_bars = excerpt_length.bars and not excerpt_length.beats and not excerpt_length.seconds
     end_beats = (
-        [bar, beat_now] if is_bars and bar > 0.0 else [beat_now]
+        [bar_start, beat_now] if is_bars and bar_start > 0.0 else [beat_now]
     )  # whole bars are those that are over
     while True:
         stop_beat = end_beats.pop(0)
@@ -39,7 +39,12 @@ def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str
             start_beat = stop_beat - tempo.after(0.0, excerpt_length)
         try:
             excerpt_texts = excerpt.excerpt_between(
-                version.texts, version.piece, file_name, max(0.0, start_beat), stop_beat, value_on
+                version.texts,
+                version.piece,
+                file_name,
+                max(0.0, start_beat),
+                stop_beat,
+                value_on_beat,
             )
             break
         except EditError:

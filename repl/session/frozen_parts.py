@@ -86,15 +86,13 @@ def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listeni
         part_taps = [tap for stem in frozen.stems if stem.part == frozen_part for tap in stem.taps]
         if part_taps != listening.taps(frozen_part):
             raise NotFrozenError(f"'{frozen_part}' has other outputs in the score")
-    placed_parts = tuple(
+    frozen_parts = tuple(
         FrozenPart(
             name,
             digest_of(frozen_content(piece, name)),
             tuple(
                 FrozenStem(
-                    stem.path.name,
-                    stem.sha256,
-                    tuple(listening.outputs[tap] for tap in stem.taps),
+                    stem.path.name, stem.sha256, tuple(listening.outputs[tap] for tap in stem.taps)
                 )
                 for stem in frozen.stems
                 if stem.part == name
@@ -102,7 +100,7 @@ def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listeni
         )
         for name in frozen.parts
     )
-    return FrozenFolder(folder, placed_parts)
+    return FrozenFolder(folder, frozen_parts)
 
 
 def load_frozen(
@@ -113,10 +111,10 @@ def load_frozen(
     `real_players` are the players whose hands are real. Raises NotFrozenError.
     """
     manifest = read_manifest(frozen.folder)
-    by_file = {stem.path.name: stem for stem in manifest.stems}
+    stem_by_file = {stem.path.name: stem for stem in manifest.stems}
     for frozen_part in frozen.parts:
         for stem in frozen_part.stems:
-            known_stem = by_file.get(stem.file)
+            known_stem = stem_by_file.get(stem.file)
             expected_stem = stem.sha256, frozen_part.name, len(stem.outputs)
             if (
                 known_stem is None
@@ -148,7 +146,7 @@ def load_frozen(
     return tuple(loaded_parts)
 
 
-def still_frozen(
+def unchanged_parts(
     loaded_parts: Sequence[LoadedPart],
     old_version: Version,
     version: Version,
@@ -171,15 +169,15 @@ def place_samples(
     loaded_parts: Sequence[LoadedPart], listening: Listening, clock: Clock, rate: float
 ) -> tuple[RecalledOutputs, ...]:
     """The samples of parts, placed on the running piece; none while it is stopped."""
-    if clock.began_at is None:
+    if clock.begin_instant is None:
         return ()
-    begins = math.floor(clock.began_at * rate + 0.5)
+    begin_frame = math.floor(clock.begin_instant * rate + 0.5)
     taps: dict[str, list[int]] = {}
     for part in loaded_parts:
         for tap in listening.taps(part.name):
             taps.setdefault(listening.outputs[tap], []).append(tap)
     return tuple(
-        RecalledOutputs(samples, tuple(taps[name].pop(0) for name in names), begins)
+        RecalledOutputs(samples, tuple(taps[name].pop(0) for name in names), begin_frame)
         for part in loaded_parts
         for samples, names in part.stems
     )
@@ -189,10 +187,10 @@ def _is_reached(version: Version, part_name: str, real_players: Collection[str])
     """Whether a real hand or a MIDI note acts on the part, or on a part that is joined with it."""
     piece = version.sounding
     parts = connected_parts(piece, part_name)
-    is_felt = any(
+    has_hand = any(
         piece.players[name].key in parts for name in real_players if name in piece.players
     )
-    return is_felt or any(part_name in parts for part_name, *_ in strike_points(version))
+    return has_hand or any(part_name in parts for part_name, *_ in strike_points(version))
 
 
 # --- in a journal ---------------------------------------------------------------------------------
@@ -214,7 +212,9 @@ def frozen_fields(frozen: FrozenFolder) -> dict[str, object]:
     return {"frozen": frozen.name, "frozen_parts": part_fields}
 
 
-def frozen_of(first_event: JournalEvent, journal: Path, *, trust: bool) -> FrozenFolder | None:
+def read_frozen_folder(
+    first_event: JournalEvent, journal: Path, *, trust: bool
+) -> FrozenFolder | None:
     """The frozen parts named by a journal's first event; None if there are none.
 
     Raises JournalError, also if they lie outside both the journal's folder and the current one,
@@ -256,10 +256,10 @@ def _part_names(stem: JournalEvent) -> tuple[str, ...]:
 
 
 def _part_rows(journal_event: JournalEvent, rows_name: str) -> list[JournalEvent]:
-    listed = journal_event.get(rows_name, list)
-    if len(listed) > _ROWS_MAX or not all(isinstance(row_value, dict) for row_value in listed):
+    rows = journal_event.get(rows_name, list)
+    if len(rows) > _ROWS_MAX or not all(isinstance(row_value, dict) for row_value in rows):
         journal_event.refuse(f"the field '{rows_name}' has the wrong type or value")
     return [
         JournalEvent(journal_event.file, journal_event.number, journal_event.name, row_value)
-        for row_value in listed
+        for row_value in rows
     ]

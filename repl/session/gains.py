@@ -77,7 +77,9 @@ def can_move_faders(running: RunningVersion, waiting_lines: Sequence[WaitingLine
     return True
 
 
-def with_faded_mix(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> RunningVersion:
+def with_known_faders(
+    running: RunningVersion, waiting_lines: Sequence[WaitingLine]
+) -> RunningVersion:
     """A version with the faders that lines move, or as it is if it lacks what they name."""
     try:
         return with_faders(running, waiting_lines)
@@ -85,7 +87,7 @@ def with_faded_mix(running: RunningVersion, waiting_lines: Sequence[WaitingLine]
         return running
 
 
-def on_other_faders(
+def with_rebased_faders(
     new_running: RunningVersion, old_version: Version, waiting_lines: Sequence[WaitingLine]
 ) -> RunningVersion:
     """The version made by lines, with the faders that these lines give when they start from the

@@ -53,7 +53,7 @@ class StagedGroup:
     base: RunningVersion
     result: RunningVersion
 
-    def is_made_of(self, group: Sequence[WaitingLine], running: RunningVersion) -> bool:
+    def matches(self, group: Sequence[WaitingLine], running: RunningVersion) -> bool:
         """Whether it is what these lines make of a running version, but for faders."""
         old_running = self.base
         return (

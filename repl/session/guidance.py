@@ -56,11 +56,11 @@ def check_guide(command: Guide, schedule: Schedule, driven: Collection[str] = ()
     player, source = command.player, command.by
     if player in driven:
         raise NotTakenError(f"the written part of {player} drives this key already (--drive)")
-    if player not in schedule.real:
+    if player not in schedule.real_hands:
         raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
     if source is None:
         return
-    if source in schedule.real:
+    if source in schedule.real_hands:
         raise NotTakenError(
             f"{source} is a real hand and cannot guide: name a player with a written part"
         )
@@ -94,7 +94,7 @@ class Guidance:
         guides = {
             player: guide
             for player, guide in running.version.guides.items()
-            if player in schedule.real and {player, guide.player} <= players.keys()
+            if player in schedule.real_hands and {player, guide.player} <= players.keys()
         }
         guides |= {
             player: HandGuide(player, 1.0, 1.0) for player in players if player in self.driven
@@ -105,7 +105,7 @@ class Guidance:
         self._running = running
         if not guides and not self._guided_players:
             return None
-        start_frame = self._making_time.began()
+        start_frame = self._making_time.begin_frame()
         first_frame, rate, tick_frames = (
             schedule.moments.first_frame(self._making_time.expected),
             schedule.rate,
@@ -169,19 +169,19 @@ def _guided_path(
     travel_range = piece.keys[piece.players[player].key].travel
     if travel_range is not None:
         np.clip(path, *travel_range, out=path)
-    begins = ticks.start * period
+    begin_instant = ticks.start * period
     spans = [
-        (round((start - _LEAD_IN - begins) / period), round((stop - begins) / period))
+        (round((start - _LEAD_IN - begin_instant) / period), round((stop - begin_instant) / period))
         for start, stop in _without_short_rests(playing_spans)
     ]
     shares = guide.stiffness, guide.viscosity
     # If no other path comes in time, this one ends by letting the hand go.
     steps = [(0, 0.0, 0.0), *_tick_steps(spans, shares), (len(path), 0.0, 0.0)]
     first_step = sum(step_tick <= 0 for step_tick, *_ in steps) - 1
-    step_now = (0, *steps[first_step][1:])
-    until_end = (step for step in steps[first_step + 1 :] if step[0] <= len(path))
+    current_step = (0, *steps[first_step][1:])
+    later_steps = (step for step in steps[first_step + 1 :] if step[0] <= len(path))
     return GuidedPath(
-        path, (step_now, *until_end), () if path_forces is None else path_forces.newtons
+        path, (current_step, *later_steps), () if path_forces is None else path_forces.forces
     )
 
 

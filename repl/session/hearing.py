@@ -52,7 +52,7 @@ class Hearing:
     def strike(self, command: Hear) -> str:
         """Strike as soon as it can be done; returns what is struck. Raises one of `REFUSALS`."""
         schedule = self._schedule
-        playing_version = schedule.changes.playing_at(schedule.engine.frame).version
+        playing_version = schedule.changes.running_at(schedule.engine.frame).version
         version_number, prefix = playing_version.number, ""  # a version that is due may yet be late
         if command.name not in playing_version.maps:
             edit, head_version = version_edits.combined([command]), schedule.head
@@ -72,9 +72,11 @@ class Hearing:
                 prefix = f"{beat_text} "  # the beat of the line that brings the modules
         struck_strokes = [*strokes_of_line(playing_version, command)]
         begun_strokes = [(stroke.place, stroke.impulse) for stroke in struck_strokes]
-        end = [(stroke.place, -stroke.impulse) for stroke in struck_strokes if stroke.lasts_as_note]
+        end_strokes = [
+            (stroke.place, -stroke.impulse) for stroke in struck_strokes if stroke.lasts_as_note
+        ]
         with schedule.lock:
-            self._awaited.append(_AwaitedStrokes(begun_strokes, end, version_number))
+            self._awaited.append(_AwaitedStrokes(begun_strokes, end_strokes, version_number))
             self.strike_due()
         shown_impulses = [
             stroke_made.impulse for stroke_made in struck_strokes if not stroke_made.lasts_as_note
@@ -87,25 +89,25 @@ class Hearing:
     def strike_due(self) -> None:
         """Strike what can be struck now; the schedule's lock is held."""
         awaited_strokes, self._awaited = self._awaited, []
-        frame_now, n_up = self._schedule.engine.frame, int(_DAMPER_UP * self._schedule.rate)
-        for stroke in awaited_strokes:
-            is_ready = stroke.number is None or self._schedule.line(stroke.number) is None
-            if not is_ready or stroke.frame > frame_now:
-                self._awaited.append(stroke)
-            elif stroke.n_panics not in (None, self._stops.n_panics):
+        frame_now, note_frames = self._schedule.engine.frame, int(_DAMPER_UP * self._schedule.rate)
+        for awaited in awaited_strokes:
+            is_ready = awaited.number is None or self._schedule.line(awaited.number) is None
+            if not is_ready or awaited.frame > frame_now:
+                self._awaited.append(awaited)
+            elif awaited.n_panics not in (None, self._stops.n_panics):
                 continue  # a panic has put at its start what this stroke would bring back
             elif not self._stops.panicked:
                 missed_strokes = [
                     place_and_impulse
-                    for place_and_impulse in stroke.strokes
+                    for place_and_impulse in awaited.strokes
                     if not self._strike(*place_and_impulse)
                 ]
                 if missed_strokes:  # too many acts are under way
-                    self._awaited.append(stroke._replace(strokes=missed_strokes))
-                elif stroke.later_strokes:
-                    end, n_panics = frame_now + n_up, self._stops.n_panics
+                    self._awaited.append(awaited._replace(strokes=missed_strokes))
+                elif awaited.later_strokes:
+                    end_frame, n_panics = frame_now + note_frames, self._stops.n_panics
                     self._awaited.append(
-                        _AwaitedStrokes(stroke.later_strokes, frame=end, n_panics=n_panics)
+                        _AwaitedStrokes(awaited.later_strokes, frame=end_frame, n_panics=n_panics)
                     )
 
     def _strike(self, place: Place, impulse: float) -> bool:

@@ -44,9 +44,9 @@ class History:
     def remove(self, number: int) -> None:
         """Remove a version that will not take effect."""
         if number in self.numbers:
-            place = self.numbers.index(number)
-            del self.numbers[place]
-            self.index -= place <= self.index
+            number_index = self.numbers.index(number)
+            del self.numbers[number_index]
+            self.index -= number_index <= self.index
 
     def go_to(self, number: int) -> None:
         """Note that an earlier version is restored; an unknown number changes nothing."""
@@ -60,10 +60,10 @@ class History:
         """
         stop_index = self.index + 1
         first_index = max(0, stop_index - len(frame_order) - 1)  # those before it are in order
-        numbers_kept = self.numbers[first_index:stop_index]
-        unmoved_numbers = [number for number in numbers_kept if number not in frame_order]
+        numbers = self.numbers[first_index:stop_index]
+        unmoved_numbers = [number for number in numbers if number not in frame_order]
         moved_numbers = sorted(
-            [moved_number for moved_number in numbers_kept if moved_number in frame_order],
+            [moved_number for moved_number in numbers if moved_number in frame_order],
             key=frame_order.__getitem__,
         )
         self.numbers[first_index:stop_index] = unmoved_numbers + moved_numbers

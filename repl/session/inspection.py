@@ -20,7 +20,7 @@ from ergon.scores.edits.matter import quantity_text
 from ergon.scores.edits.positions import ENDLESS_POSITION
 from ergon.scores.gesture import space_path
 from ergon.scores.reading import automatable
-from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.automating import value_on_beat
 from ergon.scores.staging.live import leading_positions
 from ergon.scores.staging.parameter_values import AutomatedModule
 
@@ -67,7 +67,7 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, beat_now: fl
     from ergon.view.motion import wanted_and_actual
 
     piece = version.piece
-    axes = space_path.played(gesture_name, piece.gestures)
+    axes = space_path.played_names(gesture_name, piece.gestures)
     if gesture_name not in piece.gestures and axes:
         return [line for axis in axes for line in draw_name(version, axis, sounding, beat_now)]
     if gesture_name not in piece.gestures and gesture_name not in piece.takes:
@@ -172,22 +172,22 @@ def definition_lines(
             return _lines_of_score(version.texts, defined_name)
         return list(tuning_lines(version.piece))
     module_path, _, parameter_name = defined_name.rpartition(".")
-    module_named = (
+    named_module = (
         automatable.named_module(module_path, sounding.keys, sounding.instruments)
         if module_path
         else None
     )
-    if module_named is None:
+    if named_module is None:
         return _lines_of_score(version.texts, defined_name)
-    part_name, module, is_ca = module_named
-    shown_value, is_led = _value_at_beat(
+    part_name, module, is_ca = named_module
+    shown_value, is_automated = _value_at_beat(
         sounding, (part_name, module.name), module, parameter_name, beat_now
     )
     shown_lines = []
     if shown_value is not None:
         place_text = f" at {sounding.tempo_map.written(beat_now)}, by its automation"
         amount = quantity_text(float(f"{shown_value:.6g}"), parameter_name, is_ca=is_ca)
-        shown_lines.append(f"{defined_name}: {amount}{place_text if is_led else ''}")
+        shown_lines.append(f"{defined_name}: {amount}{place_text if is_automated else ''}")
     with contextlib.suppress(NotTakenError):  # the name is defined in a file that the score uses
         shown_lines += _lines_of_score(version.texts, part_name)
     return shown_lines or _lines_of_score(version.texts, defined_name)
@@ -205,7 +205,7 @@ def _value_at_beat(
     """
     for entry in piece.automation:
         if module_place in entry.modules and entry.parameter == parameter_name:
-            return value_on(piece, module_place, parameter_name, beat_now), True
+            return value_on_beat(piece, module_place, parameter_name, beat_now), True
     field_value = {**written_module.fields.get("constants", {}), **written_module.fields}.get(
         parameter_name
     )
@@ -217,7 +217,7 @@ def _value_at_beat(
         field_value = (
             None
             if automated_module is None
-            else automated_module.numbers_written.get(parameter_name)
+            else automated_module.written_values.get(parameter_name)
         )
     return (field_value, False) if isinstance(field_value, float) else (None, False)
 
@@ -246,23 +246,23 @@ def playing_lines(
         f"tuning of {name}: {tuning.words()}" for name, tuning in piece.tunings.items()
     ]
     for player in piece.players.values():
-        entry_lines = entries.placed_entries(version.texts, piece, player.name)
+        placed_entries = entries.placed_entries(version.texts, piece, player.name)
         sounding_names = [played_name for name, played_name in playing if name == player.name]
-        entries_begun = [line for line in entry_lines if line.begin <= beat_now]
-        goes_on = [line for line in entries_begun if line.is_open(beat_now, piece)]
+        begun = [line for line in placed_entries if line.begin <= beat_now]
+        ongoing = [line for line in begun if line.is_continuing(beat_now, piece)]
         # An entry that begins nothing more may still have its last occurrence in flight.
-        shown_names = {name for line in goes_on for name in line.play.names}
+        shown_names = {name for line in ongoing for name in line.play.names}
         for shown_name in dict.fromkeys(sounding_names):
-            goes_on += [
+            ongoing += [
                 line
-                for line in entries_begun
+                for line in begun
                 if shown_name in line.play.names and shown_name not in shown_names
             ][-1:]
-        coming_lines = sorted(
-            (line for line in entry_lines if line.begin > beat_now), key=lambda line: line.begin
+        later = sorted(
+            (line for line in placed_entries if line.begin > beat_now), key=lambda line: line.begin
         )
-        words = [_entry_text(line.play) for line in goes_on] or ["nothing"]
-        words += [f"then {_entry_text(line.play)}" for line in coming_lines[:1]]
+        words = [_entry_text(line.play) for line in ongoing] or ["nothing"]
+        words += [f"then {_entry_text(line.play)}" for line in later[:1]]
         playing_rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
     levels = version.strike_levels
     for strikes in piece.strikes:
@@ -286,7 +286,7 @@ def _level_state(levels: Faders | StrikeLevels, strikes_name: str) -> list[str]:
 
 
 def _continues_after(strikes: Strikes, piece: Piece, beat_now: float) -> bool:
-    stop = strikes.stop(piece.tempo_map)
+    stop = strikes.stop_beat(piece.tempo_map)
     return stop is None or stop > beat_now
 
 
@@ -330,11 +330,13 @@ def _lines_of_score(score_texts: Texts, defined_name: str) -> list[str]:
                 # A block of YAML reaches to the next entry: blank lines at its end are not part of
                 # it.
                 end = last_node.start + len(document.text[last_node.start : last_node.end].rstrip())
-                row, stop = (
+                first_row, last_row = (
                     document.row(first_node.start),
                     document.row(max(end - 1, last_node.start)),
                 )
-                numbers: Sequence[int] = range(row + 1, min(stop + 2, row + 1 + _LINES_MAX))
+                numbers: Sequence[int] = range(
+                    first_row + 1, min(last_row + 2, first_row + 1 + _LINES_MAX)
+                )
                 return [f"{number:5} {document.line(number)}" for number in numbers]
     suggestion = nearest(defined_name, defined_names)
     raise NotTakenError(

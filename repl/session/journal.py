@@ -50,11 +50,11 @@ class Journal:
         self.path = path
         self._n_events = 0
         self._waiting = bytearray()  # bytes that are not written yet
-        self._trouble = self._reason = ""  # not told yet; why writing fails now
+        self._failure_text = self._reason = ""  # not told yet; why writing fails now
         self._has_lost = False  # an event is in no file, or the disk may lack it
-        self._has_news = threading.Event()
-        self._writing = threading.Lock()  # lines of two threads do not mix
-        self._over = False
+        self._wake_event = threading.Event()
+        self._write_lock = threading.Lock()  # lines of two threads do not mix
+        self._is_closed = False
         self._thread = threading.Thread(target=self._sync, name="ergon journal", daemon=True)
         self._thread.start()
 
@@ -84,7 +84,7 @@ class Journal:
 
     def append(self, event: str, **event_fields: Any) -> None:
         """Append an event, or keep it until it can be written; `pop_failure` reports a failure."""
-        with self._writing:
+        with self._write_lock:
             if self._file.closed:  # the second half of a panic may come after the end
                 return
             self._n_events += 1
@@ -96,14 +96,14 @@ class Journal:
                 reason = (
                     "is too long for it" if len(json_line) > MAX_LINE else "found no room in memory"
                 )
-                self._trouble = (
+                self._failure_text = (
                     f"the journal lacks an event that {reason}: '{event}', {len(json_line):,} bytes"
                 )
                 self._has_lost = True
                 return
             self._waiting += json_line
             self._write()
-        self._has_news.set()
+        self._wake_event.set()
 
     def _write(self) -> None:
         """Pass to the operating system what it takes of what waits."""
@@ -113,7 +113,7 @@ class Journal:
         except OSError as error:
             failure_reason = error.strerror or str(error)
             if failure_reason != self._reason:
-                self._trouble = (
+                self._failure_text = (
                     f"the journal cannot be written: {failure_reason}; what is typed is kept in "
                     "memory until it can be"
                 )
@@ -121,21 +121,21 @@ class Journal:
             return
         if self._reason:
             loss_text = "" if self._has_lost else ", and lacks nothing"
-            self._trouble = f"the journal is written again{loss_text}"
+            self._failure_text = f"the journal is written again{loss_text}"
             self._reason = ""
 
     def pop_failure(self) -> str:
         """Why writing has failed since the last call; empty where it has not."""
-        failure, self._trouble = self._trouble, ""
+        failure, self._failure_text = self._failure_text, ""
         return failure
 
     def close(self) -> None:
         """End the journal, and bring it to the disk."""
-        self._over = True
-        self._has_news.set()
+        self._is_closed = True
+        self._wake_event.set()
         self._thread.join()
         if self._waiting:
-            self._trouble = (
+            self._failure_text = (
                 f"the journal ends before its time: {self._reason}; the last "
                 f"{self._waiting.count(10):,} events are lost"
             )
@@ -146,15 +146,15 @@ class Journal:
         """Sync events to the disk, all that have come meanwhile in one go."""
         is_over = False
         while not is_over:
-            self._has_news.wait(_RETRY_SECONDS if self._waiting else None)
-            self._has_news.clear()
-            is_over = self._over  # events before `close` are synced below
-            with self._writing:
+            self._wake_event.wait(_RETRY_SECONDS if self._waiting else None)
+            self._wake_event.clear()
+            is_over = self._is_closed  # events before `close` are synced below
+            with self._write_lock:
                 self._write()
             try:
                 os.fsync(self._file.fileno())
             except OSError as error:
-                self._trouble = f"the journal cannot be written: {error.strerror or error}"
+                self._failure_text = f"the journal cannot be written: {error.strerror or error}"
                 self._has_lost = True
 
 
@@ -277,4 +277,4 @@ def numbered_paths(path: Path) -> Iterator[Path]:
 
 def free_path(path: Path) -> Path:
     """The first name of `name`, `name-2`, … under which no file exists now."""
-    return next(free for free in numbered_paths(path) if not os.path.lexists(free))
+    return next(candidate for candidate in numbered_paths(path) if not os.path.lexists(candidate))

@@ -13,7 +13,7 @@ from ergon.notation.text.bounds import FileBounds
 from ergon.rendering.silence import FadedSilence
 from ergon.repl.session.block_rules import Rule, read_rules, rules_field
 from ergon.repl.session.disk import Disk
-from ergon.repl.session.frozen_parts import FrozenFolder, frozen_fields, frozen_of
+from ergon.repl.session.frozen_parts import FrozenFolder, frozen_fields, read_frozen_folder
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.history_content import (
     faders_fields,
@@ -22,14 +22,8 @@ from ergon.repl.session.history_content import (
     read_sounding,
     sounding_field,
 )
-from ergon.repl.session.journal import (
-    BEAT_MAX,
-    FRAME_MAX,
-    JournalError,
-    JournalEvent,
-    read_events,
-)
-from ergon.repl.session.journal_hands import JournalTake, take_of
+from ergon.repl.session.journal import BEAT_MAX, FRAME_MAX, JournalError, JournalEvent, read_events
+from ergon.repl.session.journal_hands import JournalTake, read_take
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
 from ergon.repl.session.midi_maps import Map, maps_field, read_maps
 from ergon.repl.session.strike_levels import StrikeLevels, levels_fields, read_levels
@@ -205,7 +199,7 @@ class JournalContent:
     dropped: set[int] = field(default_factory=set)
     # The beat, and the frame, that a late line waits for, by its number.
     late_beats: dict[int, float] = field(default_factory=dict)
-    starts: dict[int, int] = field(default_factory=dict)
+    start_frames: dict[int, int] = field(default_factory=dict)
     n_frames: int = 0
     has_ended: bool = False
     silences: list[FadedSilence] = field(default_factory=list)
@@ -232,7 +226,7 @@ class JournalContent:
     def _due(self, number: int) -> tuple[int, float]:
         """When a waiting line would take effect, as `WaitingLine.is_before` orders them."""
         line_event = self.lines[number]
-        start_frame = self.starts.get(
+        start_frame = self.start_frames.get(
             number, line_event.number_of("start", int, 0, FRAME_MAX, FRAME_MAX)
         )
         if start_frame == FRAME_MAX:  # the piece must be played up to its beat first
@@ -245,8 +239,7 @@ class JournalContent:
         history = History()
         if old_history is not None:
             history = History(
-                [past_version.number for past_version in old_history.versions],
-                old_history.index,
+                [past_version.number for past_version in old_history.versions], old_history.index
             )
         effect_order = self.order()
         for journal_event in self.events:
@@ -287,7 +280,7 @@ def read_journal(
         raise JournalError(f"{path}: this is not a session's journal")
     file_locations = _FileLocations(path, first_event.get("score", str), score, resumes, trust)
     first_texts = file_locations.texts(first_event)
-    opening = SessionStart(
+    start = SessionStart(
         first_texts,
         _parse_beat(first_event, "at", 0.0),
         _read_faders(first_event),
@@ -298,20 +291,20 @@ def read_journal(
         if first_event.fields.get("highpass") is None
         else first_event.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
         read_history(first_event, file_locations.texts, _read_faders),
-        take=take_of(first_event, path),
+        take=read_take(first_event, path),
         maps=read_maps(first_event),
         rules=read_rules(first_event),
         sounds_as=read_sounding(first_event),
-        frozen=frozen_of(first_event, path, trust=trust),
+        frozen=read_frozen_folder(first_event, path, trust=trust),
         reference=None
         if first_event.fields.get("reference") is None  # a journal that knows no reference level
         else first_event.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
         is_seen=_is_seen(first_event),
         strike_levels=read_levels(first_event),
     )
-    journal_content = JournalContent(opening, first_event, Disk.from_texts(first_texts))
+    journal_content = JournalContent(start, first_event, Disk.from_texts(first_texts))
     journal_content.disk.add_journal_hashes(file_locations.hashes(first_event))
-    journal_content.base = opening.texts
+    journal_content.base = start.texts
     if "base" in first_event.fields:
         fields = first_event.get("base", dict)
         journal_content.base = file_locations.texts(
@@ -378,13 +371,13 @@ class _FileLocations:
 
     def hashes(self, event: JournalEvent) -> dict[str, str]:
         """The hashes of files on the disk that an event holds."""
-        by_file = {}
+        hash_by_file = {}
         if "disk" in event.fields:
             folder = self.path(event).parent
-            for name, known in event.mapping("disk", str).items():
+            for name, file_hash in event.mapping("disk", str).items():
                 with contextlib.suppress(JournalNameError):  # such a file is never written
-                    by_file[file_named(name, folder)] = known[:_HASH_CHARACTERS]
-        return by_file
+                    hash_by_file[file_named(name, folder)] = file_hash[:_HASH_CHARACTERS]
+        return hash_by_file
 
 
 def _parse_beat(event: JournalEvent, name: str, default: float | None = None) -> float:
@@ -442,7 +435,7 @@ def _add_event(
         )
     elif journal_event.name == "late":
         journal_content.late_beats[line_number] = _parse_beat(journal_event, "beat")
-        journal_content.starts[line_number] = journal_event.number_of(
+        journal_content.start_frames[line_number] = journal_event.number_of(
             "start", int, 0, FRAME_MAX, FRAME_MAX
         )
     elif journal_event.name == "dropped":
@@ -469,17 +462,14 @@ def _add_event(
 
 
 def _parse_strike(journal_event: JournalEvent) -> JournalAct:
-    place_words = (
+    place = (
         journal_event.get("part", str),
         journal_event.get("module", str),
         journal_event.number_of("member", int, -1, _NUMBER_MAX),
     )
     impulse = journal_event.number_of("impulse", float, -_RATIO_MAX, _RATIO_MAX)
     return JournalAct(
-        journal_event.number_of("frame", int, 0, FRAME_MAX),
-        place_words,
-        impulse,
-        journal_event.number,
+        journal_event.number_of("frame", int, 0, FRAME_MAX), place, impulse, journal_event.number
     )
 
 

@@ -64,7 +64,7 @@ class RecordedHands:
     warnings: tuple[str, ...]
 
 
-def take_of(first_event: JournalEvent, journal: Path) -> JournalTake | None:
+def read_take(first_event: JournalEvent, journal: Path) -> JournalTake | None:
     """The recording named by a journal's first event; None without real hands.
 
     Raises JournalError.
@@ -107,7 +107,7 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
     """The movement of a stage's real hands, in ticks of `tick_frames`. Raises JournalError."""
     import numpy as np
 
-    recording = _recording_path(take)
+    recording = _read_recording(take)
     player_names = ", ".join(hand.player for hand in take.hands)
     axes = [(hand.player, hand.key) for hand in stage.live_hands]
     if recording.rate != stage.rate or recording.frames != tick_frames or recording.axes != axes:
@@ -125,7 +125,7 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
     )
 
 
-def _recording_path(take: JournalTake) -> _core.Recording:
+def _read_recording(take: JournalTake) -> _core.Recording:
     try:
         return _core.read_recording(take.path)
     except FileNotFoundError:

@@ -49,11 +49,11 @@ def _solo(command: Solo) -> VersionEdit:
 @makes_edit(Unmute)
 def _unmute(command: Unmute) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
-        names, faders, levels = command.name, version.faders, version.strike_levels
+        name, faders, levels = command.name, version.faders, version.strike_levels
         muted_instruments = (
-            faders.muted - instruments_of(version, names) if names else frozenset[str]()
+            faders.muted - instruments_of(version, name) if name else frozenset[str]()
         )
-        muted_strikes = levels.muted if names else frozenset[str]()
+        muted_strikes = levels.muted if name else frozenset[str]()
         faders = replace(faders, muted=muted_instruments, solo=frozenset())
         return _with_level(version, faders, replace(levels, muted=muted_strikes, solo=frozenset()))
 
@@ -87,12 +87,12 @@ def _solo_strikes(command: SoloStrikes) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         level_key = _level_key(version, command.name)
         quiet_instruments = _played_instruments(version) - _struck_instruments(version, level_key)
-        other_instruments = (
+        solo_instruments = (
             frozenset(version.piece.instruments) - quiet_instruments
             if quiet_instruments
             else frozenset[str]()
         )
-        faders = replace(version.faders, solo=other_instruments)
+        faders = replace(version.faders, solo=solo_instruments)
         levels = replace(version.strike_levels, solo=frozenset([level_key]))
         return _with_level(version, faders, levels)
 

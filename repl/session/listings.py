@@ -40,13 +40,13 @@ def instrument_lines(score_texts: Texts, piece: Piece) -> list[str]:
         name: f"{len(members)} instruments" if len(members) > 1 else "1 instrument"
         for name, members in _family_rows(score_texts, piece).items()
     }
-    in_use = {
+    used_texts = {
         name: f"{text}, in use" for name, text in instrument_counts.items() if name in piece.used
     }
     return [
         *instrument_rows,
         "families, by `use NAME`:",
-        *_two_columns({**instrument_counts, **in_use}, indent="  "),
+        *_two_columns({**instrument_counts, **used_texts}, indent="  "),
     ]
 
 
@@ -65,7 +65,7 @@ def gesture_lines(piece: Piece) -> list[str]:
     gesture_rows: dict[str, str] = {}
     for gesture_name, gesture in piece.gestures.items():
         path = gesture_name.rpartition(".")[0]
-        axes = space_path.played(path, piece.gestures) if path else []
+        axes = space_path.played_names(path, piece.gestures) if path else []
         if gesture_name in axes:
             gesture_rows[path] = f"a path in space, {_shape_text(gesture)}"
         else:
@@ -79,9 +79,9 @@ def gesture_lines(piece: Piece) -> list[str]:
 
 def scene_lines(score_texts: Texts) -> list[str]:
     """The scores beside a score, with their lengths."""
-    path_here = Path(score_texts.path).resolve()
+    score_path = Path(score_texts.path).resolve()
     other_names = [
-        path.stem for path in scores_in(folder_of(score_texts)) if path.resolve() != path_here
+        path.stem for path in scores_in(folder_of(score_texts)) if path.resolve() != score_path
     ]
     scene_rows = {}
     for number, scene_name in enumerate(dict.fromkeys(other_names)):

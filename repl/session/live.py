@@ -7,18 +7,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon._core import has_let_go, let_go
-from ergon.live.display import event_sentence, why_too_stiff
+from ergon.live.display import event_sentence, stiffness_refusal
 from ergon.live.force_bounds import ForceBoundsFinder
 from ergon.live.perform import PlaybackConfig, bar_frames, perform, tick_frames
 from ergon.live.repeated_notices import RepeatedNotices
 from ergon.live.trouble import troubles
-from ergon.repl.session.engine import (
-    Change,
-    EngineEvent,
-    EngineStatus,
-    GuidedPath,
-    SoundFileStatus,
-)
+from ergon.repl.session.engine import Change, EngineEvent, EngineStatus, GuidedPath, SoundFileStatus
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
@@ -45,13 +39,17 @@ class LiveEngine:
         self._pages = config.pages
         self.n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
-            stage, replace(config, endless=True, loose=True)
+            stage, replace(config, is_endless=True, loose=True)
         )
         self._players = [hand.player for hand in stage.live_hands]
         self._real_players = {player for board in config.boards for _, player in board.axes}
-        numbers = [hand.index for hand in stage.live_hands if hand.player in self._real_players]
+        hand_indices = [
+            hand.index for hand in stage.live_hands if hand.player in self._real_players
+        ]
         lever_ratios = [hand.reach for hand in stage.live_hands]
-        self.bounds_finder = ForceBoundsFinder(self._performance.hand_limit, lever_ratios, numbers)
+        self.bounds_finder = ForceBoundsFinder(
+            self._performance.hand_limit, lever_ratios, hand_indices
+        )
         self._boards = [board.display_name for board in config.boards]
         self._players_by_board = [[player for _, player in board.axes] for board in config.boards]
         self._n_sound_events = 0
@@ -82,12 +80,12 @@ class LiveEngine:
         bounds = self.bounds_finder.force_bounds(stage, start, glides, before)
         for bound in bounds:
             if not bound.least_scale.is_enough:
-                raise NotTakenError(why_too_stiff(bound))
+                raise NotTakenError(stiffness_refusal(bound))
         return bounds
 
     def change(self, change: Change) -> int:
         """Send a change to the physics thread; returns its ticket."""
-        if change.is_gains:
+        if change.is_gain_change:
             return self._performance.change(change.frame, gains=list(change.gains.items()))
         stage, old_stage = change.stage, change.old_stage
         ticket = self._performance.change(
@@ -175,7 +173,7 @@ class LiveEngine:
         """Load, late ticks, peaks, disconnected keys, and troubles."""
         status = self._status()
         hands = zip(self._players, status.hands, strict=False)
-        unused_keys = frozenset(
+        disconnected = frozenset(
             name
             for name, hand in hands
             if status.ticks and name in self._real_players and not hand.real
@@ -188,7 +186,7 @@ class LiveEngine:
             status.load,
             status.late,
             status.peaks,
-            unused_keys,
+            disconnected,
             bool(self._real_players) and has_let_go(),
             current_troubles,
         )
@@ -205,20 +203,24 @@ class LiveEngine:
                     EngineEvent(frame, act_ticket=int(value), is_late=event_kind == "missed")
                 )
             elif event_text := event_sentence(raw_event, self._players, self._boards):
-                real_players = self._real_now(raw_event)
+                real_players = self._hand_states(raw_event)
                 lost_duration = value if event_kind == "lost" else 0.0
                 engine_events += [
-                    EngineEvent(event_frame, sentence=line, real_now=real_players)
-                    for event_frame, line in self._notices.shown(
+                    EngineEvent(event_frame, sentence=line, is_real_by_player=real_players)
+                    for event_frame, line in self._notices.add_notice(
                         frame, event_kind, event_text, lost_duration
                     )
                 ]
         self._unreported = []
-        notice_lines = self._notices.rest() if self._final_status else self._notices.due(self.frame)
+        notice_lines = (
+            self._notices.last_lines()
+            if self._final_status
+            else self._notices.due_lines(self.frame)
+        )
         if self._final_status is None:
             sound_events = self._performance.sound_events()
             for _, event_text in sound_events[self._n_sound_events :]:
-                notice_lines += self._notices.shown(self.frame, "sound", event_text)
+                notice_lines += self._notices.add_notice(self.frame, "sound", event_text)
             self._n_sound_events = len(sound_events)
         engine_events += [
             EngineEvent(event_frame, sentence=line) for event_frame, line in notice_lines
@@ -227,7 +229,7 @@ class LiveEngine:
             engine_events.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
         return engine_events
 
-    def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
+    def _hand_states(self, event: _core.PerformanceEvent) -> dict[str, bool]:
         _, event_kind, value = event
         if event_kind == "gone":
             return dict.fromkeys(self._players_by_board[int(value)], False)
@@ -265,13 +267,11 @@ class LiveEngine:
         if self.sound_file_status() is not None:
             self.end_sound()
         stop = time.monotonic() + _CLOSE_TIMEOUT
-        while (status_now := self.sound_file_status()) and not (
-            status_now.has_ended or status_now.error
-        ):
+        while (status := self.sound_file_status()) and not (status.has_ended or status.error):
             if time.monotonic() > stop:
                 break
             time.sleep(_POLL_SECONDS)
-        return status_now
+        return status
 
     def close(self) -> None:
         """Play out the ring buffer, and end."""

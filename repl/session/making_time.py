@@ -27,7 +27,7 @@ class MakingTime:
     engine: Engine
     rate: float  # frames a second
     seconds: float = 0.0
-    _last: float = 0.0
+    _last_seconds: float = 0.0
 
     @property
     def expected(self) -> float:
@@ -43,11 +43,11 @@ class MakingTime:
             _SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(n_slips, 20)
         )
 
-    def began(self) -> int:
+    def begin_frame(self) -> int:
         """The frame at which a making begins."""
         return self.engine.frame
 
     def add(self, start_frame: int) -> None:
         """Count making that began at frame `start_frame` and ends now."""
         seconds_taken = (self.engine.frame - start_frame) / self.rate
-        self.seconds, self._last = max(seconds_taken, self._last), seconds_taken
+        self.seconds, self._last_seconds = max(seconds_taken, self._last_seconds), seconds_taken

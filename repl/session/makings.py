@@ -17,18 +17,20 @@ if TYPE_CHECKING:
 
 
 class Makings:
-    """Makes running versions and checks them; `latest` is the beat on which nothing begins any
+    """Makes running versions and checks them; `latest_beat` is the beat on which nothing begins any
     more.
     """
 
     def __init__(self, engine: Engine, takeovers: Takeovers) -> None:
         """Make versions for an engine."""
-        self.latest = math.inf
+        self.latest_beat = math.inf
         self._engine, self._takeovers = engine, takeovers
 
     def staged(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that take over together. Raises one of `REFUSALS`."""
-        return self._with_force_bounds(running, self._takeovers.staged(running, lines, self.latest))
+        return self._with_force_bounds(
+            running, self._takeovers.staged(running, lines, self.latest_beat)
+        )
 
     def cut_version(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that only end what plays; it takes no time to make.
@@ -40,7 +42,7 @@ class Makings:
     def extended(self, running: RunningVersion, start: int) -> RunningVersion:
         """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""
         return self._with_force_bounds(
-            running, self._takeovers.extended(running, start, self.latest)
+            running, self._takeovers.extended(running, start, self.latest_beat)
         )
 
     def first_failing(
@@ -56,13 +58,13 @@ class Makings:
 
     def _with_force_bounds(self, running: RunningVersion, result: RunningVersion) -> RunningVersion:
         """A version with the bounds of its forces. Raises NotTakenError if it cannot be played."""
-        for changed_unit, present_value, asked_value in (
+        for quantity, present_value, asked_value in (
             ("number of channels", self._engine.n_channels, result.stage.n_channels),
             ("rate", running.stage.rate, result.stage.rate),
         ):
             if present_value != asked_value:
                 raise NotTakenError(
-                    f"the {changed_unit} of a session cannot change: this session plays "
+                    f"the {quantity} of a session cannot change: this session plays "
                     f"{present_value:g}, "
                     "and "
                     f"the score has {asked_value:g}; play that score in a session of its own"

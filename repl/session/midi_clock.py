@@ -64,36 +64,38 @@ class ClockEvents:
 
     def __init__(self, schedule: Schedule) -> None:
         """Begin at frame 0."""
-        self._played = PlayedVersions(schedule)
-        self._began_at: float | None = None  # the second of the engine at which the piece began
-        self._next = 0  # the number of the next clock
+        self._played_versions = PlayedVersions(schedule)
+        self._begin_instant: float | None = (
+            None  # the second of the engine at which the piece began
+        )
+        self._next_clock = 0  # the number of the next clock
 
     def pop_before(self, frame: int) -> Iterator[ClockMessage]:
         """The messages before a frame that were not returned yet."""
-        for running, first_frame, last_frame in self._played.pop_before(frame):
+        for running, first_frame, last_frame in self._played_versions.pop_before(frame):
             clock, stage = running.clock, running.stage
-            if clock.began_at != self._began_at:
-                if self._began_at is not None:
+            if clock.begin_instant != self._begin_instant:
+                if self._begin_instant is not None:
                     yield first_frame, bytes([Transport.STOP.value])
-                if clock.began_at is not None:
+                if clock.begin_instant is not None:
                     # A song position counts sixteenths: it is that of the next sixteenth, where
                     # others can join in.
-                    self._next = (
+                    self._next_clock = (
                         math.ceil(clock.stopped_beat / _BEATS_PER_SIXTEENTH - SAME)
                         * CLOCKS_PER_SONG_POSITION
                     )
-                    if self._next:
-                        yield first_frame, encode_song_position(self._next / CLOCKS_PER_BEAT)
-                    begins = Transport.CONTINUE if self._next else Transport.START
-                    yield first_frame, bytes([begins.value])
-                self._began_at = clock.began_at
-            if clock.began_at is not None:
+                    if self._next_clock:
+                        yield first_frame, encode_song_position(self._next_clock / CLOCKS_PER_BEAT)
+                    start_message = Transport.CONTINUE if self._next_clock else Transport.START
+                    yield first_frame, bytes([start_message.value])
+                self._begin_instant = clock.begin_instant
+            if clock.begin_instant is not None:
                 tempo, rate = stage.piece.tempo_map, stage.rate
                 while (
-                    clock_frame := frame_of(tempo.seconds(self._next / CLOCKS_PER_BEAT), rate)
+                    clock_frame := frame_of(tempo.seconds(self._next_clock / CLOCKS_PER_BEAT), rate)
                 ) < last_frame:
                     yield max(clock_frame, first_frame), bytes([Transport.CLOCK.value])
-                    self._next += 1
+                    self._next_clock += 1
 
 
 class ClockOut:
@@ -110,14 +112,14 @@ class ClockOut:
         self._events = ClockEvents(schedule)
         self._performance, self._port = performance, port
         self._hearing_clock = HearingClock(schedule.rate, 0)
-        self._over = threading.Event()
+        self._end_event = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ergon MIDI clock", daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
         with contextlib.suppress(AttributeError, OSError):  # not granted: like any other thread
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_THREAD_PRIORITY))
-        while not self._over.wait(_CHECK_PERIOD):
+        while not self._end_event.wait(_CHECK_PERIOD):
             with contextlib.suppress(EngineError):  # the performance is closed already
                 self.send_computed(time.monotonic())
 
@@ -135,7 +137,7 @@ class ClockOut:
 
     def close(self) -> None:
         """End sending; the port tells other programs to stop."""
-        self._over.set()
+        self._end_event.set()
         self._thread.join()
         self._port.close()
 
@@ -156,7 +158,7 @@ class ClockIn:
         """Begin to follow; `instant_of_frame` gives the instant at which a frame is heard [s,
         time.monotonic].
         """
-        self._session, self._when, self._port = session, instant_of_frame, port
+        self._session, self._instant_of_frame, self._port = session, instant_of_frame, port
         self._follower = ClockFollower()
         self._transport: deque[tuple[Transport, float]] = deque(maxlen=16)
         self._lock = threading.Lock()
@@ -177,16 +179,16 @@ class ClockIn:
     def follow(self, instant_now: float) -> None:
         """Start, stop or correct the tempo where that is due; `instant_now` is the instant [s]."""
         with self._lock:
-            asked_transport = list(self._transport)
+            messages = list(self._transport)
             self._transport.clear()
             beat_estimate = (
                 self._follower.estimate() if self._follower.is_receiving(instant_now) else None
             )
-            is_placed = self._follower.is_placed
-        for transport, position in asked_transport:
+            has_position = self._follower.has_position
+        for transport, position in messages:
             self._start_or_stop(transport, position)
         if beat_estimate is not None and self._session.schedule.running.clock.is_running:
-            self._correct(beat_estimate, is_placed)
+            self._correct(beat_estimate, has_position)
 
     def _start_or_stop(self, transport: Transport, clock_position: float) -> None:
         session = self._session
@@ -199,7 +201,7 @@ class ClockIn:
         if reply is not None and not reply.taken:
             session.say(f"MIDI clock: {reply.text}")
 
-    def _correct(self, beat_estimate: BeatEstimate, is_placed: bool) -> None:
+    def _correct(self, beat_estimate: BeatEstimate, has_position: bool) -> None:
         """Set the tempo from the next beat that a line can reach, so that the error is gone
         `_CORRECTION_BEATS` beats later; at most one correction per beat.
         """
@@ -213,31 +215,33 @@ class ClockIn:
             if (
                 correction_beat <= self._corrected_beat
                 or schedule.waiting
-                or clock.began_at is None
+                or clock.begin_instant is None
             ):
                 return
             rate = schedule.rate
-            beat_here, beat_there = (
-                self._when(frame_of(clock.seconds(latest_tempo, beat_at_frame), rate))
+            correction_instant, end_instant = (
+                self._instant_of_frame(frame_of(clock.seconds(latest_tempo, beat_at_frame), rate))
                 for beat_at_frame in (correction_beat, correction_beat + _CORRECTION_BEATS)
             )
-            if beat_here is None or beat_there is None:
+            if correction_instant is None or end_instant is None:
                 return
-            if is_placed:
+            if has_position:
                 beat_length = (
-                    beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS) - beat_here
+                    beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS)
+                    - correction_instant
                 ) / _CORRECTION_BEATS
-                error = beat_there - beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS)
+                error = end_instant - beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS)
             else:
                 beat_length, error = (
-                    beat_estimate.length,
-                    (beat_there - beat_here) - _CORRECTION_BEATS * beat_estimate.length,
+                    beat_estimate.beat_length,
+                    (end_instant - correction_instant)
+                    - _CORRECTION_BEATS * beat_estimate.beat_length,
                 )
             if abs(error) <= _ERROR_MAX:
                 return
             beat_length = min(
-                max(beat_length, beat_estimate.length / _TEMPO_RATIO_MAX),
-                beat_estimate.length * _TEMPO_RATIO_MAX,
+                max(beat_length, beat_estimate.beat_length / _TEMPO_RATIO_MAX),
+                beat_estimate.beat_length * _TEMPO_RATIO_MAX,
             )
             bpm = 60.0 / beat_length
             line = f"tempo {bpm:.8g} at {session.position_text(correction_beat)}"

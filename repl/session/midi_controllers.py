@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from ergon.live.midi_messages import Control, Pressure, Wheel
+from ergon.live.midi_messages import ControlChange, PitchWheel, Pressure
 from ergon.scores.gesture.midi_source import pair_position, seven_bit_position, wheel_position
 
 if TYPE_CHECKING:
     from ergon.repl.session.midi_maps import Map
 
 _CONTROLLER_COUNT = 128
-Moved = Control | Wheel | Pressure
+ControllerMessage = ControlChange | PitchWheel | Pressure
 
 
 class Controllers:
@@ -22,13 +22,15 @@ class Controllers:
         """Begin with all of them at 0."""
         self._values = [0] * _CONTROLLER_COUNT
 
-    def positions(self, message: Moved, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
+    def positions(
+        self, message: ControllerMessage, maps: Mapping[str, Map]
+    ) -> Iterator[tuple[str, float]]:
         """What a message moves, and its position now, from 0 to 1; of pairs of controllers
         those that are mapped.
 
         The upper bits put the lower ones at 0, until these come (MIDI 1.0, control change).
         """
-        if isinstance(message, Wheel):
+        if isinstance(message, PitchWheel):
             yield "bend", wheel_position(message.value)
         elif isinstance(message, Pressure):
             key = "" if message.number is None else f" {message.number}"

@@ -8,18 +8,18 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from ergon.live.midi_messages import (
-    Control,
-    Note,
-    NoteEnd,
-    Played,
+    ControlChange,
+    NoteOff,
+    NoteOn,
+    PlayedMessage,
     Pressure,
-    Program,
+    ProgramChange,
     SongPosition,
     Transport,
     parse_message,
 )
 from ergon.repl.language.mapping import MapControl, MapNotes
-from ergon.repl.session.midi_controllers import Moved
+from ergon.repl.session.midi_controllers import ControllerMessage
 from ergon.repl.session.midi_maps import note_lines
 from ergon.repl.session.midi_monitor import MidiMonitor, source_of
 from ergon.repl.session.midi_zones import Zones
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 # The controller of the pedal, and its least value when down.
-_SUSTAIN_CONTROLLERS, _PEDAL_DOWN = (64, 64)
+_SUSTAIN_CONTROLLER, _PEDAL_DOWN = (64, 64)
 
 
 class _SoundingNote(NamedTuple):
@@ -69,16 +69,16 @@ class MidiInput:
         """Act on what plays (`acts`), and on values of lines; `say` adds a message."""
         self._schedule, self._acts = schedule, acts
         self._fast_values, self._stops = fast_values, stops
-        self._sounding: dict[int, _SoundingNote] = {}  # notes whose end does something
-        self._on_pedal: set[int] = set()  # those whose key is up
+        self._sounding_notes: dict[int, _SoundingNote] = {}  # notes whose end does something
+        self._pedal_notes: set[int] = set()  # those whose key is up
         self._is_pedal_down = False
         self._n_lines = 0  # typed by notes
         self._zones = Zones()
-        self._wanted: MapControl | MapNotes | None = None  # the map that is to be learnt
+        self._wanted_map: MapControl | MapNotes | None = None  # the map that is to be learnt
         self._say = say
         self.monitor = MidiMonitor()
         self.inputs: list[str] = []  # the names of the ports that are open
-        self.lost = 0  # notes that could not strike because too many came at once
+        self.n_lost = 0  # notes that could not strike because too many came at once
 
     def receive(self, data: bytes, instant: float) -> None:
         """Act on a message; malformed and unknown ones do nothing."""
@@ -90,11 +90,11 @@ class MidiInput:
         is_mapped = self._act_on(message, channel)
         self.monitor.note(message, channel, is_mapped=is_mapped)
 
-    def _act_on(self, message: Played, channel: int) -> bool:
+    def _act_on(self, message: PlayedMessage, channel: int) -> bool:
         """Act on a message; whether anything is mapped to it."""
-        if isinstance(message, NoteEnd):
+        if isinstance(message, NoteOff):
             self._end_note(message.number)
-        elif isinstance(message, Note):
+        elif isinstance(message, NoteOn):
             if self._learn(message):
                 return True
             self._begin_note(message, channel)
@@ -105,13 +105,13 @@ class MidiInput:
             ):
                 self._fast_values.set_soon(name, line)
             return any(maps_of(self._schedule.head, message.number))
-        elif not isinstance(message, Program):
+        elif not isinstance(message, ProgramChange):
             return self._move_controller(message, channel)
         return False
 
     def learn(self, wanted_map: MapControl | MapNotes | None) -> str:
         """Map the next controller or note that comes; returns a sentence that says so."""
-        old_wanted, self._wanted = self._wanted, wanted_map
+        old_wanted, self._wanted_map = self._wanted_map, wanted_map
         if wanted_map is None:
             if old_wanted is None:
                 raise NotTakenError("nothing is to be learnt; `map learn bell.m.K …` begins it")
@@ -119,18 +119,18 @@ class MidiInput:
         action_text = "strike a note" if isinstance(wanted_map, MapNotes) else "move a controller"
         return f"{action_text}: it will be mapped; `unmap learn` lets it be"
 
-    def _learn(self, message: Played) -> bool:
+    def _learn(self, message: PlayedMessage) -> bool:
         """Take a message as that to which the wanted map is; False if none is wanted of its kind.
 
         A pair of controllers is learnt as the one of its upper bits.
         """
-        wanted_map = self._wanted
-        is_note = isinstance(message, Note)
+        wanted_map = self._wanted_map
+        is_note = isinstance(message, NoteOn)
         if wanted_map is None or is_note is not isinstance(wanted_map, MapNotes):
             return False
-        self._wanted = None
+        self._wanted_map = None
         if isinstance(wanted_map, MapNotes):
-            assert isinstance(message, Note)
+            assert isinstance(message, NoteOn)
             wanted_map = replace(wanted_map, low=message.number, high=message.number)
         else:
             wanted_map = replace(wanted_map, source=source_of(message))
@@ -140,11 +140,11 @@ class MidiInput:
         self._say(f"{wanted_map.name} is learnt: {wanted_map.line}")
         return True
 
-    def _move_controller(self, message: Moved, channel: int) -> bool:
+    def _move_controller(self, message: ControllerMessage, channel: int) -> bool:
         """Set what a controller leads to; whether it leads to anything."""
         if self._learn(message):
             return True
-        is_pedal = isinstance(message, Control) and message.number == _SUSTAIN_CONTROLLERS
+        is_pedal = isinstance(message, ControlChange) and message.number == _SUSTAIN_CONTROLLER
         if is_pedal:
             self._move_pedal(is_down=message.value >= _PEDAL_DOWN)
         head = self._schedule.head
@@ -155,7 +155,7 @@ class MidiInput:
             return self._press(message, channel)
         return is_mapped or is_pedal
 
-    def _type_lines(self, note: Note) -> None:
+    def _type_lines(self, note: NoteOn) -> None:
         """Run the blocks and play the gestures to which a note is mapped, each by its own line."""
         for note_line in note_lines(self._schedule.running.version, note.number):
             self._n_lines += 1
@@ -163,19 +163,19 @@ class MidiInput:
                 f"note {note.number}, line {self._n_lines}", partial(_constant_line, note_line)
             )
 
-    def _begin_note(self, note: Note, channel: int) -> None:
+    def _begin_note(self, note: NoteOn, channel: int) -> None:
         """Strike what a note is mapped to in the running version; do nothing during a panic."""
         if self._stops.panicked:
             return
         version = self._schedule.running.version
-        if note.number in self._sounding:
+        if note.number in self._sounding_notes:
             self._release_note(note.number)
         strokes = [*struck_places(version, note.number, note.velocity)]
         end_strikes = [
             (stroke.place, -stroke.impulse) for stroke in strokes if stroke.lasts_as_note
         ]
         if end_strikes:
-            self._sounding[note.number] = _SoundingNote(
+            self._sounding_notes[note.number] = _SoundingNote(
                 self._stops.n_panics, channel, end_strikes, {}
             )
         for stroke in strokes:
@@ -186,7 +186,7 @@ class MidiInput:
         anything to press on.
         """
         is_pressed = False
-        for note_number, sounding_note in self._sounding.items():
+        for note_number, sounding_note in self._sounding_notes.items():
             if sounding_note.n_panics != self._stops.n_panics:
                 continue
             if message.number not in (None, note_number) or sounding_note.channel != channel:
@@ -202,20 +202,20 @@ class MidiInput:
 
     def _end_note(self, number: int) -> None:
         """End a note, or hold it while the pedal is down."""
-        if number in self._sounding and self._is_pedal_down:
-            self._on_pedal.add(number)
-        elif number in self._sounding:
+        if number in self._sounding_notes and self._is_pedal_down:
+            self._pedal_notes.add(number)
+        elif number in self._sounding_notes:
             self._release_note(number)
 
     def _move_pedal(self, *, is_down: bool) -> None:
         """Move the pedal; where it comes up, notes whose keys are up end."""
         self._is_pedal_down = is_down
-        for number in [] if is_down else sorted(self._on_pedal):
+        for number in [] if is_down else sorted(self._pedal_notes):
             self._release_note(number)
 
     def _release_note(self, number: int) -> None:
-        sounding_note = self._sounding.pop(number)
-        self._on_pedal.discard(number)
+        sounding_note = self._sounding_notes.pop(number)
+        self._pedal_notes.discard(number)
         if sounding_note.n_panics != self._stops.n_panics:
             return
         for place, impulse in (
@@ -232,7 +232,7 @@ class MidiInput:
         strike_place = partial(self._schedule.engine.strike, place_number(place), impulse)
         strike_fields = {"part": part, "module": module, "member": member, "impulse": impulse}
         if not self._acts.request(strike_place, "strike", **strike_fields):
-            self.lost += 1
+            self.n_lost += 1
 
 
 def _constant_line(line: str, _: Version) -> str:

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import TYPE_CHECKING
 
-from ergon.live.midi_messages import Control, Note, NoteEnd, Played, Pressure, Program, Wheel
+from ergon.live.midi_messages import (
+    ControlChange,
+    NoteOff,
+    NoteOn,
+    PitchWheel,
+    PlayedMessage,
+    Pressure,
+    ProgramChange,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,40 +32,41 @@ class MidiMonitor:
         """Begin without messages, and print none."""
         self.is_on = False
         self._unmapped: Counter[str] = Counter()
-        self._waiting: deque[tuple[str, str]] = deque(maxlen=_WAITING_MAX)
-        self._ends_at = 0.0  # [s] end of the present period
+        self._waiting_lines: deque[tuple[str, str]] = deque(maxlen=_WAITING_MAX)
+        self._period_end = 0.0  # [s] end of the present period
         self._n_left = _LINES_MAX
-        self._rest: Counter[str] = Counter()
+        self._omitted_counts: Counter[str] = Counter()
 
-    def note(self, message: Played, channel: int, *, is_mapped: bool) -> None:
+    def note(self, message: PlayedMessage, channel: int, *, is_mapped: bool) -> None:
         """Note a message of a channel from 1 to 16."""
         message_source = source_of(message)
-        if not is_mapped and not isinstance(message, NoteEnd):
+        if not is_mapped and not isinstance(message, NoteOff):
             self._unmapped[message_source] += 1
         if self.is_on:
-            unmapped_text = "" if is_mapped or isinstance(message, NoteEnd) else ", not mapped"
+            unmapped_text = "" if is_mapped or isinstance(message, NoteOff) else ", not mapped"
             text = f"MIDI {_message_text(message)}, channel {channel}{unmapped_text}"
-            self._waiting.append((message_source, text))
+            self._waiting_lines.append((message_source, text))
 
     def lines_due(self, instant_now: float) -> Sequence[str]:
         """The lines to print at an instant [s]: a bounded number each half second, and the
         number of the others.
         """
         monitor_lines = []
-        if instant_now >= self._ends_at:
-            if self._rest:
+        if instant_now >= self._period_end:
+            if self._omitted_counts:
+                n_omitted = self._omitted_counts.total()
                 monitor_lines.append(
-                    f"MIDI {self._rest.total():,} more: {_counts_text(self._rest)}"
+                    f"MIDI {n_omitted:,} more: {_counts_text(self._omitted_counts)}"
                 )
-            self._rest.clear()
-            self._ends_at, self._n_left = instant_now + _PERIOD_SECONDS, _LINES_MAX
-        while self._waiting:
-            message_source, monitor_text = self._waiting.popleft()
+            self._omitted_counts.clear()
+            self._period_end, self._n_left = instant_now + _PERIOD_SECONDS, _LINES_MAX
+        while self._waiting_lines:
+            message_source, monitor_text = self._waiting_lines.popleft()
             if self._n_left:
                 self._n_left -= 1
                 monitor_lines.append(monitor_text)
             else:
-                self._rest[message_source] += 1
+                self._omitted_counts[message_source] += 1
         return monitor_lines
 
     def unmapped_line(self) -> str | None:
@@ -66,32 +75,32 @@ class MidiMonitor:
         return f"not mapped: {_counts_text(counts)}" if counts else None
 
 
-def source_of(message: Played) -> str:
+def source_of(message: PlayedMessage) -> str:
     """What a message comes from, as a map names it."""
     match message:
-        case Note(source_number) | NoteEnd(source_number):
+        case NoteOn(source_number) | NoteOff(source_number):
             return f"note {source_number}"
-        case Control(source_number):
+        case ControlChange(source_number):
             return f"cc {source_number}"
-        case Wheel():
+        case PitchWheel():
             return "bend"
-        case Program(source_number):
+        case ProgramChange(source_number):
             return f"program {source_number}"
         case Pressure(_, source_number):
             return "pressure" if source_number is None else f"pressure {source_number}"
 
 
-def _message_text(message: Played) -> str:
+def _message_text(message: PlayedMessage) -> str:
     match message:
-        case Note(message_number, velocity):
+        case NoteOn(message_number, velocity):
             return f"note {message_number} ({_note_name(message_number)}), velocity {velocity}"
-        case NoteEnd(message_number):
+        case NoteOff(message_number):
             return f"note {message_number} ({_note_name(message_number)}) ends"
-        case Control(message_number, message_value):
+        case ControlChange(message_number, message_value):
             return f"cc {message_number} at {message_value}"
-        case Wheel(message_value):
+        case PitchWheel(message_value):
             return f"bend at {message_value}"
-        case Program(message_number):
+        case ProgramChange(message_number):
             return f"program {message_number}"
         case Pressure(message_value, message_number):
             return (

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.tables.notes import number
 from ergon.repl.language.mapping import MapControl
-from ergon.repl.session.midi_controllers import Controllers, Moved
+from ergon.repl.session.midi_controllers import ControllerMessage, Controllers
 from ergon.repl.session.midi_maps import Map, line_at_position, line_of_value
 from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_ON, PITCH_BEND, MidiEvent
 from ergon.scores.gesture.midi_wheels import Wheels
@@ -34,7 +34,7 @@ class Zones:
         self._wheels = Wheels(_WHEEL_RANGE_CENTS)
         self._controllers: dict[int, Controllers] = {}
         self._positions: dict[tuple[int, str], float] = {}  # by channel and source
-        self._turned: set[str] = set()  # names of the pitches that a wheel has moved
+        self._bent_names: set[str] = set()  # names of the pitches that a wheel has moved
 
     def follow(self, data: bytes) -> None:
         """Follow a message of three bytes."""
@@ -45,7 +45,7 @@ class Zones:
                 pass
 
     def move_values(
-        self, channel: int, message: Moved, maps: Mapping[str, Map], piece: Piece
+        self, channel: int, message: ControllerMessage, maps: Mapping[str, Map], piece: Piece
     ) -> tuple[bool, list[tuple[str, LineOf]]]:
         """Whether a message has a map, and what it sets: the name of each value, and the line that
         sets it.
@@ -86,18 +86,18 @@ class Zones:
         target_path = _note_target(control, family, key, piece)
         if target_path is None:
             return
-        move_name = f"{control.source}, {target_path}"
+        value_name = f"{control.source}, {target_path}"
         if control.source == "bend" and target_path.endswith(_PITCH_SUFFIX):
             cents = self._wheels.note_cents(key)
-            if cents or move_name in self._turned:
-                self._turned.add(move_name)
+            if cents or value_name in self._bent_names:
+                self._bent_names.add(value_name)
                 yield (
-                    move_name,
+                    value_name,
                     partial(_constant_line, f"set {target_path} {cents:.6g}cents over 50ms now"),
                 )
         elif position is not None:
             yield (
-                move_name,
+                value_name,
                 partial(
                     _constant_line, line_of_value(replace(control, target=target_path), position)
                 ),
@@ -107,11 +107,8 @@ class Zones:
 def _note_family(control: MapControl, piece: Piece) -> str | None:
     """The instrument with notes to whose parameter a controller leads."""
     words = (control.target or "").split(".")
-    path_beginnings = (".".join(words[:count]) for count in range(1, len(words)))
-    return next(
-        (path_beginning for path_beginning in path_beginnings if path_beginning in piece.families),
-        None,
-    )
+    prefixes = (".".join(words[:count]) for count in range(1, len(words)))
+    return next((prefix for prefix in prefixes if prefix in piece.families), None)
 
 
 def _note_target(control: MapControl, family: str | None, key: int, piece: Piece) -> str | None:

@@ -27,12 +27,7 @@ class Moments:
     """
 
     def __init__(
-        self,
-        engine: Engine,
-        changes: Changes,
-        timing: Timing,
-        making_time: MakingTime,
-        margin: int,
+        self, engine: Engine, changes: Changes, timing: Timing, making_time: MakingTime, margin: int
     ) -> None:
         """Begin with an engine, the changes that are under way to it, and the time of a making."""
         self.margin = margin
@@ -54,12 +49,12 @@ class Moments:
     def first_frame(self, making_seconds: float, line_kind: LineKind = LineKind.STRUCTURE) -> int:
         """The first frame for a change that takes `making_seconds` [s] to compute."""
         if line_kind is LineKind.FADERS:
-            first_after = 0
+            frame_min = 0
         elif line_kind is LineKind.ENDS:  # such a line withdraws pending changes
-            first_after = self._changes.playing_at(self.tick_after(0.0) - 1).start + 1
+            frame_min = self._changes.running_at(self.tick_after(0.0) - 1).start + 1
         else:
-            first_after = self._changes.running.start + 1
-        return self._tick_frame(max(self.frame_after(making_seconds), first_after))
+            frame_min = self._changes.running.start + 1
+        return self._tick_frame(max(self.frame_after(making_seconds), frame_min))
 
     def beat_now(self) -> float:
         """The beat of the piece that the engine computes now."""
@@ -72,7 +67,7 @@ class Moments:
         lead_seconds = self._timing.lead_of_kind(kind is LineKind.ENDS)
         soonest_frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
         line_beat, start_frame = place_of(
-            when, grid, self._present(tempo), soonest_frames, lead_seconds
+            when, grid, self._present_state(tempo), soonest_frames, lead_seconds
         )
         is_now = when is NOW or (when is None and grid is None)
         if kind is LineKind.FADERS and is_now and start_frame is not None:
@@ -90,19 +85,19 @@ class Moments:
         """
         lead_seconds = self._timing.lead_of_kind(False)
         return place_of(
-            line_time, grid, self._present(tempo), (first_frame, first_frame), lead_seconds
+            line_time, grid, self._present_state(tempo), (first_frame, first_frame), lead_seconds
         )
 
     def place_after_slip(self, slipped_lines: Sequence[WaitingLine]) -> tuple[float, int]:
         """The next beat and frame of lines that were late: the next bar, or the soonest frame."""
-        first_late, n_slips = slipped_lines[0], max(line.n_slips for line in slipped_lines)
+        first_line, n_slips = slipped_lines[0], max(line.n_slips for line in slipped_lines)
         making_seconds = self._making_time.after_slips(n_slips)
         start_frame = self.first_frame(
-            0.0 if not n_slips and first_late.rule.is_quick else making_seconds, first_late.kind
+            0.0 if not n_slips and first_line.rule.is_quick else making_seconds, first_line.kind
         )
         running, timing = self._changes.running, self._timing
         clock, tempo = running.clock, running.version.piece.tempo_map
-        lead = first_late.lead(timing)
+        lead = first_line.lead(timing)
         start_beat = clock.beat(tempo, start_frame / timing.rate + lead)
         if clock.is_running and not all(line.is_now for line in slipped_lines):
             start_beat = next_boundary(tempo, start_beat, BAR_DURATION)
@@ -111,9 +106,9 @@ class Moments:
 
     def frame_of(self, tempo: TempoMap, beat: float) -> int:
         """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""
-        return frame_of(beat, self._present(tempo), self.soonest_frame())
+        return frame_of(beat, self._present_state(tempo), self.soonest_frame())
 
-    def _present(self, tempo: TempoMap) -> PresentState:
+    def _present_state(self, tempo: TempoMap) -> PresentState:
         return PresentState(self._changes.running.clock, tempo, self.beat_now(), self._timing)
 
     def _tick_frame(self, frame: int) -> int:

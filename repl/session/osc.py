@@ -54,7 +54,7 @@ class SessionOsc:
         """Begin to serve, at the sockets that `osc` has opened."""
         self._session, self._osc = session, osc
         self._lines: LineQueue[Answer | None] = LineQueue(session)
-        self._waiting = 0
+        self._n_waiting = 0
         self._input_values = InputValues(self._set_input)
         self._handlers: dict[str, Handler] = {
             "/ergon/cmd": text_handler(lambda line: self._enter(line, osc.answerer())),
@@ -62,7 +62,7 @@ class SessionOsc:
             "/ergon/release": button_handler(lambda: self._enter("release", None)),
             "/ergon/stop": button_handler(lambda: self._enter("stop", None)),
         }
-        self._worker = threading.Thread(target=self._work, name="ergon osc lines", daemon=True)
+        self._worker = threading.Thread(target=self._do_lines, name="ergon osc lines", daemon=True)
         self._worker.start()
         stage = session.schedule.running.stage
         session_events = SessionEvents(session.schedule, session.journal)
@@ -110,14 +110,14 @@ class SessionOsc:
         self._session.fast_values.set_soon(address, lambda version: line)
 
     def _enter(self, line: str, answer: Answer | None) -> None:
-        if self._waiting >= _WAITING_MAX:
+        if self._n_waiting >= _WAITING_MAX:
             raise OscRequestError(f"{_WAITING_MAX} lines are waiting already; this one was dropped")
-        self._waiting += 1
+        self._n_waiting += 1
         self._lines.enter(line, answer)
 
-    def _work(self) -> None:
+    def _do_lines(self) -> None:
         while (queued_line := self._lines.next()) is not None:
-            self._waiting -= 1
+            self._n_waiting -= 1
             address, arguments = self._do_line(queued_line.text, queued_line.releases)
             if queued_line.sender is not None:
                 queued_line.sender(address, arguments)
@@ -133,8 +133,10 @@ class SessionOsc:
         self._osc.close()
         self._lines.end()
         self._worker.join()
-        if self._osc.malformed:
-            malformed_text = f"{self._osc.malformed} datagrams were not valid OSC and were ignored"
+        if self._osc.n_malformed:
+            malformed_text = (
+                f"{self._osc.n_malformed} datagrams were not valid OSC and were ignored"
+            )
             self._session.say(malformed_text)
 
 
@@ -143,7 +145,7 @@ class SessionEvents:
 
     def __init__(self, schedule: Schedule, journal: Journal | None = None) -> None:
         """Begin at frame 0."""
-        self._played = PlayedVersions(schedule)
+        self._played_versions = PlayedVersions(schedule)
         self._journal = journal
 
     def troubles(self) -> Sequence[str]:
@@ -153,7 +155,7 @@ class SessionEvents:
 
     def pop_before(self, frame: int) -> Iterator[OscEvent]:
         """The events before a frame that were not returned yet."""
-        for running, first_frame, last_frame in self._played.pop_before(frame):
+        for running, first_frame, last_frame in self._played_versions.pop_before(frame):
             yield from sorted(
                 _version_events(running, first_frame, last_frame), key=lambda event: event[0]
             )
@@ -164,7 +166,7 @@ def _version_events(
 ) -> Iterator[OscEvent]:
     """The events of one version, from frame `first_frame` to before `last_frame`."""
     stage, clock = running.stage, running.clock
-    if clock.began_at is None:
+    if clock.begin_instant is None:
         return
     version = running.version
     shown_key = partial(version.sounds_as.shown_name, part_names=version.piece.keys)
@@ -182,6 +184,6 @@ def _version_events(
                 gesture.player,
                 shown_key(gesture.key),
                 gesture.name,
-                float(gesture.start - clock.began_at),
+                float(gesture.start - clock.begin_instant),
             )
             yield gesture_frame, "/ergon/strike", event_arguments

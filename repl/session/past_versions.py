@@ -21,22 +21,22 @@ _DIFFERENCES_MAX = 32
 
 @dataclass(frozen=True, slots=True)
 class _PackedText:
-    """A text: the whole one, `compressed`, or that of `text_before` with its characters from
+    """A text: the whole one, `compressed`, or that of `previous` with its characters from
     `start` to `end` replaced by `text`.
     """
 
-    number: int  # number of differences since a complete text
+    n_differences: int  # number of differences since a complete text
     compressed: bytes = b""
-    text_before: _PackedText | None = None
+    previous: _PackedText | None = None
     start: int = 0
     end: int = 0
     text: str = ""
 
     def unpacked(self) -> str:
         """The text."""
-        if self.text_before is None:
+        if self.previous is None:
             return zlib.decompress(self.compressed).decode()
-        text = self.text_before.unpacked()
+        text = self.previous.unpacked()
         return text[: self.start] + self.text + text[self.end :]
 
 
@@ -88,10 +88,10 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
         texts_before, packed = self._last
         if texts_before.text == texts.text:
             return packed
-        if packed.number >= _DIFFERENCES_MAX:
+        if packed.n_differences >= _DIFFERENCES_MAX:
             return _compressed_text(texts.text)
         start, end, text = difference(texts_before.text, texts.text)
-        return _PackedText(packed.number + 1, b"", packed, start, end, text)
+        return _PackedText(packed.n_differences + 1, b"", packed, start, end, text)
 
 
 def _compressed_text(text: str) -> _PackedText:
@@ -105,11 +105,11 @@ def difference(old_text: str, new_text: str) -> tuple[int, int, str]:
     shared_count = min(len(old_text), len(new_text))
     start_index = _n_equal(shared_count, lambda a, b: old_text[a:b] == new_text[a:b])
     n_old, n_new = len(old_text), len(new_text)
-    after_index = _n_equal(
+    n_equal_end = _n_equal(
         shared_count - start_index,
         lambda a, b: old_text[n_old - b : n_old - a] == new_text[n_new - b : n_new - a],
     )
-    return start_index, n_old - after_index, new_text[start_index : n_new - after_index]
+    return start_index, n_old - n_equal_end, new_text[start_index : n_new - n_equal_end]
 
 
 def _n_equal(count: int, is_equal: Callable[[int, int], bool]) -> int:

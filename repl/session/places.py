@@ -63,13 +63,13 @@ def place_of(
         )
     first_beat = clock.beat(tempo, soonest_frame / timing.rate + lead)
     if isinstance(line_time, Position | Length):
-        reached_beat = clock.beat(tempo, earliest_frame / timing.rate + lead)
+        earliest_beat = clock.beat(tempo, earliest_frame / timing.rate + lead)
         if isinstance(line_time, Position):
             line_beat = _resolved_position(tempo, line_time)
-            if line_beat < reached_beat - SAME:
+            if line_beat < earliest_beat - SAME:
                 raise _past_error(line_time, line_beat, present)
         else:
-            line_beat = max(reached_beat, tempo.after(beat_now, line_time))
+            line_beat = max(earliest_beat, tempo.after(beat_now, line_time))
         return LinePlace(
             line_beat, max(earliest_frame, timing.takeover_frame(clock, tempo, line_beat, lead))
         )

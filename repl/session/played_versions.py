@@ -16,27 +16,27 @@ class PlayedVersions:
     def __init__(self, schedule: Schedule) -> None:
         """Begin at frame 0."""
         self._schedule = schedule
-        self._from = 0
-        self._last = schedule.running
+        self._next_frame = 0
+        self._last_version = schedule.running
 
     def pop_before(self, frame: int) -> Iterator[tuple[RunningVersion, int, int]]:
         """Each version with its first frame and the frame after its last, up to `frame`.
 
         Frames that were returned before are left out.
         """
-        first_frame, self._from = self._from, max(self._from, frame)
+        first_frame, self._next_frame = self._next_frame, max(self._next_frame, frame)
         schedule = self._schedule
         # Versions that are under way come between; those that were over before are not included.
         versions = [
-            self._last,
+            self._last_version,
             *(change.running_before for change in schedule.changes.pending[:]),
             schedule.running,
         ]
         for number, running in enumerate(versions):
-            begins = max(first_frame, running.start) if number else first_frame
+            begin_frame = max(first_frame, running.start) if number else first_frame
             end_frame = min(
                 [frame, *(later_version.start for later_version in versions[number + 1 :])]
             )
-            if begins < end_frame:
-                self._last = running
-                yield running, begins, end_frame
+            if begin_frame < end_frame:
+                self._last_version = running
+                yield running, begin_frame, end_frame

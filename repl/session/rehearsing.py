@@ -22,13 +22,13 @@ def rehearsal_stage(piece: Piece, gesture_name: str) -> Stage | None:
     StageError.
     """
     options_by_play = {
-        (piece.players[play.player].key, _without_places(chain), play.manner): (play.manner, chain)
+        (piece.players[play.player].key, _without_offsets(chain), play.manner): (play.manner, chain)
         for play in piece.parts
         if gesture_name in play.names
         for chain in play.chains
     }
     if not options_by_play:
-        return _on_some_key(piece, gesture_name)
+        return _first_possible_stage(piece, gesture_name)
     keys_and_gestures = _keys_and_gestures(piece)
     first_stage, *_ = [
         solo(keys_and_gestures, gesture_name, key, transforms, manner)
@@ -47,13 +47,13 @@ def keys_for(piece: Piece, name: str) -> list[str]:
     ]
 
 
-def _on_some_key(piece: Piece, gesture_name: str) -> Stage | None:
+def _first_possible_stage(piece: Piece, gesture_name: str) -> Stage | None:
     keys_and_gestures, refusal = _keys_and_gestures(piece), None
     for key in piece.keys:
-        stage_tried = _try_key(keys_and_gestures, gesture_name, key)
-        if not isinstance(stage_tried, StageError):
-            return stage_tried
-        refusal = refusal or stage_tried
+        trial_stage = _try_key(keys_and_gestures, gesture_name, key)
+        if not isinstance(trial_stage, StageError):
+            return trial_stage
+        refusal = refusal or trial_stage
     if refusal is not None:
         raise refusal
     return None
@@ -72,5 +72,5 @@ def _keys_and_gestures(piece: Piece) -> Piece:
     return replace(piece, instruments={}, duet=(), strikes=(), mix=mix)
 
 
-def _without_places(transforms: tuple[Transform, ...]) -> tuple[Transform, ...]:
+def _without_offsets(transforms: tuple[Transform, ...]) -> tuple[Transform, ...]:
     return tuple(replace(transform, offset=0) for transform in transforms)

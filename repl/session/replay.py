@@ -163,9 +163,11 @@ class ReplayedSession:
         n_done = 0
         while n_done < len(out):
             self._do_due()
-            n_frames_next = min(_BLOCK_FRAMES, len(out) - n_done, *self._frames_until_due(len(out)))
-            out[n_done : n_done + n_frames_next] = self._engine.process(n_frames_next)
-            n_done += n_frames_next
+            n_block_frames = min(
+                _BLOCK_FRAMES, len(out) - n_done, *self._frames_until_due(len(out))
+            )
+            out[n_done : n_done + n_block_frames] = self._engine.process(n_block_frames)
+            n_done += n_block_frames
 
     def _frames_until_due(self, frames_max: int) -> Iterator[int]:
         """Numbers of frames until the next change or act, and `frames_max`."""
@@ -179,9 +181,9 @@ class ReplayedSession:
         schedule, coming_changes = self._schedule, self._due_changes
         schedule.next_frame = coming_changes[0].frame if coming_changes else math.inf
         staged_change = next((change for change in coming_changes if change.is_staged), None)
-        schedule.makings.latest = math.inf
+        schedule.makings.latest_beat = math.inf
         if staged_change is not None and staged_change.skipped_from is not None:
-            schedule.makings.latest = staged_change.skipped_from
+            schedule.makings.latest_beat = staged_change.skipped_from
 
     def _do_due(self) -> None:
         """Hand the engine the changes and acts that take effect at this frame."""
@@ -208,7 +210,7 @@ class ReplayedSession:
         line_event, sets_running = commit.line, commit.line.fields.get("goes")
 
         def edit(version: Version, beat: float) -> Version:
-            return edit_of_line(line_event, self._versions, version, self._file_versions)(
+            return line_edit(line_event, self._versions, version, self._file_versions)(
                 version, beat
             )
 
@@ -263,10 +265,10 @@ def _journal_changes(journal_content: JournalContent) -> Iterator[_ReplayedChang
     for (commit_frame, _), commits in groupby(
         journal_content.commits, lambda commit: (commit.frame, commit.change)
     ):
-        for skipped_before in [
+        for skip_frame in [
             frame_skipped for frame_skipped in skips if frame_skipped < commit_frame
         ]:
-            yield _ReplayedChange(skipped_before, (), skips.pop(skipped_before))
+            yield _ReplayedChange(skip_frame, (), skips.pop(skip_frame))
         yield _ReplayedChange(commit_frame, tuple(commits), skips.pop(commit_frame, None))
     for frame_skipped, begin in skips.items():
         yield _ReplayedChange(frame_skipped, (), begin)
@@ -298,9 +300,9 @@ def _frozen_of_session(
 
 def _initial_versions(journal_content: JournalContent, version: Version) -> PastVersionStore:
     """The versions that exist when a session begins."""
-    history_read, versions = journal_content.start.history, PastVersionStore()
+    history, versions = journal_content.start.history, PastVersionStore()
     versions[0] = PastVersion.from_version(version, "1|1")
-    for past_version in () if history_read is None else history_read.versions:
+    for past_version in () if history is None else history.versions:
         versions[past_version.number] = past_version
     return versions
 
@@ -317,7 +319,7 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
     rate = version.piece.rate
     timing = Timing(rate, session_start.tick_frames)
     committed_numbers = {commit.line.get("number", int) for commit in journal_content.commits}
-    waiting_lines_read = [
+    waiting_lines = [
         (
             journal_content.n_frames,
             journal_content.late_beats.get(
@@ -334,21 +336,21 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
     committed_lines = [
         (commit.frame, commit.beat, commit.line) for commit in journal_content.commits
     ]
-    for takeover_frame, last_beat, line_event in (*committed_lines, *waiting_lines_read):
+    for takeover_frame, last_beat, line_event in (*committed_lines, *waiting_lines):
         with _as_journal_errors(line_event):
             makes_running = line_event.fields.get("goes")
             now_running = makes_running if isinstance(makes_running, bool) else version.is_running
             old_tempo = version.piece.tempo_map
             version = replace(version.taken_over(), is_running=now_running)
-            version = edit_of_line(
-                line_event, versions, version, journal_content.versions_from_files
-            )(version, last_beat)
+            version = line_edit(line_event, versions, version, journal_content.versions_from_files)(
+                version, last_beat
+            )
             tempo = version.piece.tempo_map
             versions[line_event.get("number", int)] = PastVersion.from_version(
                 version, tempo.written(last_beat), line_event.get("line", str)
             )
             sets_running = makes_running if isinstance(makes_running, bool) else None
-            resumed_entry = takeover_beats(
+            takeover = takeover_beats(
                 clock,
                 old_tempo,
                 tempo,
@@ -358,7 +360,7 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
                 version.takeover_beat,
                 timing,
             )
-            clock = resumed_entry.clock
+            clock = takeover.clock
     tempo = version.piece.tempo_map
     last_beat = clock.beat(tempo, journal_content.n_frames / rate)
     if not (math.isfinite(last_beat) and journal_content.n_frames <= DURATION_MAX * rate):
@@ -386,9 +388,9 @@ def _renumbered_history(
     """The history of the session resumed as `resumed_version`, numbered for its own journal."""
     history = journal_content.history()
     past_versions = []
-    for place, old_number in enumerate(history.numbers):
+    for index, old_number in enumerate(history.numbers):
         # Numbers from 1 on belong to the lines of that session, and -1 means none.
-        new_number = 0 if place == history.index else -2 - place
+        new_number = 0 if index == history.index else -2 - index
         known_version = versions.get(old_number) or PastVersion.from_version(resumed_version)
         if new_number == 0:
             known_version = PastVersion.from_version(
@@ -398,7 +400,7 @@ def _renumbered_history(
     return PastVersions(past_versions, history.index)
 
 
-def edit_of_line(
+def line_edit(
     line_event: JournalEvent,
     versions: Mapping[int, PastVersion],
     old_version: Version,

@@ -58,5 +58,5 @@ class ReplayedSchedule(Schedule):
     def _extension_frame(self) -> int | None:
         """The frame of the next extension: before the next change, which may extend it too."""
         start = super()._extension_frame()
-        is_over = self.running.timeline_end >= self.makings.latest
+        is_over = self.running.timeline_end >= self.makings.latest_beat
         return None if start is None or is_over or start >= self.next_frame else start

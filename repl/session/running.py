@@ -14,11 +14,7 @@ from ergon.repl.session.struck_places import strike_points
 from ergon.scores.reading.playing import NO_OPTIONS, Play
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.stage import StageTakeover, stage
-from ergon.scores.staging.version_glides import (
-    Glide,
-    LeavingLink,
-    with_leaving,
-)
+from ergon.scores.staging.version_glides import FadingLink, Glide, with_fading_links
 
 if TYPE_CHECKING:
     from ergon.live.force_bounds import HandForceBounds
@@ -26,14 +22,14 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.live import Real
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.live import RealHands
+    from ergon.scores.staging.planning import TrialStore
     from ergon.scores.staging.stage import Stage
 
 # Endless parts are put on the timeline this many seconds ahead, with a least and a greatest number
 # of bars; they are extended when half of these bars are over. A longer timeline would delay the
 # answer to a line; a shorter one could end while a long line is computed.
-_AHEAD_SECONDS, _FEWEST_BARS, _BARS_MAX = 16.0, 4, 32
+_AHEAD_SECONDS, _BARS_MIN, _BARS_MAX = 16.0, 4, 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +37,11 @@ class RunningVersion:
     """A version that plays from frame `start` on, and spans of earlier versions that go on.
 
     The timeline has occurrences up to beat `timeline_end`; `force_bounds` are the forces on real
-    hands; `leaving` are removed links that still separate. `frozen` parts are played from their
-    samples. If it `is_seen`, parts that are not heard are computed too. `damp` [s] is a T60 for
-    all that sounds. Versions of one `serial` differ only by faders and by how far their timeline
-    goes. `skipped_from` is the beat from which on nothing began, because the timeline before had
-    ended there.
+    hands; `fading_links` are removed links that still separate. `frozen` parts are played from
+    their samples. If it `is_seen`, parts that are not heard are computed too. `damp` [s] is a T60
+    for all that sounds. Versions of one `serial` differ only by faders and by how far their
+    timeline goes. `skipped_from` is the beat from which on nothing began, because the timeline
+    before had ended there.
     """
 
     version: Version
@@ -56,7 +52,7 @@ class RunningVersion:
     timeline_end: float
     glides: tuple[Glide, ...] = ()
     force_bounds: Sequence[HandForceBounds] = ()
-    leaving: tuple[LeavingLink, ...] = ()
+    fading_links: tuple[FadingLink, ...] = ()
     frozen: tuple[LoadedPart, ...] = ()
     is_seen: bool = False
     damp: float | None = None
@@ -72,11 +68,11 @@ class RunningVersion:
         if not self.clock.is_running or self.timeline_end == math.inf:
             return False
         tempo = self.version.piece.tempo_map
-        n_bars = put_horizon(tempo, from_beat)[1]
+        n_bars = timeline_horizon(tempo, from_beat)[1]
         end = tempo.bars.bar_beat(self.timeline_end)[0]
         return from_beat > tempo.bars.start(end - n_bars // 2)
 
-    def in_flight(self, frame: int) -> tuple[tuple[str, str], ...]:
+    def ongoing_gestures(self, frame: int) -> tuple[tuple[str, str], ...]:
         """Pairs of players and gestures at a frame."""
         instant = frame / self.stage.rate
         gestures = self.stage.gestures
@@ -87,19 +83,19 @@ class RunningVersion:
         )
 
 
-def put_horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
+def timeline_horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
     """The beat up to which endless parts are put on the timeline, seen from `from_beat`, and how
     many bars that is.
     """
-    first_bar, beats_reached = (
+    first_bar, ahead_instant = (
         tempo.bars.bar_beat(from_beat)[0],
         tempo.seconds(from_beat) + _AHEAD_SECONDS,
     )
-    n_bars = _FEWEST_BARS
+    n_bars = _BARS_MIN
     while (
-        n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first_bar + n_bars)) < beats_reached
+        n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first_bar + n_bars)) < ahead_instant
     ):
-        n_bars += _FEWEST_BARS
+        n_bars += _BARS_MIN
     return tempo.bars.start(first_bar + n_bars), n_bars
 
 
@@ -138,8 +134,8 @@ def rehearsal_piece(piece: Piece) -> Piece:
 def stage_first(
     version: Version,
     clock: Clock,
-    real_hands: Real,
-    store: Store | None,
+    real_hands: RealHands,
+    store: TrialStore | None,
     frozen: tuple[LoadedPart, ...] = (),
     *,
     is_seen: bool = False,
@@ -159,10 +155,10 @@ def stage_spans(
     spans: tuple[Span, ...],
     old_stage: Stage | None,
     start_frame: int,
-    real_hands: Real,
-    store: Store | None,
+    real_hands: RealHands,
+    store: TrialStore | None,
     moving_glides: tuple[Glide, ...] = (),
-    leaving_links: tuple[LeavingLink, ...] = (),
+    leaving_links: tuple[FadingLink, ...] = (),
     *,
     frozen: tuple[LoadedPart, ...],
     is_seen: bool,
@@ -171,7 +167,7 @@ def stage_spans(
 
     `moving_glides` are parameters that glide, `leaving_links` removed links that still separate.
     """
-    piece = with_leaving(version.sounding, leaving_links)
+    piece = with_fading_links(version.sounding, leaving_links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if old_stage is None else start_frame / old_stage.rate)
     piece = replace(piece, tempo_map=tempo)
     new_stage = stage(

@@ -17,27 +17,27 @@ from ergon.scores.edits.texts import Texts
 
 
 def texts_to_write(
-    score_texts: Texts, changed: Collection[str], target_path: Path
+    score_texts: Texts, changed_files: Collection[str], target_path: Path
 ) -> Mapping[str, str]:
     """The texts to write, by file, where these used files were changed. Raises EditError."""
-    moved_files = _files_using(score_texts, changed)
+    copied_files = _dependent_files(score_texts, changed_files)
     folder = Path(score_texts.path).parent
     journal_names = {
         file: journal_name(file, folder).removeprefix(LIBRARY_PREFIX)
         for file in score_texts.overlay
     }
     for file_name, path, used_name, used_file in [*_use_entries(score_texts)]:
-        if file_name not in moved_files and file_name != score_texts.path:
+        if file_name not in copied_files and file_name != score_texts.path:
             continue
         new_name = (
             f"{target_path.stem}/{journal_names[used_file]}"
-            if used_file in moved_files
+            if used_file in copied_files
             else journal_names[used_file]
         )
-        if new_name != used_name and (used_file in moved_files or file_name in moved_files):
+        if new_name != used_name and (used_file in copied_files or file_name in copied_files):
             score_texts = score_texts.put(path, edit.quoted(new_name), file_name)
     path_by_file = {
-        file: target_path.parent / target_path.stem / journal_names[file] for file in moved_files
+        file: target_path.parent / target_path.stem / journal_names[file] for file in copied_files
     }
     return {
         str(target_path): score_texts.text,
@@ -45,10 +45,10 @@ def texts_to_write(
     }
 
 
-def _files_using(score_texts: Texts, changed: Collection[str]) -> set[str]:
+def _dependent_files(score_texts: Texts, changed_files: Collection[str]) -> set[str]:
     """These files, and all files that use one of them, directly or not."""
-    using_files, count = set(changed), -1
-    while changed and len(using_files) != count:
+    using_files, count = set(changed_files), -1
+    while changed_files and len(using_files) != count:
         count = len(using_files)
         using_files |= {
             file for file, _, _, used_file in _use_entries(score_texts) if used_file in using_files

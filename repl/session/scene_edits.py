@@ -90,18 +90,18 @@ def _scene(command: versions.Scene) -> VersionEdit:
         return scenes_by_name[name]
 
     def edit(version: Version, edit_beat: float) -> Version:
-        scene_found, edited_texts, piece = (
+        target_scene, edited_texts, piece = (
             scene(version, command.name),
             version.texts,
             version.piece,
         )
-        missing_text = (
-            [scene_found]
+        played_scenes = (
+            [target_scene]
             if command.before is None
-            else [scene(version, command.before), scene_found]
+            else [scene(version, command.before), target_scene]
         )
-        for missing_name in missing_text:
-            edited_texts = scene_matter.with_scene_parts(edited_texts, piece, missing_name)
+        for played_scene in played_scenes:
+            edited_texts = scene_matter.with_scene_parts(edited_texts, piece, played_scene)
             piece = piece if edited_texts is version.texts else piece_of(edited_texts)
         new_texts = {
             file: text
@@ -113,10 +113,10 @@ def _scene(command: versions.Scene) -> VersionEdit:
             base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
         glide_length = None if command.over is None else command.words["over"].text
         begin_beat, glide = edit_beat, GLIDE_DURATION
-        first_scene = scene_found if command.before is None else scene(version, command.before)
+        first_scene = target_scene if command.before is None else scene(version, command.before)
         released_parameters = tuple(scenes.released_parameters(piece, first_scene, edit_beat))
         edited_texts = scenes.with_scene_tempo(
-            edited_texts, piece, scene_found, edit_beat, glide_length
+            edited_texts, piece, target_scene, edit_beat, glide_length
         )
         if command.over is not None:
             tempo = piece_of(edited_texts).tempo_map
@@ -128,10 +128,10 @@ def _scene(command: versions.Scene) -> VersionEdit:
                 )
                 begin_beat = glide_end
         edited_texts = scenes.play_scene(
-            edited_texts, piece_of(edited_texts), scene_found, begin_beat
+            edited_texts, piece_of(edited_texts), target_scene, begin_beat
         )
         edited_texts = scenes.with_scene_values(
-            edited_texts, piece, scene_found
+            edited_texts, piece, target_scene
         )  # last: no beat depends on a parameter
         played_version = with_texts(version, edited_texts)
         return replace(

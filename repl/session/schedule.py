@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from ergon._core import FORCE_FALL_TIME, StoppedError
 from ergon.notation.clock.positions import Length
 from ergon.repl.language.commands import When
-from ergon.repl.session.changes import Changes, TakenBack
+from ergon.repl.session.changes import Changes, Withdrawal
 from ergon.repl.session.clock import Timing
 from ergon.repl.session.drafting import Draft, Drafts, Request
 from ergon.repl.session.engine import Change
@@ -46,8 +46,8 @@ from ergon.repl.session.waiting_lines import REFUSALS, WaitingLine, WaitingLines
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine, EngineEvent
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.staging.live import Real
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.live import RealHands
+    from ergon.scores.staging.planning import TrialStore
 
 # A change is handed to the engine this long before the last moment at which it is in time [s].
 _AHEAD_SECONDS = 0.3
@@ -64,9 +64,9 @@ class Schedule:
         self,
         engine: Engine,
         running: RunningVersion,
-        real: Real,
+        real: RealHands,
         margin: int,
-        store: Store | None = None,
+        store: TrialStore | None = None,
     ) -> None:
         """Begin with a version that plays; a change reaches the engine within `margin` frames.
 
@@ -74,7 +74,7 @@ class Schedule:
         stiffer scene. `store` keeps results of trials.
         """
         rate = running.stage.rate
-        self.engine, self.real = engine, real
+        self.engine, self.real_hands = engine, real
         margin += int(FORCE_FALL_TIME * rate) if real and margin else 0
         self.timing = timing = Timing(rate, engine.tick_frames)
         self.makings = Makings(engine, Takeovers(timing, real, store))
@@ -91,7 +91,7 @@ class Schedule:
         # The version that each line makes or made, by its number.
         self.past_versions = PastVersionStore()
         self.n_drops = 0  # how often all lines were dropped
-        self._staged: StagedGroup | None = None
+        self._staged_group: StagedGroup | None = None
 
     @property
     def rate(self) -> float:
@@ -146,11 +146,11 @@ class Schedule:
 
     # --- taking a line ---------------------------------------------------------------------------
 
-    def insert(self, request: Request, note: Callable[[Draft], None]) -> Draft:
+    def insert(self, request: Request, note_draft: Callable[[Draft], None]) -> Draft:
         """Let a line wait. Raises one of `REFUSALS`, and nothing has changed.
 
         It is made without the lock; if the lines change meanwhile, it is drafted again, and its
-        making is left to `make_due`. `note` is called with the draft that is taken.
+        making is left to `make_due`. `note_draft` is called with the draft that is taken.
         """
         with self.lock:
             self._check_dropped(request)
@@ -170,8 +170,8 @@ class Schedule:
                 draft = replace(checked_draft, checked_version=checked_version)
             self._set_lines(draft.lines)
             if draft.staged is not None:
-                self._staged = draft.staged
-            note(draft)
+                self._staged_group = draft.staged
+            note_draft(draft)
         return draft
 
     def _check_dropped(self, request: Request) -> None:
@@ -221,13 +221,15 @@ class Schedule:
         """Lines after the running version, not before a frame; those that cannot be are dropped."""
         waiting_lines = WaitingLines(self.running.version, self.running.clock, self.timing)
         arranged_lines, lost_lines = waiting_lines.followed_by(lines, soonest_frame)
-        self.reports.extend(LineDropped(lost_line.line, lost_line.why) for lost_line in lost_lines)
+        self.reports.extend(
+            LineDropped(lost_line.line, lost_line.reason) for lost_line in lost_lines
+        )
         return arranged_lines
 
-    def _wait_again(self, taken_back: TakenBack) -> None:
+    def _wait_again(self, withdrawal: Withdrawal) -> None:
         """Let lines that were under way wait again, before the others."""
-        if taken_back.running_before.version is not self.lines.base or taken_back.lines:
-            self._let_wait([*taken_back.lines, *self.waiting])
+        if withdrawal.running_before.version is not self.lines.base or withdrawal.lines:
+            self._let_wait([*withdrawal.lines, *self.waiting])
         self.past_versions.update(self.changes.past_versions(self.past_versions))
 
     def _drop_failed(self, failed_lines: Sequence[WaitingLine], reason: str) -> None:
@@ -279,8 +281,8 @@ class Schedule:
                 is_due = is_first or can_move_faders(self.running, due_group)
             elif due_kind is LineKind.ENDS:
                 # A beat counts from the beginning of the piece, which then comes first.
-                begins = any(line.sets_running for line in self.waiting[: -len(lines_left)])
-                can_pass = not begins or any(line.is_now for line in due_group)
+                has_start = any(line.sets_running for line in self.waiting[: -len(lines_left)])
+                can_pass = not has_start or any(line.is_now for line in due_group)
                 is_due = is_first or (group_start <= soon_frame and can_pass)
             else:
                 is_late = group_start < moments.first_frame(0.0)
@@ -291,7 +293,7 @@ class Schedule:
         return ()
 
     def _is_staged(self, group: Sequence[WaitingLine]) -> bool:
-        return self._staged is not None and self._staged.is_made_of(group, self.running)
+        return self._staged_group is not None and self._staged_group.matches(group, self.running)
 
     def _slip(self, late_group: Sequence[WaitingLine]) -> None:
         """Let late lines, and those typed after them, wait for the next bar, or for the soonest
@@ -300,7 +302,9 @@ class Schedule:
         beat, start = self.moments.place_after_slip(late_group)
         slipped_lines, lost_lines, moved_lines = self.lines.slipped(late_group, beat, start)
         self.reports.append(LinesSlipped(moved_lines))
-        self.reports.extend(LineDropped(lost_line.line, lost_line.why) for lost_line in lost_lines)
+        self.reports.extend(
+            LineDropped(lost_line.line, lost_line.reason) for lost_line in lost_lines
+        )
         self._set_lines(slipped_lines)
 
     def _move_faders(self, fader_group: Sequence[WaitingLine]) -> None:
@@ -317,13 +321,13 @@ class Schedule:
         """End what plays: a cut of the running stage, before all that waits."""
         end_frame = group[0].start
         assert end_frame is not None
-        taken_back = self.changes.withdraw(end_frame)
-        ending_lines = [*taken_back.lines, *(line for line in self.waiting if line not in group)]
+        withdrawal = self.changes.withdraw(end_frame)
+        waiting_lines = [*withdrawal.lines, *(line for line in self.waiting if line not in group)]
         # One of the same frame that was under way ends together with these.
         other_endings = [
-            line for line in ending_lines if line.kind is LineKind.ENDS and line.start == end_frame
+            line for line in waiting_lines if line.kind is LineKind.ENDS and line.start == end_frame
         ]
-        lines_left = [line for line in ending_lines if line not in other_endings]
+        lines_left = [line for line in waiting_lines if line not in other_endings]
         group = sorted((*other_endings, *group), key=lambda line: line.number)
         stop_numbers = [
             waiting_line.number for waiting_line in group if waiting_line.sets_running is False
@@ -347,19 +351,19 @@ class Schedule:
         """Lines that wait after a stop: those that start the piece and were typed before the line
         `stop_line_number` are dropped.
         """
-        started_lines = [
+        start_lines = [
             waiting_line
             for waiting_line in waiting_lines
             if waiting_line.sets_running and waiting_line.number < stop_line_number
         ]
         reason = "the piece was stopped before it began"
-        self.reports.extend(LineDropped(waiting_line, reason) for waiting_line in started_lines)
-        return [waiting_line for waiting_line in waiting_lines if waiting_line not in started_lines]
+        self.reports.extend(LineDropped(waiting_line, reason) for waiting_line in start_lines)
+        return [waiting_line for waiting_line in waiting_lines if waiting_line not in start_lines]
 
     def _hand_staged(self, group: Sequence[WaitingLine]) -> None:
-        staged_group = self._staged
+        staged_group = self._staged_group
         assert staged_group is not None
-        self._staged = None
+        self._staged_group = None
         self._hand(group, staged_group.result)
         self._let_wait(self.waiting[len(group) :])
 
@@ -420,7 +424,7 @@ class Schedule:
             running, unmade_group = self.running, self._first_unmade()
         if not unmade_group:
             return False
-        start_frame = self.making_time.began()
+        start_frame = self.making_time.begin_frame()
         try:
             staged_group = StagedGroup(
                 unmade_group, running, self.makings.staged(running, unmade_group)
@@ -436,7 +440,7 @@ class Schedule:
         finally:
             self.making_time.add(start_frame)
         with self.lock:
-            self._staged = staged_group
+            self._staged_group = staged_group
         return True
 
     def _first_unmade(self) -> tuple[WaitingLine, ...]:
@@ -463,7 +467,7 @@ class Schedule:
         except REFUSALS as error:  # a value that automation reaches later, under a real hand
             with self.lock:
                 if running is self.running:
-                    self._extensions.give_up(error)
+                    self._extensions.stop_extending(error)
             return True
         with self.lock:
             if running is self.running and extension_frame >= self.moments.first_frame(0.0):
@@ -477,7 +481,7 @@ class Schedule:
 
     def effect_order(self) -> dict[int, float]:
         """The place of the last lines in the order in which they take effect, by number."""
-        last_numbers = self.changes.done[-_UNSETTLED_MAX:]
+        last_numbers = self.changes.done_numbers[-_UNSETTLED_MAX:]
         numbers = [*last_numbers, *(waiting_line.number for waiting_line in self.waiting)]
         return {number: float(place) for place, number in enumerate(numbers)}
 

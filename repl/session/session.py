@@ -45,12 +45,12 @@ class Session(SessionCore):
     def __init__(self, *arguments: Any, **named: Any) -> None:
         """Begin as `SessionCore` does; `run` starts the threads."""
         super().__init__(*arguments, **named)
-        self._attached: list[Closable] = []
-        self._turns: list[Callable[[float], object]] = []
+        self._attached_ports: list[Closable] = []
+        self._port_turns: list[Callable[[float], object]] = []
         self._is_closed = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._n_looks = 0
-        self._closing = _core.Work()  # computations of threads end with the session
+        self._n_turns = 0
+        self._thread_work = _core.Work()  # computations of threads end with the session
 
     def attach(self, port: Closable, attend: Callable[[float], object] | None = None) -> None:
         """Let a port or a socket be closed when the session ends.
@@ -58,9 +58,9 @@ class Session(SessionCore):
         Until then, a thread of the session calls its `attend` some 50 times a second with the
         present instant [s, time.monotonic].
         """
-        self._attached.append(port)
+        self._attached_ports.append(port)
         if attend is not None:
-            self._turns.append(attend)
+            self._port_turns.append(attend)
 
     @without_gc  # garbage is collected when the line has its answer
     def submit(
@@ -146,7 +146,7 @@ class Session(SessionCore):
             bar=bar,
             beat=beat_in_bar,
             tempo=tempo.bpm(engine_beat),
-            playing=running.in_flight(engine_frame),
+            playing=running.ongoing_gestures(engine_frame),
             load=engine_status.load,
             late=engine_status.late_ticks,
             level=decibels_of(peak),
@@ -172,7 +172,7 @@ class Session(SessionCore):
         """End every force at once, until `release`; the sound goes on."""
         self.stops.let_go()
 
-    def input_ends(self) -> None:
+    def end_input(self) -> None:
         """End all forces, because no further line can stop one."""
         self.stops.let_go()
 
@@ -194,14 +194,14 @@ class Session(SessionCore):
 
     def run(self) -> None:
         """Start the threads that keep the session going until it is closed."""
-        for port_name, turn in (
+        for thread_name, turn in (
             ("ergon session", self._attend),
             ("ergon feeder", self.extend_timeline),
             ("ergon maker", self.make_due),
             ("ergon files", self._reload_changed_files),
         ):
             thread = threading.Thread(
-                target=self._repeat, args=(turn,), name=port_name, daemon=True
+                target=self._repeat, args=(turn,), name=thread_name, daemon=True
             )
             self._threads.append(thread)
             thread.start()
@@ -209,7 +209,7 @@ class Session(SessionCore):
     def _repeat(self, turn: Callable[[], object]) -> None:
         while not self._is_closed.wait(_CHECK_PERIOD):
             try:
-                with self._closing:
+                with self._thread_work:
                     turn()
             except _core.StoppedError:  # the session is closed
                 return
@@ -218,7 +218,7 @@ class Session(SessionCore):
 
     def _attend(self) -> None:
         self.hand_over_due()
-        for turn in self._turns:
+        for turn in self._port_turns:
             turn(time.monotonic())
 
     def _reload_changed_files(self) -> None:
@@ -229,8 +229,12 @@ class Session(SessionCore):
         if (paths := self.guidance.paths_due()) is not None:
             with self.schedule.lock:
                 self.guidance.send(*paths)
-        self._n_looks += 1
-        if self._n_looks % _CHECKS_PER_FILE_CHECK == 0 and self.watch and self.watch.has_changed():
+        self._n_turns += 1
+        if (
+            self._n_turns % _CHECKS_PER_FILE_CHECK == 0
+            and self.file_watch
+            and self.file_watch.has_changed()
+        ):
             name, reply = Path(self.schedule.head.texts.path).name, self.submit("reload")
             reload_text = "reloaded" if reply.taken else "not reloaded"
             self.say(f"{name} has changed and is {reload_text}: {reply.text}")
@@ -240,9 +244,9 @@ class Session(SessionCore):
         if self._is_closed.is_set():
             return
         self._is_closed.set()
-        for attached_part in self._attached:
-            attached_part.close()
-        self._closing.cancel()
+        for port in self._attached_ports:
+            port.close()
+        self._thread_work.cancel()
         for thread in self._threads:
             thread.join()
         with self.schedule.lock:

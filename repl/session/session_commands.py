@@ -67,8 +67,8 @@ def _play(session: SessionCore, command: Play) -> Reply:
         LineKind.START,
         NOW,
         sets_running=True,
-        enter=play_beat,
-        restores=-1,
+        enter_beat=play_beat,
+        restored_number=-1,
     )
     place, _ = session.queue(play_entry)
     return Reply(True, f"ok from {place}")
@@ -88,7 +88,12 @@ def _stop(session: SessionCore, command: Stop) -> Reply:
         raise NotTakenError("the piece is already stopped; `play` continues it")
     line_time = NOW if command.when is None else command.when
     stop_entry = Entry(
-        "stop", version_edits.unchanged, LineKind.ENDS, line_time, sets_running=False, restores=-1
+        "stop",
+        version_edits.unchanged,
+        LineKind.ENDS,
+        line_time,
+        sets_running=False,
+        restored_number=-1,
     )
     place, _ = session.queue(stop_entry)
     return Reply(True, f"ok {place} the piece stops; `play` continues from there")
@@ -120,15 +125,15 @@ def _quant(session: SessionCore, command: Quant) -> Reply:
 @executes(Tap)
 def _tap(session: SessionCore, command: Tap) -> Reply:
     instant_now = time.monotonic()
-    tap_instants = session.taps
+    tap_instants = session.tap_instants
     if tap_instants and instant_now - tap_instants[-1] > _TAP_PAUSE_MAX:
         tap_instants.clear()
     tap_instants.append(instant_now)
     del tap_instants[:-_TAPS_MAX]
     if len(tap_instants) < 2:
         return Reply(True, "tap 1: one more sets the tempo")
-    beat = (tap_instants[-1] - tap_instants[0]) / (len(tap_instants) - 1)
-    bpm = round(60.0 / max(beat, 1e-3), 1)
+    beat_length = (tap_instants[-1] - tap_instants[0]) / (len(tap_instants) - 1)
+    bpm = round(60.0 / max(beat_length, 1e-3), 1)
     if not _TAP_BPM[0] <= bpm <= _TAP_BPM[1]:
         bpm_min, bpm_max = _TAP_BPM
         tap_instants.clear()
@@ -149,7 +154,7 @@ def _back(session: SessionCore, command: Back) -> Reply:
 
 
 def _back_by(
-    session: SessionCore, command: Command, n_lines: int, line_text: str, nothing_text: str
+    session: SessionCore, command: Command, n_lines: int, line_text: str, limit_text: str
 ) -> Reply:
     """Go back by `n_lines` lines. Those that still wait are cancelled, and those undone before
     that wait again. If any has taken effect, or an `undo` waits that was typed after it, the
@@ -158,7 +163,7 @@ def _back_by(
     history = session.history
     target_index = history.index - n_lines
     if target_index < 0:
-        raise NotTakenError(f"{nothing_text}; `history` lists the versions")
+        raise NotTakenError(f"{limit_text}; `history` lists the versions")
     reverted_numbers = history.numbers[target_index + 1 : history.index + 1]
     undone_numbers = history.undone_numbers
     waiting = [
@@ -169,7 +174,7 @@ def _back_by(
     for cancelled_line in reversed(session.schedule.waiting):
         if cancelled_line.number in (*reverted_numbers, *undone_numbers):
             session.drop(cancelled_line)
-            session.cancelled.append(cancelled_line)
+            session.cancelled_lines.append(cancelled_line)
     restoring_lines = (
         waiting_line for waiting_line in session.schedule.waiting if waiting_line.sets_all
     )
@@ -190,22 +195,22 @@ def _redo(session: SessionCore, command: Redo) -> Reply:
     history, schedule = session.history, session.schedule
     if history.index + 1 < len(history.numbers):
         return _restore(session, command, history.index + 1, "redo")
-    if not session.cancelled:
+    if not session.cancelled_lines:
         raise NotTakenError("no version was undone; `history` lists the versions")
-    cancelled_line = session.cancelled[-1]
-    play_position = None
+    cancelled_line = session.cancelled_lines[-1]
+    position = None
     if cancelled_line.beat >= schedule.place(NOW, None)[0]:
-        play_position = parse_position(session.position_text(cancelled_line.beat))
+        position = parse_position(session.position_text(cancelled_line.beat))
     redo_entry = Entry(
         cancelled_line.line,
         cancelled_line.edit,
         cancelled_line.kind,
-        play_position,
+        position,
         reads_files=cancelled_line.reads_files,
-        redoes=True,
+        is_redo=True,
     )
     place, _ = session.queue(redo_entry)
-    session.cancelled.pop()
+    session.cancelled_lines.pop()
     return Reply(True, f"ok {place} {first_line(cancelled_line.line)}")
 
 
@@ -216,7 +221,7 @@ def _restore(session: SessionCore, command: Command, index: int, line_text: str)
         return past_versions[number].restore(version, beat)
 
     beat_text, queued_version = session.queue(
-        Entry(line_text, restored, when=command.when, restores=number)
+        Entry(line_text, restored, when=command.when, restored_number=number)
     )
     session.history.go_to(number)
     change_texts = [
@@ -260,7 +265,7 @@ def _show(session: SessionCore, command: Show) -> Reply:
                 inspection.definition_lines(*_inspection_arguments(schedule, command.name))
             ),
         )
-    playing = schedule.running.in_flight(schedule.engine.frame)
+    playing = schedule.running.ongoing_gestures(schedule.engine.frame)
     return Reply(
         True, "", lines=tuple(inspection.playing_lines(schedule.head, playing, schedule.beat_now()))
     )
@@ -268,14 +273,12 @@ def _show(session: SessionCore, command: Show) -> Reply:
 
 @executes(ListInstruments)
 def _list_instruments(session: SessionCore, command: ListInstruments) -> Reply:
-    latest_running = session.schedule.head
+    head_version = session.schedule.head
     if command.family is None:
         return Reply(
-            True,
-            "",
-            lines=tuple(listings.instrument_lines(latest_running.texts, latest_running.piece)),
+            True, "", lines=tuple(listings.instrument_lines(head_version.texts, head_version.piece))
         )
-    rows = listings.family_lines(latest_running.texts, latest_running.piece, command.family)
+    rows = listings.family_lines(head_version.texts, head_version.piece, command.family)
     return Reply(True, "", lines=tuple(rows))
 
 
@@ -294,7 +297,7 @@ def _list_scenes(session: SessionCore, command: ListScenes) -> Reply:
 def _look(session: SessionCore, command: Look) -> Reply:
     schedule = session.schedule
     if command.name is None:
-        playing = schedule.running.in_flight(schedule.engine.frame)
+        playing = schedule.running.ongoing_gestures(schedule.engine.frame)
         return Reply(
             True, "", lines=tuple(bars.draw_bars(schedule.head.piece, playing, schedule.beat_now()))
         )
@@ -323,7 +326,7 @@ def _scope(session: SessionCore, command: Trace) -> Reply:
 def _scope_on(session: SessionCore, command: TraceOn) -> Reply:
     if command.name is not None:
         _scope(session, Trace(command.name))  # refuses what cannot be drawn
-    session.traced = command.name
+    session.traced_player = command.name
     session.draw_trace()
     return Reply(True, "ok")
 
@@ -352,7 +355,7 @@ def _save(session: SessionCore, command: Save) -> Reply:
 
 @executes(Record)
 def _record(session: SessionCore, command: Record) -> Reply:
-    if session.captures.path is None or command.player not in session.schedule.real:
+    if session.captures.path is None or command.player not in session.schedule.real_hands:
         raise NotTakenError(
             f"no real hand plays {command.player}: start ergon with --live {command.player}=DEVICE"
         )

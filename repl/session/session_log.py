@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from ergon.scores.edits.merging import ValuePlace
     from ergon.scores.edits.texts import Texts
 
-_DELAY_TOLD = 1.0  # [s] by which a line that acts now may be late without a message
-_LOOKS_BACK = 200  # latest lines that are searched for the one that a reload discards
+_DELAY_REPORTED = 1.0  # [s] by which a line that acts now may be late without a message
+_VERSIONS_SEARCHED = 200  # latest lines that are searched for the one that a reload discards
 
 
 class SessionLog:
@@ -47,12 +47,12 @@ class SessionLog:
         self._schedule, self._history = schedule, history
         self._messages: deque[str] = deque(maxlen=1000)
         # By player, the share of force that was reported last.
-        self._scales: dict[str, float] = {}
-        self._frozen = {part.name for part in schedule.running.frozen}
+        self._reported_scales: dict[str, float] = {}
+        self._frozen_names = {part.name for part in schedule.running.frozen}
         # By kind of trouble: what was reported last, and at which frame.
         self._troubles: dict[str, tuple[str, float]] = {}
         # By the number of a waiting line that read files: what the journal has of its version.
-        self._read: dict[int, tuple[Texts, dict[str, object]]] = {}
+        self._journal_texts: dict[int, tuple[Texts, dict[str, object]]] = {}
 
     def say(self, message: str) -> None:
         """Add a message."""
@@ -72,7 +72,7 @@ class SessionLog:
 
     def note_read(self, number: int, version: Version) -> None:
         """Note that the journal has the texts of a line's version, which read files."""
-        self._read[number] = version.texts, effect_fields(version)
+        self._journal_texts[number] = version.texts, effect_fields(version)
 
     def position_at(self, frame: int) -> str:
         """The position of the piece at a frame, as `bar|beat`."""
@@ -118,23 +118,23 @@ class SessionLog:
         typed_lines = [line for line in lines if line.line]
         if not typed_lines:
             return
-        first_line_slipped, *lines_after = typed_lines
-        assert first_line_slipped.start is not None
-        delay = (first_line_slipped.start - schedule.engine.frame) / schedule.rate
-        is_soon = first_line_slipped.is_now or not schedule.running.clock.is_running
-        if is_soon and delay <= _DELAY_TOLD:
+        first_slipped, *lines_after = typed_lines
+        assert first_slipped.start is not None
+        delay = (first_slipped.start - schedule.engine.frame) / schedule.rate
+        is_soon = first_slipped.is_now or not schedule.running.clock.is_running
+        if is_soon and delay <= _DELAY_REPORTED:
             return
         delay_text = f"in {delay:.1f} s" if is_soon else "at the next bar"
         others_text = f", together with {len(lines_after)} typed after it" if lines_after else ""
         self.say(
-            f"'{first_line(first_line_slipped.line)}' was not ready in time; it takes effect "
+            f"'{first_line(first_slipped.line)}' was not ready in time; it takes effect "
             f"{delay_text}{others_text}"
         )
 
     def note_dropped(self, line: WaitingLine) -> None:
         """Note that a line will not take effect."""
         self._history.remove(line.number)
-        self._read.pop(line.number, None)
+        self._journal_texts.pop(line.number, None)
         self.write("dropped", number=line.number)
 
     def _note_done(
@@ -153,7 +153,10 @@ class SessionLog:
             if done_line.reads_files:
                 version = done_line.result()
                 effect_values = effect_fields(version)
-                if self._read.pop(done_line.number, None) != (version.texts, effect_values):
+                if self._journal_texts.pop(done_line.number, None) != (
+                    version.texts,
+                    effect_values,
+                ):
                     text_values = {**text_fields(version.texts), **effect_values}
             self.write(
                 "commit",
@@ -187,9 +190,9 @@ class SessionLog:
         changed_bounds = [
             bound
             for bound in running.force_bounds
-            if self._scales.get(bound.player, 1.0) != bound.last_scale.scale
+            if self._reported_scales.get(bound.player, 1.0) != bound.last_scale.scale
         ]
-        self._scales |= {bound.player: bound.last_scale.scale for bound in changed_bounds}
+        self._reported_scales |= {bound.player: bound.last_scale.scale for bound in changed_bounds}
         return [force_sentence(bound) for bound in changed_bounds]
 
     def note_thawed(self, running: RunningVersion) -> None:
@@ -197,14 +200,15 @@ class SessionLog:
         frozen_names = {part.name for part in running.frozen}
         thawed_names = [
             running.version.sounds_as.shown_name(name, running.version.piece.instruments)
-            for name in sorted(self._frozen - frozen_names)
+            for name in sorted(self._frozen_names - frozen_names)
             if name in running.version.sounding.instruments
         ]
-        self._frozen = frozen_names
+        self._frozen_names = frozen_names
         if thawed_names:
-            verb, start = ("is", "starts") if len(thawed_names) == 1 else ("are", "start")
+            verb, start_verb = ("is", "starts") if len(thawed_names) == 1 else ("are", "start")
             self.say(
-                f"from this line on {', '.join(thawed_names)} {verb} computed live and {start} "
+                f"from this line on {', '.join(thawed_names)} {verb} computed live and "
+                f"{start_verb} "
                 "at rest, "
                 "because the line changes what was frozen"
             )
@@ -227,9 +231,9 @@ class SessionLog:
         history, versions = self._history, self._schedule.past_versions
         past_versions = [versions[n] for n in history.numbers[: history.index]]
         for version_before, version_after in itertools.pairwise(
-            reversed(past_versions[-_LOOKS_BACK:])
+            reversed(past_versions[-_VERSIONS_SEARCHED:])
         ):
-            if merging.is_different_at(version_before.texts, version_after.texts, place):
+            if merging.is_different(version_before.texts, version_after.texts, place):
                 return version_before.line
         return ""
 

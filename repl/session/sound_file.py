@@ -18,7 +18,7 @@ class SoundFile:
         """Begin without a file."""
         self._path: Path | None = None
         self._is_ending = False
-        self._missing = 0
+        self._n_missing = 0
 
     def begin(self, engine: Engine, path: Path) -> None:
         """Begin a new file. Raises NotTakenError, EngineError."""
@@ -27,7 +27,7 @@ class SoundFile:
         if path.exists():
             raise NotTakenError(f"{path} exists, and a recording overwrites no file")
         engine.record_sound(path)
-        self._path, self._is_ending, self._missing = path, False, 0
+        self._path, self._is_ending, self._n_missing = path, False, 0
 
     def end(self, engine: Engine) -> Path:
         """End the file; `report_change` reports when it is complete. Raises NotTakenError."""
@@ -55,8 +55,8 @@ class SoundFile:
                 f"sound of {status.n_frames / rate:.1f} s{_missing_text(status, rate)} -> {path}",
                 status,
             )
-        if status.n_missing > self._missing:
-            self._missing = status.n_missing
+        if status.n_missing > self._n_missing:
+            self._n_missing = status.n_missing
             return f"{self._path}: the disk is too slow{_missing_text(status, rate)}", None
         return "", None
 

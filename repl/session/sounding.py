@@ -33,7 +33,7 @@ class _Begun:
     start: float
     end: float
     place: Place
-    what: str
+    name: str
 
 
 class SoundingPlaces:
@@ -42,16 +42,16 @@ class SoundingPlaces:
     def __init__(self, schedule: Schedule) -> None:
         """Begin at the present frame."""
         self._schedule = schedule
-        self._played = PlayedVersions(schedule)
-        list(self._played.pop_before(schedule.engine.frame))
+        self._played_versions = PlayedVersions(schedule)
+        list(self._played_versions.pop_before(schedule.engine.frame))
         self._running: RunningVersion | None = None
-        self._since = self._before = 0.0
-        self._known: list[_Begun] = []
+        self._window_start = self._window_end = 0.0
+        self._window_places: list[_Begun] = []
 
     def __call__(self) -> Sounding:
         """What has begun since the last call, in order of time."""
         engine_frame, sounding_places = self._schedule.engine.frame, []
-        for running, first_frame, last_frame in self._played.pop_before(engine_frame):
+        for running, first_frame, last_frame in self._played_versions.pop_before(engine_frame):
             rate, texts = running.stage.rate, running.version.texts
             for event in self._between(running, first_frame / rate, last_frame / rate):
                 sounding_places.append(_shown_place(event, texts))
@@ -61,21 +61,21 @@ class SoundingPlaces:
         self, running: RunningVersion, since_instant: float, before_instant: float
     ) -> Iterator[_Begun]:
         """What begins in a version between two instants [s]."""
-        if running.clock.began_at is None:
+        if running.clock.begin_instant is None:
             return
         if (
             running is not self._running
-            or not self._since <= since_instant <= before_instant <= self._before
+            or not self._window_start <= since_instant <= before_instant <= self._window_end
         ):
-            self._running, self._since = running, since_instant
-            self._before = max(before_instant, since_instant + _WINDOW_SECONDS)
-            self._known = sorted(
-                _begun_places(running, since_instant, self._before),
+            self._running, self._window_start = running, since_instant
+            self._window_end = max(before_instant, since_instant + _WINDOW_SECONDS)
+            self._window_places = sorted(
+                _begun_places(running, since_instant, self._window_end),
                 key=lambda begun_place: begun_place.start,
             )
         yield from (
             begun_place
-            for begun_place in self._known
+            for begun_place in self._window_places
             if since_instant <= begun_place.start < before_instant
         )
 
@@ -84,27 +84,31 @@ def _shown_place(event: _Begun, score_texts: Texts) -> SoundingPlace:
     """A place with the characters that stand there in the session's text, which may differ from
     the file.
     """
-    begun_place = event.place
+    place = event.place
     shown_text = (
         score_texts.text
-        if begun_place.file == score_texts.path
-        else score_texts.overlay.get(begun_place.file, "")
+        if place.file == score_texts.path
+        else score_texts.overlay.get(place.file, "")
     )
     lines = shown_text.splitlines()
-    line = lines[begun_place.line - 1] if begun_place.line <= len(lines) else ""
-    marked_text = line[begun_place.column - 1 : begun_place.column - 1 + begun_place.length]
-    file = str(Path(begun_place.file).absolute())
+    line = lines[place.line - 1] if place.line <= len(lines) else ""
+    marked_text = line[place.column - 1 : place.column - 1 + place.length]
+    file = str(Path(place.file).absolute())
     return SoundingPlace(
-        file, begun_place.line, begun_place.column, marked_text, event.start, event.end, event.what
+        file, place.line, place.column, marked_text, event.start, event.end, event.name
     )
 
 
-def _begun_places(running: RunningVersion, since: float, before_beat: float) -> Iterator[_Begun]:
+def _begun_places(
+    running: RunningVersion, since_instant: float, before_instant: float
+) -> Iterator[_Begun]:
     for gesture in running.stage.gestures:
-        if since <= gesture.begins < before_beat:
-            yield _Begun(gesture.begins, gesture.stop, gesture.place, gesture.name)
+        if since_instant <= gesture.written_start < before_instant:
+            yield _Begun(gesture.written_start, gesture.stop, gesture.place, gesture.name)
     piece = running.stage.piece
-    first_beat, last_beat = (piece.tempo_map.beats(instant) for instant in (since, before_beat))
+    first_beat, last_beat = (
+        piece.tempo_map.beats(instant) for instant in (since_instant, before_instant)
+    )
     for strikes in piece.strikes:
         yield from _strokes_between(piece, strikes, first_beat - SAME, last_beat + SAME)
 
@@ -150,7 +154,7 @@ def _strokes_between(
                     note_word if strikes.voices else strikes.name,
                 )
     elif strikes.rate is not None:
-        stroke_beat, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        stroke_beat, stop = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
         if first_beat <= stroke_beat < last_beat:
             yield begun_stroke(stroke_beat, stroke_beat if stop is None else stop, strikes.name)
     else:

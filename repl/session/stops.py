@@ -39,10 +39,10 @@ class Stops:
         """Begin without a stop; `queue` lets a line wait for its frame, `drop` removes it."""
         self._schedule, self._computing, self._log, self._queue = schedule, computing, log, queue
         self._drop = drop
-        self._count = 0
-        self._panics = self._resets = 0  # panics, and those whose reset is done
+        self._n_stops = 0
+        self._n_panics = self._n_resets = 0  # panics, and those whose reset is done
         # For the line that a thread does: whether it may release, and the number of stops before.
-        self._line = threading.local()
+        self._line_state = threading.local()
         self._is_let_go_reported = False  # whether it was reported that forces are off
         self._lock = threading.RLock()
         self._reset_number: int | None = None  # the line of the last reset
@@ -50,7 +50,7 @@ class Stops:
 
     def note_line(self, releases: bool) -> None:
         """Note that this thread begins a line."""
-        self._line.state = releases, self._count
+        self._line_state.state = releases, self._n_stops
 
     @property
     def has_let_go(self) -> bool:
@@ -65,27 +65,27 @@ class Stops:
     @property
     def n_panics(self) -> int:
         """How many panics there were; each puts all masses at their start."""
-        return self._panics
+        return self._n_panics
 
     @property
     def may_release(self) -> bool:
         """Whether no stop was entered after the line that is being done."""
-        releases, count = getattr(self._line, "state", (True, self._count))
-        return releases and count == self._count
+        releases, count = getattr(self._line_state, "state", (True, self._n_stops))
+        return releases and count == self._n_stops
 
     def panic(self) -> None:
         """End sound and force now; waiting lines and gestures are dropped soon after."""
         self._schedule.engine.panic()
         self._computing.cancel()
-        self._count += 1
-        self._panics += 1
+        self._n_stops += 1
+        self._n_panics += 1
         self._say_panic()
         threading.Thread(target=self.reset_after_panic, daemon=True).start()
 
     def panic_in_turn(self) -> None:
         """Do the line `panic` in its turn: also drop what lines before it have begun."""
         self._schedule.engine.panic()
-        self._panics += 1
+        self._n_panics += 1
         self._say_panic()
         self.reset_after_panic()
 
@@ -97,8 +97,8 @@ class Stops:
     def let_go(self) -> None:
         """End every force, until `release`; the sound goes on."""
         self._schedule.engine.let_go()
-        self._count += 1
-        if self._schedule.real and not self._is_let_go_reported:
+        self._n_stops += 1
+        if self._schedule.real_hands and not self._is_let_go_reported:
             self._is_let_go_reported = True
             self._log.say(LET_GO_MESSAGE)
 
@@ -107,7 +107,7 @@ class Stops:
         comes later would stop what was started since.
         """
         with self._lock:
-            self._resets = self._panics
+            self._n_resets = self._n_panics
             self._reset_number = None
             self._cancel_reset()
             self._schedule.engine.release()
@@ -121,9 +121,9 @@ class Stops:
     def reset_after_panic(self) -> None:
         """Reset after a panic: no line waits, no gesture plays, every mass is at its start."""
         with self._lock, self._schedule.lock:
-            if self._resets == self._panics:
+            if self._n_resets == self._n_panics:
                 return
-            self._resets = self._panics
+            self._n_resets = self._n_panics
             if self._schedule.head.number == self._reset_number:
                 return  # nothing was typed since the last one
             for line in self._schedule.drop_all():

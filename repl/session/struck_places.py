@@ -100,7 +100,7 @@ def _act_places(version: Version, acts: list[Act], path: str) -> Iterator[Place]
         for targets in (act.targets, *(hold.targets for hold in act.holds)):
             for target in targets:
                 for place in _member_mats(target, path):
-                    yield _as_sounding(version, place)
+                    yield _sounding_place(version, place)
 
 
 # --- what `hear` strikes -------------------------------------------------------------------------
@@ -123,12 +123,12 @@ def places_of_line(version: Version, hear: Hear) -> Iterator[PlaceAndRange]:
     for act in _acts_of(version.piece, hear):
         for target in act.targets:
             for struck_place in _member_mats(target, hear.target):
-                yield _as_sounding(version, struck_place), act.reach
+                yield _sounding_place(version, struck_place), act.reach
     if not _is_act(version.piece, hear.target):
         if hear.notes:
             raise NotTakenError(f"{hear.target} is a module, and has no notes")
         for struck_place in _member_mats(_check_target(version.piece, hear.target), hear.target):
-            yield _as_sounding(version, struck_place), None
+            yield _sounding_place(version, struck_place), None
 
 
 def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
@@ -153,9 +153,9 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
     for note_number in hear.notes:
         member_name = _member_of(piece, instrument_name, note_number)
         if member_name is None:
-            ends = f"{_note_of(note_members[0])} to {_note_of(note_members[-1])}"
+            range_text = f"{_note_of(note_members[0])} to {_note_of(note_members[-1])}"
             raise NotTakenError(
-                f"{instrument_name} has no note {note_number}; its notes are {ends}"
+                f"{instrument_name} has no note {note_number}; its notes are {range_text}"
             )
         struck_acts.append(_act_of_part(piece, hear.target, member_name))
     return struck_acts
@@ -184,7 +184,7 @@ def places_of_note(piece: Piece, map_notes: MapNotes, note_number: int) -> list[
     its note. Of other targets the lowest note strikes the first MAT and the next note the second;
     a single MAT is struck by every note.
     """
-    if _is_typed_by_notes(piece, map_notes):
+    if _types_lines(piece, map_notes):
         return []
     if map_notes.impulse is None:
         return [
@@ -198,7 +198,7 @@ def places_of_note(piece: Piece, map_notes: MapNotes, note_number: int) -> list[
     return [(members[member], None)] if member < len(members) else []
 
 
-def _is_typed_by_notes(piece: Piece, notes: MapNotes) -> bool:
+def _types_lines(piece: Piece, notes: MapNotes) -> bool:
     """Whether notes run a block or let a player play, instead of striking."""
     return notes.gesture is not None or (notes.impulse is None and notes.target in piece.blocks)
 
@@ -247,7 +247,7 @@ def pressed_places(
 
 def _played_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Act]:
     """The acts with which a note plays an instrument. Raises NotTakenError."""
-    if map_notes.impulse is not None or _is_typed_by_notes(piece, map_notes):
+    if map_notes.impulse is not None or _types_lines(piece, map_notes):
         return []
     return _acts_at_note(piece, map_notes.target, note_number)
 
@@ -258,7 +258,7 @@ def _pressing_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[
     """
     instrument_name = map_notes.target.partition(".")[0]
     part_name = instrument_name
-    if map_notes.impulse is not None or _is_typed_by_notes(piece, map_notes):
+    if map_notes.impulse is not None or _types_lines(piece, map_notes):
         return []
     if instrument_name in piece.families:
         part_name = _member_of(piece, instrument_name, note_number) or ""
@@ -275,14 +275,15 @@ def _note_places(version: Version, notes: MapNotes, note: int) -> list[PlaceAndR
     """What a note strikes, as the engine knows it. Raises NotTakenError."""
     places_and_ranges = places_of_note(version.piece, notes, note)
     return [
-        (_as_sounding(version, place), impulse_range) for place, impulse_range in places_and_ranges
+        (_sounding_place(version, place), impulse_range)
+        for place, impulse_range in places_and_ranges
     ]
 
 
 # --- both ----------------------------------------------------------------------------------------
 
 
-def _as_sounding(version: Version, place: Place) -> Place:
+def _sounding_place(version: Version, place: Place) -> Place:
     part, module, member = place
     return version.sounds_as.sounding_name(part), module, member
 
@@ -294,12 +295,14 @@ def _act_strokes(version: Version, act: Act, stroke_level: Level, path: str) -> 
     impulse = stroke_level.impulse(act.reach, max)
     for hold in act.holds:
         hold_impulse = hold.impulse(act.reach.strength(impulse))
-        for hold_target in hold.targets:
-            for struck_place in _member_mats(hold_target, path):
-                yield Stroke(_as_sounding(version, struck_place), hold_impulse, lasts_as_note=True)
-    for hold_target in act.targets:
-        for struck_place in _member_mats(hold_target, path):
-            yield Stroke(_as_sounding(version, struck_place), impulse, act.is_drawn)
+        for target in hold.targets:
+            for struck_place in _member_mats(target, path):
+                yield Stroke(
+                    _sounding_place(version, struck_place), hold_impulse, lasts_as_note=True
+                )
+    for target in act.targets:
+        for struck_place in _member_mats(target, path):
+            yield Stroke(_sounding_place(version, struck_place), impulse, act.is_drawn)
 
 
 def _acts_at_note(piece: Piece, target_path: str, note_number: int) -> list[Act]:
@@ -321,12 +324,12 @@ def _member_of(piece: Piece, instrument_name: str, note: int | str) -> str | Non
             note_height = pitch(note if isinstance(note, str) else tuning.current().key_word(note))
         except TextError:  # a key that the keyboard map leaves out
             return None
-    members = _by_pitch(piece.families[instrument_name], instrument_tuning)
+    members = _members_by_pitch(piece.families[instrument_name], instrument_tuning)
     return None if note_height is None else tuning.part_at_height(members, note_height)
 
 
 @lru_cache(64)
-def _by_pitch(members: tuple[str, ...], tuned: Tuning | None) -> dict[float, str]:
+def _members_by_pitch(members: tuple[str, ...], tuned: Tuning | None) -> dict[float, str]:
     with tuning.used(tuned):
         return {pitch(_note_of(member)) or 0.0: member for member in members}
 

@@ -27,7 +27,7 @@ def _build(command: Build, version: Version, beat: float) -> Texts:
         raise NotTakenError(
             f"{command.name} exists: {_name_in_use_advice(version.texts, command.name)}"
         )
-    base_name = families.base_of_instrument(piece, command.base)
+    base_name = families.instrument_base(piece, command.base)
     arguments = base_name, command.fields, command.semitones
     return structure.add_instrument(version.texts, piece, command.name, *arguments)
 
@@ -46,7 +46,7 @@ def _link(command: Link, version: Version, beat: float) -> Texts:
     end_paths = command.a, command.b
     texts, piece = families.with_definitions(version.texts, version.piece, end_paths)
     texts = structure.add_link(texts, command.kind, end_paths, command.fields)[0]
-    return families.with_routes_of(texts, piece, end_paths)
+    return families.with_routes(texts, piece, end_paths)
 
 
 @edits_texts(Takes)

@@ -24,13 +24,13 @@ def next_beginning(piece: Piece, voice_name: str, after_beat: float) -> float:
     next_beats = [
         _next_beat(beats, after_beat) for beats in _beginning_beats(piece, voice_name, after_beat)
     ]
-    begins = [beat for beat in next_beats if beat is not None]
-    if not begins:
+    later_beats = [beat for beat in next_beats if beat is not None]
+    if not later_beats:
         place_text = piece.tempo_map.written(after_beat)
         raise NotTakenError(
             f"{voice_name} does not begin again after {place_text}: nothing to wait for"
         )
-    return min(begins)
+    return min(later_beats)
 
 
 def _beginning_beats(piece: Piece, voice_name: str, after_beat: float) -> Iterator[Sequence[float]]:
@@ -49,9 +49,9 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
     tempo = piece.tempo_map
     if strikes.rhythm is not None:
         begin = tempo.resolve(strikes.at)
-        number = strikes.rhythm.cycle_count(tempo, begin, after_beat - SAME)
-        beat = strikes.rhythm.cycle_begin(tempo, begin, number)
-        return [beat] if number < strikes.cycles(tempo) else []
+        cycle_index = strikes.rhythm.cycle_count(tempo, begin, after_beat - SAME)
+        beat = strikes.rhythm.cycle_begin(tempo, begin, cycle_index)
+        return [beat] if cycle_index < strikes.cycles(tempo) else []
     if strikes.pattern is not None:
         return _next_round_beat(strikes.steps(piece), after_beat)
     if strikes.length is not None or strikes.passing is not None:
@@ -64,9 +64,9 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
 def _next_round_beat(pattern_steps: Steps, after_beat: float) -> Sequence[float]:
     """The beat of the next place on which a round of a pattern begins."""
     pattern = pattern_steps.places.pattern
-    count = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
+    round_places = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
     place = n_before(pattern_steps, after_beat - SAME)
-    place += -(place + pattern.skip) % count
+    place += -(place + pattern.skip) % round_places
     return [pattern_steps.beat(place)] if place < len(pattern_steps) else []
 
 

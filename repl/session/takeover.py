@@ -9,29 +9,29 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
 from ergon.repl.session.clock import JOIN_DURATION, Timing
-from ergon.repl.session.frozen_parts import place_samples, still_frozen
-from ergon.repl.session.running import RunningVersion, put_horizon, stage_spans
+from ergon.repl.session.frozen_parts import place_samples, unchanged_parts
+from ergon.repl.session.running import RunningVersion, stage_spans, timeline_horizon
 from ergon.repl.session.waiting_lines import WaitingLine, line_beat
 from ergon.scores.staging.cutting import cut_stage
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
-from ergon.scores.staging.version_glides import glides, leaving_links
+from ergon.scores.staging.version_glides import fading_links, glides
 
 if TYPE_CHECKING:
-    from ergon.scores.staging.live import Real
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.live import RealHands
+    from ergon.scores.staging.planning import TrialStore
     from ergon.scores.staging.stage import Stage
 
 
 @dataclass(frozen=True, slots=True)
 class Takeovers:
-    """Makes running versions; `real` are the players whose hands are real, and `store` keeps
+    """Makes running versions; `real_hands` are the players whose hands are real, and `store` keeps
     results of trials.
     """
 
     timing: Timing
-    real: Real
-    store: Store | None = None
+    real_hands: RealHands
+    store: TrialStore | None = None
 
     def staged(
         self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float = math.inf
@@ -80,19 +80,19 @@ class Takeovers:
         )
         return replace(running_after, stage=self._staged(running_after, running))
 
-    def _staged(self, after: RunningVersion, running: RunningVersion) -> Stage:
+    def _staged(self, new_running: RunningVersion, running: RunningVersion) -> Stage:
         """The stage of a version that takes over from `running`."""
         return stage_spans(
-            after.version,
-            after.clock,
-            after.spans,
+            new_running.version,
+            new_running.clock,
+            new_running.spans,
             running.stage,
-            after.start,
-            self.real,
+            new_running.start,
+            self.real_hands,
             self.store,
-            after.glides,
-            after.leaving,
-            frozen=after.frozen,
+            new_running.glides,
+            new_running.fading_links,
+            frozen=new_running.frozen,
             is_seen=running.is_seen,
         )
 
@@ -121,16 +121,16 @@ class Takeovers:
         start = frame / self.timing.rate
         old_and_new = old_version.sounding, version.sounding
         moving_glides = glides(*old_and_new, running.glides, start, version.glide)
-        leaving_links_now = leaving_links(*old_and_new, running.glides, running.leaving, start)
+        fading = fading_links(*old_and_new, running.glides, running.fading_links, start)
         return replace(
             running_after,
             spans=spans,
             start=frame,
             timeline_end=timeline_end,
             skipped_from=running.skipped_from if skipped_from is None else skipped_from,
-            glides=(*moving_glides, *(link.glide for link in leaving_links_now)),
-            leaving=leaving_links_now,
-            frozen=still_frozen(running.frozen, old_version, version, self.real),
+            glides=(*moving_glides, *(link.glide for link in fading)),
+            fading_links=fading,
+            frozen=unchanged_parts(running.frozen, old_version, version, self.real_hands),
             damp=running.damp if version.damp is None else version.damp,
         )
 
@@ -152,7 +152,7 @@ class Takeovers:
         old_spans: Sequence[Span] = ()
         if running_after is running or not version.ends_gestures:
             old_spans = continuing_spans(running, leave_beat, start_instant, running.stage)
-        timeline_end = min(put_horizon(version.piece.tempo_map, enter_beat)[0], latest)
+        timeline_end = min(timeline_horizon(version.piece.tempo_map, enter_beat)[0], latest)
         piece = replace(
             version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_instant)
         )
@@ -171,7 +171,7 @@ def continuing_spans(
     """The spans of earlier versions, the last one cut at a beat, of which something goes on after
     `after_instant` [s].
     """
-    tracked_spans = [(gesture.begins, gesture.stop) for gesture in stage.gestures]
+    tracked_spans = [(gesture.written_start, gesture.stop) for gesture in stage.gestures]
     running_spans = []
     for index, (piece, window) in enumerate(old_running.spans):
         is_last = index == len(old_running.spans) - 1 and old_running.clock.is_running

@@ -181,20 +181,19 @@ class PastVersion:
     ) -> PastVersion:
         """Keep a version for `undo`; `new_line` replaces its line if it is given."""
         new_line = version.line if new_line is None else new_line
-        version_fields = version
         return cls(
-            version_fields.number,
+            version.number,
             new_line,
-            version_fields.texts,
-            version_fields.faders,
-            version_fields.guides,
+            version.texts,
+            version.faders,
+            version.guides,
             where_text,
-            version_fields.base,
-            version_fields.maps,
-            version_fields.rules,
-            version_fields.sounds_as,
-            version_fields.renames,
-            version_fields.strike_levels,
+            version.base,
+            version.maps,
+            version.rules,
+            version.sounds_as,
+            version.renames,
+            version.strike_levels,
         )
 
     def restore(self, version: Version, beat: float) -> Version:

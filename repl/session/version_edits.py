@@ -58,7 +58,7 @@ from ergon.scores.edits.matter import TRANSPOSE
 from ergon.scores.edits.scenes import has_events_from
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture import space_path
-from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.automating import value_on_beat
 
 if TYPE_CHECKING:
     from ergon.repl.session.running import RunningVersion
@@ -121,7 +121,7 @@ def _strikes(command: StrikeModules, version: Version, beat: float) -> Texts:
     # First what is struck: a text that strikes what is not there cannot be read for its routes.
     texts, piece = families.with_definitions(version.texts, version.piece, command.struck)
     texts = strikes.strike(texts, piece, command.name, beat, command.fields)
-    return families.with_routes_of(texts, piece, command.struck)
+    return families.with_routes(texts, piece, command.struck)
 
 
 @edits_texts(DoStrikes)
@@ -131,14 +131,8 @@ def _do_strikes(command: DoStrikes, version: Version, beat: float) -> Texts:
 
 @edits_texts(Automate)
 def _automate(command: Automate, version: Version, beat: float) -> Texts:
-    playing_command = command
     return automation.automate(
-        version.texts,
-        version.piece,
-        playing_command.target,
-        beat,
-        playing_command.kind,
-        playing_command.fields,
+        version.texts, version.piece, command.target, beat, command.kind, command.fields
     )
 
 
@@ -214,7 +208,7 @@ def _set_gliding(command: Set) -> VersionEdit:
         is_written = duration >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
         if version.is_running and is_written:
             value, glide_length = command_words["change"].text, command_words["over"].text
-            args = command.target, edit_beat, value, {"over": glide_length}, value_on
+            args = command.target, edit_beat, value, {"over": glide_length}, value_on_beat
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
         automation.check_can_glide(version.piece, command.target)
         edited_version = with_texts(version, _set(command, version, edit_beat))
@@ -237,7 +231,7 @@ def _define_rehearsed(command: Define) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         edited_version = with_texts(version, _define(command, version, beat))
-        for name in space_path.played(command.name, edited_version.piece.gestures):
+        for name in space_path.played_names(command.name, edited_version.piece.gestures):
             rehearsal_stage(edited_version.piece, name)
         return edited_version
 
@@ -268,7 +262,7 @@ def _map(command: midi_maps.Map) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         struck_paths = [] if isinstance(command, MapControl) else [command.target]
-        played_texts = families.with_routes_of(version.texts, version.piece, struck_paths)
+        played_texts = families.with_routes(version.texts, version.piece, struck_paths)
         if isinstance(command, Hear) or (isinstance(command, MapNotes) and command.impulse is None):
             played_texts = families.with_act_modules(played_texts, command.target)
         mapped_version = (
@@ -329,11 +323,11 @@ def _reload(command: Reload) -> VersionEdit:
             new_name,
         ) in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
-                block_lines = [
+                renamed = [
                     renaming.rename(renamed_texts, piece_of(renamed_texts), old_name, new_name)
                     for renamed_texts in (texts_before, current_texts)
                 ]
-                texts_before, current_texts = block_lines
+                texts_before, current_texts = renamed
         texts, discarded_places = merging.merged_texts(texts_before, current_texts, version.texts)
         reloaded_version = with_texts(version, texts)
         return replace(
@@ -369,8 +363,8 @@ READS_FILES = (Load, Reload, Retune, Scene, Use)
 # --- replies -------------------------------------------------------------------------------------
 
 
-def command_summary(command: Command, running: RunningVersion, where_text: str) -> str:
-    """The part of a reply about a command, after `ok` and `where_text` it acts."""
+def command_summary(command: Command, running: RunningVersion, position_text: str) -> str:
+    """The part of a reply about a command, after `ok` and `position_text` it acts."""
     if isinstance(command, Define):
         return _defined_text(command, running)
     if isinstance(command, Plays):
@@ -388,7 +382,11 @@ def command_summary(command: Command, running: RunningVersion, where_text: str) 
         )
     if isinstance(command, Use):
         return family_edits.family_summary(command, running.version.piece)
-    if isinstance(command, Load) and running.version.takeover_beat == 0.0 and where_text != "1|1":
+    if (
+        isinstance(command, Load)
+        and running.version.takeover_beat == 0.0
+        and position_text != "1|1"
+    ):
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, Guide):
         source = command.by
@@ -403,7 +401,7 @@ def command_summary(command: Command, running: RunningVersion, where_text: str) 
 def _defined_text(command: Define, running: RunningVersion) -> str:
     piece = running.version.piece
     if command.name not in piece.gestures:
-        axes = space_path.played(command.name, piece.gestures)
+        axes = space_path.played_names(command.name, piece.gestures)
         n_points = max(len(piece.gestures[name].points) for name in axes)
         return f"{command.name}: a path in space of {n_points} points, played by {', '.join(axes)}"
     gesture = piece.gestures[command.name]
@@ -414,10 +412,10 @@ def _defined_text(command: Define, running: RunningVersion) -> str:
         reply_sentence += f", {int(seconds * running.stage.rate + 0.5):,} ergons"
     if any(command.name in play.names for play in piece.parts):
         return reply_sentence
-    able = keys_for(piece, command.name)
-    if len(able) == len(piece.keys):
+    able_keys = keys_for(piece, command.name)
+    if len(able_keys) == len(piece.keys):
         return reply_sentence
     return (
-        f"{reply_sentence}; no player plays it yet, and of the keys only {', '.join(able)} can "
-        "follow it"
+        f"{reply_sentence}; no player plays it yet, and of the keys only {', '.join(able_keys)} "
+        "can follow it"
     )

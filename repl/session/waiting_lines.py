@@ -104,7 +104,7 @@ class LostLine(NamedTuple):
     """A line that can no longer take effect, and why."""
 
     line: WaitingLine
-    why: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,8 +128,8 @@ class WaitingLines:
 
     def version_at(self, beat: float) -> Version:
         """The version at a coming beat: with all lines that take effect by then."""
-        coming = (line.result() for line in reversed(self.lines) if line.beat <= beat + SAME)
-        return next(coming, self.base)
+        versions = (line.result() for line in reversed(self.lines) if line.beat <= beat + SAME)
+        return next(versions, self.base)
 
     def inserted(self, new_line: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
         """The lines with one more, and the entry of that line.
@@ -138,17 +138,17 @@ class WaitingLines:
         whose beat gets another frame take over at frame `soonest` at the earliest. Raises one of
         `REFUSALS` if it cannot be made, or if a line after it could not.
         """
-        first_place = sum(other.is_before(new_line) for other in self.lines)
+        first_index = sum(other.is_before(new_line) for other in self.lines)
         try:
-            return self._with(new_line, first_place, soonest)
+            return self._with_line(new_line, first_index, soonest)
         except _BreaksLaterLineError:
             raise
         except (NotTakenError, EditError) as refusal:
-            for place_index in self._later_places(first_place):
+            for place_index in self._later_places(first_index):
                 other = self.lines[place_index - 1]
                 moved = replace(new_line, beat=other.beat, start=other.start, is_now=other.is_now)
                 try:
-                    return self._with(moved, place_index, soonest)
+                    return self._with_line(moved, place_index, soonest)
                 except (NotTakenError, EditError):
                     continue
             raise refusal from None
@@ -160,7 +160,7 @@ class WaitingLines:
             if is_last or self.lines[place_index].frame != self.lines[place_index - 1].frame:
                 yield place_index
 
-    def _with(
+    def _with_line(
         self, new_line: WaitingLine, place: int, soonest: int
     ) -> tuple[WaitingLines, WaitingLine]:
         earlier, later = self.lines[:place], self.lines[place:]
@@ -168,11 +168,11 @@ class WaitingLines:
         followed_line = self._follow(new_line, previous, clock)
         arranged_lines, lost = self._arranged((*earlier, followed_line), later, soonest)
         if lost:
-            (failed, why), *_ = lost
-            due = followed_line.result().piece.tempo_map.written(failed.beat)
+            (failed, reason), *_ = lost
+            due_text = followed_line.result().piece.tempo_map.written(failed.beat)
             raise _BreaksLaterLineError(
-                f"after this line, the waiting line '{failed.line}' (due at {due}) would fail: "
-                f"{why}; `undo` cancels waiting lines, the last one first"
+                f"after this line, the waiting line '{failed.line}' (due at {due_text}) would fail"
+                f": {reason}; `undo` cancels waiting lines, the last one first"
             )
         return arranged_lines, followed_line
 
@@ -184,7 +184,7 @@ class WaitingLines:
         arranged_lines, lost = self._arranged(self.lines[:place], self.lines[place + 1 :], soonest)
         if lost:
             raise NotTakenError(
-                f"the waiting line '{lost[0].line.line}' needs this one: {lost[0].why}; `undo` "
+                f"the waiting line '{lost[0].line.line}' needs this one: {lost[0].reason}; `undo` "
                 "cancels waiting lines, the last one first"
             )
         return arranged_lines
@@ -203,27 +203,29 @@ class WaitingLines:
 
         A fence: lines that were typed after them and would overtake them move too.
         """
-        follow = {slipped_line.number for slipped_line in late_lines}
+        moved_numbers = {slipped_line.number for slipped_line in late_lines}
         number_min = min(
             (slipped_line.number for slipped_line in late_lines if slipped_line.rule.is_fenced),
             default=math.inf,
         )
         for waiting in sorted(self.lines, key=lambda waiting_line: waiting_line.number):
             # What restores a version comes after every line that was typed before it.
-            is_later = waiting.number > (min(follow) if waiting.sets_all else number_min)
+            is_later = waiting.number > (min(moved_numbers) if waiting.sets_all else number_min)
             is_later |= any(self._begins_after(waiting, line) for line in late_lines)
             if is_later and waiting.rule.is_fenced and waiting.frame < start_frame:
-                follow.add(waiting.number)
+                moved_numbers.add(waiting.number)
                 number_min = min(number_min, waiting.number)
         while True:
-            slipped_lines, lost, moved = self._moved(follow, line_beat, start_frame)
+            slipped_lines, lost, moved = self._moved(moved_numbers, line_beat, start_frame)
             # What needs a late line waits for it too.
-            needy = {
-                lost_line.line.number for lost_line in lost if lost_line.line.number > min(follow)
-            } - follow
-            if not needy:
+            dependent_numbers = {
+                lost_line.line.number
+                for lost_line in lost
+                if lost_line.line.number > min(moved_numbers)
+            } - moved_numbers
+            if not dependent_numbers:
                 return slipped_lines, lost, moved
-            follow |= needy
+            moved_numbers |= dependent_numbers
 
     def _moved(
         self, numbers: Container[int], beat: float, start: int
@@ -235,11 +237,13 @@ class WaitingLines:
             if waiting_line.number in numbers
         ]
         moved.sort(key=lambda waiting_line: waiting_line.number)
-        rest = [waiting_line for waiting_line in self.lines if waiting_line.number not in numbers]
-        earlier = [waiting_line for waiting_line in rest if waiting_line.frame <= start]
-        after = [waiting_line for waiting_line in rest if waiting_line.frame > start]
+        other_lines = [
+            waiting_line for waiting_line in self.lines if waiting_line.number not in numbers
+        ]
+        earlier = [waiting_line for waiting_line in other_lines if waiting_line.frame <= start]
+        later = [waiting_line for waiting_line in other_lines if waiting_line.frame > start]
         empty_queue = replace(self, lines=())
-        lines, lost = empty_queue._arranged((), [*earlier, *moved, *after], start)
+        lines, lost = empty_queue._arranged((), [*earlier, *moved, *later], start)
         return lines, lost, moved
 
     def fence(self, new_line: WaitingLine) -> WaitingLine | None:
@@ -249,7 +253,7 @@ class WaitingLines:
         """
         if not new_line.rule.is_fenced:
             return None
-        waits = [
+        obstacles = [
             line
             for line in self.lines
             if (
@@ -266,7 +270,7 @@ class WaitingLines:
             )
             or (new_line.frame < line.frame < math.inf and self._begins_after(new_line, line))
         ]
-        return max(waits, key=lambda line: line.frame, default=None)
+        return max(obstacles, key=lambda line: line.frame, default=None)
 
     def _begins_after(self, new_line: WaitingLine, earlier: WaitingLine) -> bool:
         """Whether a line starts the piece on the very beat that an earlier one is for."""
@@ -294,12 +298,12 @@ class WaitingLines:
         tempo = version.piece.tempo_map
         if before and before[-1].start is not None:
             soonest = max(soonest, before[-1].start)
-        framed = [self._framed(waiting_line, clock, tempo, soonest) for waiting_line in after]
-        framed.sort(key=_effect_key)
+        framed_lines = [self._framed(waiting_line, clock, tempo, soonest) for waiting_line in after]
+        framed_lines.sort(key=_effect_key)
         arranged_lines, lost, superseded = [*before], [], []
-        restored = max((line.number for line in before if line.sets_all), default=-1)
-        for waiting_line in framed:
-            if waiting_line.sets_all and waiting_line.number < restored:
+        restored_number = max((line.number for line in before if line.sets_all), default=-1)
+        for waiting_line in framed_lines:
+            if waiting_line.sets_all and waiting_line.number < restored_number:
                 superseded.append(waiting_line)
                 continue
             try:
@@ -310,7 +314,7 @@ class WaitingLines:
             arranged_lines.append(followed_line)
             version, clock = self._state_after(arranged_lines)
             if waiting_line.sets_all:
-                restored = waiting_line.number
+                restored_number = waiting_line.number
         return replace(self, lines=tuple(arranged_lines), superseded=tuple(superseded)), lost
 
     def _framed(
@@ -321,8 +325,8 @@ class WaitingLines:
             return line
         start_frame: int | None
         if not clock.is_running:
-            waits = line.beat > clock.stopped_beat + SAME
-            start_frame = None if waits else soonest if line.start is None else line.start
+            is_waiting = line.beat > clock.stopped_beat + SAME
+            start_frame = None if is_waiting else soonest if line.start is None else line.start
         else:
             start_frame = self.timing.takeover_frame(
                 clock, tempo, line.beat, line.lead(self.timing)
@@ -336,22 +340,22 @@ class WaitingLines:
         """A line after another version. Raises one of `REFUSALS`."""
         base_version = line.base
         if base_version is version and line.version is not None:
-            followed = line.version
+            new_version = line.version
         elif _differ_by_faders(line, version):
-            followed = replace(line.result(), faders=version.faders)
+            new_version = replace(line.result(), faders=version.faders)
         else:
-            followed = version_after_line(version, line)
-            is_read = line.line and not (line.resets or line.reads_files)
+            new_version = version_after_line(version, line)
+            is_parsed = line.line and not (line.resets or line.reads_files)
             if (
                 base_version is not None
-                and is_read
+                and is_parsed
                 and not names_of(base_version) <= names_of(version)
             ):
                 reparse(line.line, version)
-        clock_after = line_beat(clock, version, followed, line, self.timing).clock
-        if base_version is version and line.clock == clock_after and line.version is followed:
+        new_clock = line_beat(clock, version, new_version, line, self.timing).clock
+        if base_version is version and line.clock == new_clock and line.version is new_version:
             return line
-        return replace(line, base=version, version=followed, clock=clock_after)
+        return replace(line, base=version, version=new_version, clock=new_clock)
 
 
 def _slipped_line(line: WaitingLine, beat: float, start: int) -> WaitingLine:
@@ -370,11 +374,7 @@ def _effect_key(waiting_line: WaitingLine) -> tuple[float, float]:
 
 
 def line_beat(
-    clock: Clock,
-    old_version: Version,
-    edited: Version,
-    waiting_line: WaitingLine,
-    timing: Timing,
+    clock: Clock, old_version: Version, edited: Version, waiting_line: WaitingLine, timing: Timing
 ) -> TakeoverBeats:
     """Where a line leaves the piece of the version before, and where that of its own goes on."""
     if waiting_line.start is None:
@@ -415,14 +415,14 @@ def _differ_by_faders(waiting_line: WaitingLine, version: Version) -> bool:
 def names_of(version: Version) -> frozenset[str]:
     """The names of a version that lines may use."""
     piece = version.piece
-    listed = (
+    other_names = (
         [strikes.name for strikes in piece.strikes],
         [mark.name for mark in piece.marks],
         [room.name for room in piece.mix.rooms],
     )
-    matter = chain(piece.players, piece.keys, piece.instruments, piece.families)
+    part_names = chain(piece.players, piece.keys, piece.instruments, piece.families)
     return frozenset(
-        chain(matter, piece.gestures, piece.takes, piece.phrases, piece.blocks, *listed)
+        chain(part_names, piece.gestures, piece.takes, piece.phrases, piece.blocks, *other_names)
     )
 
 

@@ -19,12 +19,12 @@ class FileWatch:
     def watch_texts(self, texts: Texts) -> None:
         """Watch the files of these texts instead of the previous ones."""
         self._files = [Path(name) for name in texts.load().files]
-        self._seen = self._stamps()
+        self._last_stamps = self._stamps()
 
     def has_changed(self) -> bool:
         """Whether a file was saved since the last call."""
-        now = self._stamps()
-        changed, self._seen = now != self._seen, now
+        stamps = self._stamps()
+        changed, self._last_stamps = stamps != self._last_stamps, stamps
         return changed
 
     def _stamps(self) -> list[int]:

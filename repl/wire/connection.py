@@ -32,20 +32,20 @@ class RequestRefusedError(ErgonError):
 
 
 class Connection:
-    """A connection; `is_closed` is True once it has ended, and `ended` is the reason if the session
-    ended.
+    """A connection; `is_closed` is True once it has ended, and `end_reason` is the reason if the
+    session ended.
     """
 
     def __init__(self, path: Path) -> None:
         """Connect. Raises NoSessionError, SocketError, ProtocolError."""
-        self._socket, self._expected = local_socket.connect(path)
+        self._socket, self._expected_answer = local_socket.connect(path)
         self._file: IO[bytes] = self._socket.makefile("rb")
-        self._numbers = itertools.count(1)
-        self._waiting: dict[int, Future[Any]] = {}
+        self._request_ids = itertools.count(1)
+        self._waiting_answers: dict[int, Future[Any]] = {}
         self._lock = threading.Lock()
-        self._sending = threading.Lock()
+        self._send_lock = threading.Lock()
         self.is_closed = False
-        self.ended = ""
+        self.end_reason = ""
         try:
             self.about = self._read_greeting()
         except BaseException:
@@ -63,16 +63,16 @@ class Connection:
             raise ProtocolError("the process at the socket does not answer") from None
         self._socket.settimeout(None)
         # Windows has a limit in milliseconds, others a struct timeval.
-        limit = (
+        timeout_option = (
             struct.pack("L", 1000 * _TIMEOUT_SECONDS)
             if _IS_WINDOWS
             else struct.pack("ll", _TIMEOUT_SECONDS, 0)
         )
-        self._socket.setsockopt(socket.SOL_SOCKET, _SO_SNDTIMEO, limit)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_SNDTIMEO, timeout_option)
         about = decode_message(request_line)
         if "error" in about:
             raise ProtocolError(str(about["error"]))
-        if self._expected and about.get("answer") != self._expected:
+        if self._expected_answer and about.get("answer") != self._expected_answer:
             raise ProtocolError("another program has taken the port of the session")
         if about.get("ergon") != PROTOCOL_VERSION:
             raise ProtocolError(
@@ -84,20 +84,20 @@ class Connection:
     def ask(self, do: str, **request_fields: Any) -> Future[Any]:
         """Send a request; the future has its answer, or ConnectionLostError or
         RequestRefusedError."""
-        future_answer: Future[Any] = Future()
-        request_id = next(self._numbers)
+        answer: Future[Any] = Future()
+        request_id = next(self._request_ids)
         with self._lock:
             if self.is_closed:
-                future_answer.set_exception(ConnectionLostError())
-                return future_answer
-            self._waiting[request_id] = future_answer
+                answer.set_exception(ConnectionLostError())
+                return answer
+            self._waiting_answers[request_id] = answer
         try:
             line = encode(id=request_id, do=do, **request_fields)
-            with self._sending:
+            with self._send_lock:
                 self._socket.sendall(line)
         except OSError:  # also a timeout, after which a part of the line may be sent
             self.close()
-        return future_answer
+        return answer
 
     def close(self) -> None:
         """Close the connection."""
@@ -111,7 +111,7 @@ class Connection:
             while (line := self._file.readline(MAX_LINE)).endswith(b"\n"):
                 message_fields = decode_message(line)
                 if "ended" in message_fields:
-                    self.ended = str(message_fields["ended"])
+                    self.end_reason = str(message_fields["ended"])
                     break
                 self._resolve_answer(message_fields)
         self._mark_closed()
@@ -121,17 +121,17 @@ class Connection:
     def _resolve_answer(self, answer_fields: Mapping[str, Any]) -> None:
         number = answer_fields.get("id")
         with self._lock:
-            future_answer = self._waiting.pop(number, None) if isinstance(number, int) else None
-        if future_answer is None:
+            answer = self._waiting_answers.pop(number, None) if isinstance(number, int) else None
+        if answer is None:
             return
         if "error" in answer_fields:
-            future_answer.set_exception(RequestRefusedError(str(answer_fields["error"])))
+            answer.set_exception(RequestRefusedError(str(answer_fields["error"])))
         else:
-            future_answer.set_result(answer_fields.get("is"))
+            answer.set_result(answer_fields.get("is"))
 
     def _mark_closed(self) -> None:
         with self._lock:
             self.is_closed = True
-            waiting_requests, self._waiting = self._waiting, {}
+            waiting_requests, self._waiting_answers = self._waiting_answers, {}
         for answer in waiting_requests.values():
             answer.set_exception(ConnectionLostError())

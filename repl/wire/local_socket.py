@@ -91,14 +91,14 @@ def _bound_socket(path: Path) -> tuple[socket.socket, loopback.Address | None]:
     """A socket of Unix at a path, or one at a port whose address is in the file. Raises OSError."""
     if loopback.is_used():
         return loopback.bind_loopback(path)
-    local = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    unix_socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        local.bind(os.fspath(path))
+        unix_socket.bind(os.fspath(path))
         os.chmod(path, 0o600)  # nobody can connect before `listen`
     except OSError:
-        local.close()
+        unix_socket.close()
         raise
-    return local, None
+    return unix_socket, None
 
 
 def _locked_file(path: Path) -> int:
@@ -109,33 +109,33 @@ def _locked_file(path: Path) -> int:
     flags |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
     while True:
         try:
-            lock = os.open(path, flags, 0o600)
+            descriptor = os.open(path, flags, 0o600)
         except OSError as error:
             raise SocketError(f"{path}: {error.strerror}") from None
         try:
-            _lock_file(lock)
-            if os.path.samestat(os.fstat(lock), os.stat(path)):
-                return lock
+            _lock_file(descriptor)
+            if os.path.samestat(os.fstat(descriptor), os.stat(path)):
+                return descriptor
         except FileNotFoundError:
             pass
         except OSError:
-            os.close(lock)
+            os.close(descriptor)
             raise SocketError(
                 f"another session is already served at {path.with_suffix('')}"
             ) from None
-        os.close(lock)  # the lock file was removed meanwhile
+        os.close(descriptor)  # the lock file was removed meanwhile
 
 
-def _lock_file(handle: int) -> None:
+def _lock_file(descriptor: int) -> None:
     """Lock a file for this process, without waiting. Raises OSError where another has the lock."""
     try:
         import fcntl
     except ImportError:
         import msvcrt
 
-        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined, unused-ignore]
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined, unused-ignore]
     else:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def connect(path: Path) -> tuple[socket.socket, str]:

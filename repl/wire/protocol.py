@@ -90,22 +90,22 @@ def read_request_id(fields: dict[str, Any]) -> int | str | None:
 def parse_request(request_fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """The name of a request, and its fields. Raises ProtocolError."""
     request_name = request_fields.get("do")
-    wanted = REQUEST_FIELDS.get(request_name) if isinstance(request_name, str) else None
-    if not isinstance(request_name, str) or wanted is None:
+    field_types = REQUEST_FIELDS.get(request_name) if isinstance(request_name, str) else None
+    if not isinstance(request_name, str) or field_types is None:
         raise ProtocolError(f"unknown request; known are {', '.join(REQUEST_FIELDS)}")
     request_arguments = {}
-    for field_name, field_kind in wanted.items():
+    for field_name, field_type in field_types.items():
         field_value = request_fields.get(field_name)
-        if type(field_value) is not field_kind:  # bool is not int here
+        if type(field_value) is not field_type:  # bool is not int here
             raise ProtocolError(
                 f"the field '{field_name}' of '{request_name}' must be of type "
-                f"{field_kind.__name__}"
+                f"{field_type.__name__}"
             )
         if isinstance(field_value, str) and len(field_value) > MAX_TEXT:
-            raise ProtocolError(too_long(field_value))
+            raise ProtocolError(too_long_message(field_value))
         request_arguments[field_name] = field_value
-    for field_name, unsaid in OPTIONAL_FIELDS.get(request_name, {}).items():
-        request_arguments[field_name] = request_fields.get(field_name, unsaid)
+    for field_name, default in OPTIONAL_FIELDS.get(request_name, {}).items():
+        request_arguments[field_name] = request_fields.get(field_name, default)
         if type(request_arguments[field_name]) is not bool:
             raise ProtocolError(
                 f"the field '{field_name}' of '{request_name}' must be of type bool"
@@ -113,7 +113,7 @@ def parse_request(request_fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     return request_name, request_arguments
 
 
-def too_long(text: str) -> str:
+def too_long_message(text: str) -> str:
     """Why a text is refused that is too long."""
     return f"this text has {len(text):,} characters; {MAX_TEXT:,} are the most"
 

@@ -15,13 +15,7 @@ from ergon.repl.session_protocol import Reply, State, Suggestion
 
 from .connection import Connection, ConnectionLostError, RequestRefusedError
 from .local_socket import SocketError
-from .protocol import (
-    MAX_TEXT,
-    ProtocolError,
-    decode_reply,
-    decode_state,
-    too_long,
-)
+from .protocol import MAX_TEXT, ProtocolError, decode_reply, decode_state, too_long_message
 
 _CHECK_PERIOD = 0.05  # [s] between two looks at state and messages
 _RECONNECT_PERIOD = 0.5  # [s] between two tries to connect again
@@ -43,9 +37,9 @@ class RemoteSession:
         self._connection = Connection(path)
         self.about = self._connection.about
         self._messages: deque[str] = deque(maxlen=1000)
-        self._over = threading.Event()
-        self._ended = ""
-        self._slow = False  # a quick request timed out; none is sent until one is answered
+        self._end_event = threading.Event()
+        self._end_reason = ""
+        self._is_slow = False  # a quick request timed out; none is sent until one is answered
         self._is_lost = False
         try:
             self._state = decode_state(self._connection.ask("state").result(_ANSWER_TIMEOUT))
@@ -60,8 +54,8 @@ class RemoteSession:
     def submit(self, text: str, *, releases: bool = True) -> Reply:
         """Do a line; waits until it is done or the connection is lost."""
         if len(text) > MAX_TEXT:
-            return Reply(False, too_long(text))
-        if self._ended:
+            return Reply(False, too_long_message(text))
+        if self._end_reason:
             return Reply(False, "the session has ended", leaves=True)
         if self._connection.is_closed:
             return Reply(False, f"no session answers at {self._path}; ergon tries to connect again")
@@ -70,10 +64,10 @@ class RemoteSession:
                 self._connection.ask("submit", text=text, releases=releases).result()
             )
             if reply.leaves:
-                self._ended = text
+                self._end_reason = text
             return reply
         except ConnectionLostError:
-            if self._connection.ended:
+            if self._connection.end_reason:
                 return Reply(False, "the session has ended", leaves=True)
             return Reply(
                 False,
@@ -114,16 +108,16 @@ class RemoteSession:
         if not self._connection.is_closed:
             self._connection.ask("let_go")
 
-    def input_ends(self) -> None:
+    def end_input(self) -> None:
         """Do nothing: the session goes on, with other prompts or with none."""
 
     def close(self) -> None:
         """Disconnect; the session goes on."""
-        if self._over.is_set():
+        if self._end_event.is_set():
             return
-        self._over.set()
+        self._end_event.set()
         self._thread.join()
-        if not self._ended and self._ask_briefly(False, "leave"):
+        if not self._end_reason and self._ask_briefly(False, "leave"):
             self._messages.append(f"the music goes on; `{self._command}` connects to it again")
         self._connection.close()
 
@@ -148,47 +142,45 @@ class RemoteSession:
         """Whether Enter ends the text."""
         return self._ask_briefly(True, "is_whole", text=text)
 
-    def _ask_briefly(self, otherwise: Answer, do: str, **request_fields: Any) -> Answer:
-        """The answer to a short request, or `otherwise` if it does not come soon."""
-        if self._connection.is_closed or self._slow:
-            return otherwise
+    def _ask_briefly(self, fallback: Answer, do: str, **request_fields: Any) -> Answer:
+        """The answer to a short request, or `fallback` if it does not come soon."""
+        if self._connection.is_closed or self._is_slow:
+            return fallback
         try:
-            request_answer: Answer = self._connection.ask(do, **request_fields).result(
-                _SHORT_TIMEOUT
-            )
+            answer: Answer = self._connection.ask(do, **request_fields).result(_SHORT_TIMEOUT)
         except TimeoutError:
-            self._slow = True
-            return otherwise
+            self._is_slow = True
+            return fallback
         except (ConnectionLostError, RequestRefusedError):
-            return otherwise
-        return request_answer
+            return fallback
+        return answer
 
     # --- the watching thread -------------------------------------------------------------------
 
     def _poll(self) -> None:
-        pending_state = messages = _PendingAnswer()
+        pending_state = pending_messages = _PendingAnswer()
         while (
-            not self._over.wait(_RECONNECT_PERIOD if self._is_lost else _CHECK_PERIOD)
-            and not self._ended
+            not self._end_event.wait(_RECONNECT_PERIOD if self._is_lost else _CHECK_PERIOD)
+            and not self._end_reason
         ):
             if self._connection.is_closed:
                 self._reconnect()
                 continue
-            server_link = self._connection
+            connection = self._connection
             if pending_state.is_due(self._messages.append):
-                pending_state = _PendingAnswer(server_link.ask("state"), self._set_state)
-            if messages.is_due():
-                messages = _PendingAnswer(server_link.ask("messages"), self._messages.extend)
+                pending_state = _PendingAnswer(connection.ask("state"), self._set_state)
+            if pending_messages.is_due():
+                pending_messages = _PendingAnswer(connection.ask("messages"), self._messages.extend)
 
     def _set_state(self, state_data: Any) -> None:
         self._state = decode_state(state_data)
-        self._slow = False
+        self._is_slow = False
 
     def _reconnect(self) -> None:
         """Report a lost connection, and try to connect again."""
-        if self._connection.ended:
-            self._ended = self._connection.ended
-            self._messages.append(f"the session has ended ({self._ended})")
+        if self._connection.end_reason:
+            self._end_reason = self._connection.end_reason
+            self._messages.append(f"the session has ended ({self._end_reason})")
             return
         if not self._is_lost:
             self._is_lost = True
@@ -200,7 +192,7 @@ class RemoteSession:
         except (SocketError, ProtocolError):
             return
         self._connection, self.about = connection, connection.about
-        self._is_lost = self._slow = False
+        self._is_lost = self._is_slow = False
         self._messages.append("the session answers again")
 
 
@@ -210,20 +202,24 @@ class _PendingAnswer:
     def __init__(
         self, answer: Future[Any] | None = None, use: Callable[[Any], object] | None = None
     ) -> None:
-        self._answer, self._use = answer, use
+        self._answer, self._handle = answer, use
         self._since = time.monotonic()
-        self._is_told = False
+        self._is_reported = False
 
-    def is_due(self, tell: Callable[[str], object] | None = None) -> bool:
+    def is_due(self, report: Callable[[str], object] | None = None) -> bool:
         """Use the answer if it has come; whether the next request can be sent."""
         if self._answer is None:
             return True
         if not self._answer.done():
-            if tell and not self._is_told and time.monotonic() - self._since > _ANSWER_TIMEOUT:
-                self._is_told = True
-                tell(f"the session has not answered for {_ANSWER_TIMEOUT:.0f} s")
+            if (
+                report
+                and not self._is_reported
+                and time.monotonic() - self._since > _ANSWER_TIMEOUT
+            ):
+                self._is_reported = True
+                report(f"the session has not answered for {_ANSWER_TIMEOUT:.0f} s")
             return False
-        if self._answer.exception() is None and self._use is not None:
+        if self._answer.exception() is None and self._handle is not None:
             with contextlib.suppress(ProtocolError, TypeError):  # the next one may be better
-                self._use(self._answer.result())
+                self._handle(self._answer.result())
         return True

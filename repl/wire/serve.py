@@ -44,8 +44,8 @@ class PromptConnection:
         """Keep the number of the prompt and the writer to it."""
         self.number = number
         self.messages: deque[str] = deque(maxlen=_MESSAGES_MAX)
-        self.waiting = 0  # lines
-        self.look: Callable[[], Sounding] | None = None  # since it first asked what sounds
+        self.n_waiting = 0  # lines
+        self.read_sounding: Callable[[], Sounding] | None = None  # since it first asked what sounds
         self._writer = writer
 
     def send(self, **message_fields: Any) -> None:
@@ -75,7 +75,7 @@ class SessionServer:
     def __init__(
         self,
         session: SessionProtocol,
-        door: local_socket.ServerSocket,
+        server_socket: local_socket.ServerSocket,
         about: Mapping[str, str],
         watch: SignalWatch | None = None,
         follow: Callable[[], Callable[[], Sounding]] = lambda: _no_sound,
@@ -88,11 +88,11 @@ class SessionServer:
         self._session = session
         self._watch = watch
         self._follow = follow
-        self._server_socket = door
+        self._server_socket = server_socket
         self._about = dict(about)
         self._prompts: dict[int, PromptConnection] = {}
         self._n_accepted = 0
-        self._n_asked = 0  # connections whose key has not come
+        self._n_unidentified = 0  # connections whose key has not come
         self._queue: LineQueue[tuple[PromptConnection, Any, bool]] = LineQueue(session)
         self._end_reason = ""  # why the session ended
         self._current_prompt: PromptConnection | None = None  # the prompt whose line is being done
@@ -122,11 +122,11 @@ class SessionServer:
             self._session.close()
             self._server_socket.close()
 
-    def end(self, why: str) -> None:
+    def end(self, reason: str) -> None:
         """End the session, from any thread."""
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop has ended already
-                self._loop.call_soon_threadsafe(self._end, why)
+                self._loop.call_soon_threadsafe(self._end, reason)
 
     # --- the loop ---------------------------------------------------------------------------------
 
@@ -135,8 +135,10 @@ class SessionServer:
         with _ended_by_signals(self._loop, self._end, self._watch):
             self._server_socket.listen()
             is_port = self._server_socket.address is not None
-            start = asyncio.start_server if is_port else asyncio.start_unix_server
-            server = await start(self._accept, sock=self._server_socket.socket, limit=MAX_LINE)
+            start_server = asyncio.start_server if is_port else asyncio.start_unix_server
+            server = await start_server(
+                self._accept, sock=self._server_socket.socket, limit=MAX_LINE
+            )
             worker = threading.Thread(target=self._do_lines, name="ergon lines", daemon=True)
             worker.start()
             listener = asyncio.create_task(self._listen())
@@ -153,8 +155,8 @@ class SessionServer:
             await asyncio.gather(*(prompt.close() for prompt in self._prompts.values()))
             self._queue.end()
 
-    def _end(self, why: str) -> bool:
-        self._end_reason = self._end_reason or why
+    def _end(self, reason: str) -> bool:
+        self._end_reason = self._end_reason or reason
         self._has_ended.set()
         return True
 
@@ -170,9 +172,9 @@ class SessionServer:
         except Exception as error:
             return [f"internal error: {type(error).__name__}: {error}"]
 
-    def _broadcast(self, message: str, but: PromptConnection | None = None) -> None:
+    def _broadcast(self, message: str, excluded: PromptConnection | None = None) -> None:
         for prompt in self._prompts.values():
-            if prompt is not but:
+            if prompt is not excluded:
                 prompt.messages.append(message)
 
     # --- one prompt -------------------------------------------------------------------------------
@@ -181,8 +183,8 @@ class SessionServer:
         self._n_accepted += 1
         prompt = PromptConnection(self._n_accepted, writer)
         try:
-            if why := await self._refusal_of(reader, writer):
-                prompt.send(error=why)
+            if refusal := await self._refusal_of(reader, writer):
+                prompt.send(error=refusal)
                 return
             self._prompts[prompt.number] = prompt
             address = self._server_socket.address
@@ -211,16 +213,16 @@ class SessionServer:
 
     async def _has_key(self, reader: asyncio.StreamReader) -> bool:
         """Whether the first line is the key of the session's port. Few may be asked at once."""
-        if self._n_asked >= MAX_PROMPTS:
+        if self._n_unidentified >= MAX_PROMPTS:
             return False
-        self._n_asked += 1
+        self._n_unidentified += 1
         try:
             async with asyncio.timeout(_KEY_TIMEOUT):
                 return self._server_socket.is_client_key(await reader.readline())
         except (TimeoutError, ValueError):  # the prompt sends nothing, or a line without an end
             return False
         finally:
-            self._n_asked -= 1
+            self._n_unidentified -= 1
 
     async def _serve(self, prompt: PromptConnection, reader: asyncio.StreamReader) -> None:
         while True:
@@ -263,9 +265,9 @@ class SessionServer:
         ]
 
     def _sounding(self, prompt: PromptConnection) -> dict[str, Any]:
-        if prompt.look is None:
-            prompt.look = self._follow()
-        return encode_sounding(prompt.look())
+        if prompt.read_sounding is None:
+            prompt.read_sounding = self._follow()
+        return encode_sounding(prompt.read_sounding())
 
     def _let_go(self) -> bool:
         self._queue.let_go()
@@ -273,7 +275,7 @@ class SessionServer:
 
     def _panic(self, prompt: PromptConnection) -> bool:
         self._queue.panic()
-        self._broadcast(f"panic, by prompt {prompt.number}", but=prompt)
+        self._broadcast(f"panic, by prompt {prompt.number}", excluded=prompt)
         return True
 
     def _cancel(self, prompt: PromptConnection) -> bool:
@@ -285,9 +287,9 @@ class SessionServer:
     def _queue_line(
         self, prompt: PromptConnection, request_id: Any, text: str, releases: bool
     ) -> None:
-        if prompt.waiting >= _LINES_MAX:
+        if prompt.n_waiting >= _LINES_MAX:
             raise ProtocolError(f"{_LINES_MAX} lines of this prompt are waiting already")
-        prompt.waiting += 1
+        prompt.n_waiting += 1
         self._queue.enter(text, (prompt, request_id, releases))
 
     def _do_lines(self) -> None:
@@ -312,14 +314,14 @@ class SessionServer:
             return Reply(False, f"internal error: {type(error).__name__}: {error}")
 
     def _reply(self, prompt: PromptConnection, number: Any, line_text: str, reply: Reply) -> None:
-        prompt.waiting -= 1
+        prompt.n_waiting -= 1
         prompt.send(id=number, **{"is": encode_reply(reply)})
         if line_text.strip():
-            became = f"{'' if reply.taken else 'not taken: '}{reply.text}"
+            outcome = f"{'' if reply.taken else 'not taken: '}{reply.text}"
             line = " / ".join(line_text.split("\n"))
             shown_line = line if len(line) <= _LINE_SHOWN_MAX else f"{line[:_LINE_SHOWN_MAX]} …"
             self._broadcast(
-                f"prompt {prompt.number} > {shown_line}   {became}".rstrip(), but=prompt
+                f"prompt {prompt.number} > {shown_line}   {outcome}".rstrip(), excluded=prompt
             )
         if reply.leaves:
             self._end(f"prompt {prompt.number}: {line_text.strip()[:_LINE_SHOWN_MAX]}")
@@ -330,9 +332,9 @@ def _no_sound() -> Sounding:
 
 
 def _pop_messages(prompt: PromptConnection) -> list[str]:
-    taken = list(prompt.messages)
+    messages = list(prompt.messages)
     prompt.messages.clear()
-    return taken
+    return messages
 
 
 @contextlib.contextmanager
@@ -345,20 +347,20 @@ def _ended_by_signals(
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    ending = (signal.SIGTERM, signal.SIGINT)
+    signals = (signal.SIGTERM, signal.SIGINT)
     if not hasattr(signal, "SIGHUP"):  # Windows, whose loop hears no signals
-        with _ended_by_handlers(event_loop, end_session, ending):
+        with _ended_by_handlers(event_loop, end_session, signals):
             yield
         return
     old_handler = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    for signal_number in ending:
+    for signal_number in signals:
         event_loop.add_signal_handler(signal_number, end_session, f"ended by {signal_number.name}")
     if watch is not None:
-        watch(ending, ends=True)
+        watch(signals, ends=True)
     try:
         yield
     finally:
-        for signal_number in ending:
+        for signal_number in signals:
             event_loop.remove_signal_handler(signal_number)
         signal.signal(signal.SIGHUP, old_handler)
 
@@ -367,14 +369,14 @@ def _ended_by_signals(
 def _ended_by_handlers(
     loop: asyncio.AbstractEventLoop,
     end_session: Callable[[str], object],
-    ending: tuple[signal.Signals, ...],
+    signals: tuple[signal.Signals, ...],
 ) -> Iterator[None]:
     def handle(number: int, _frame: object) -> None:
         loop.call_soon_threadsafe(end_session, f"ended by {signal.Signals(number).name}")
 
-    old_handlers = [signal.signal(number, handle) for number in ending]
+    old_handlers = [signal.signal(number, handle) for number in signals]
     try:
         yield
     finally:
-        for number, handler in zip(ending, old_handlers, strict=True):
+        for number, handler in zip(signals, old_handlers, strict=True):
             signal.signal(number, handler)

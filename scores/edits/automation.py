@@ -36,15 +36,15 @@ def automate(
     Replaces earlier automation of the parameter; without an end in `automation_fields` it continues
     for ever. Raises EditError.
     """
-    fields_written: dict[str, edit.Tree] = {
+    fields: dict[str, edit.Tree] = {
         automation_kind: target_path,
         **automation_fields,
         "at": position_text(piece, from_beat),
     }
-    if not fields_written.keys() & {"times", "until"}:
-        fields_written["until"] = endless_end(piece, from_beat)
+    if not fields.keys() & {"times", "until"}:
+        fields["until"] = endless_end(piece, from_beat)
     # Add the new entry before others are removed: a list that never becomes empty keeps its style.
-    score_texts = score_texts.append(("automation",), edit.flow(fields_written))
+    score_texts = score_texts.append(("automation",), edit.flow(fields))
     score_texts, _ = _with_automation_ended(score_texts, piece, from_beat, target_path)
     return score_texts
 
@@ -54,7 +54,7 @@ def glide(
     piece: Piece,
     target_path: str,
     from_beat: float,
-    value: str,
+    new_value: str,
     glide_fields: Mapping[str, str],
     value_on: ValueAtBeat,
 ) -> Texts:
@@ -64,14 +64,16 @@ def glide(
     """
     module_path, _, parameter = target_path.rpartition(".")
     check_can_glide(piece, target_path)
-    if value.startswith("x") and _entry_numbers(score_texts, piece, target_path):
+    if new_value.startswith("x") and _entry_indices(score_texts, piece, target_path):
         part, module, _ = _modules_of_path(piece, module_path)[0]
         if module.kind != "BANK":
             current_value = value_on(piece, (part, module.name), parameter, from_beat)
-            value = value_text(piece, target_path, q.factor(value) * current_value, value_on)
+            new_value = value_text(
+                piece, target_path, q.factor(new_value) * current_value, value_on
+            )
     automation_entry: dict[str, edit.Tree] = {
         "set": target_path,
-        "to": value,
+        "to": new_value,
         **glide_fields,
         "at": position_text(piece, from_beat),
     }
@@ -117,8 +119,8 @@ def end_automation(score_texts: Texts, piece: Piece, target_path: str, from_beat
     """Give a parameter its own value from a beat on. Raises EditError if no automation changes
     it.
     """
-    score_texts, count = _with_automation_ended(score_texts, piece, from_beat, target_path)
-    if not count:
+    score_texts, ended_count = _with_automation_ended(score_texts, piece, from_beat, target_path)
+    if not ended_count:
         position_text = piece.tempo_map.written(from_beat)
         raise EditError(
             f"no pattern and no lfo controls {target_path} at {position_text}, so there is nothing "
@@ -147,18 +149,18 @@ def end_endless(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
 
 def end_all(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
     """Give every parameter its own value from a beat on."""
-    for number in reversed(range(len(piece.automation))):
-        if is_automated_from(piece, piece.automation[number], from_beat):
-            score_texts = _with_entry_ended(score_texts, piece, from_beat, number)
+    for automation_index in reversed(range(len(piece.automation))):
+        if is_automated_from(piece, piece.automation[automation_index], from_beat):
+            score_texts = _with_entry_ended(score_texts, piece, from_beat, automation_index)
     return score_texts
 
 
 def is_automated_from(piece: Piece, entry: Automation, beat: float) -> bool:
     """Whether automation changes its parameter on a beat, or later."""
-    return end_beat_of(piece, entry) > beat + SAME
+    return automation_end(piece, entry) > beat + SAME
 
 
-def end_beat_of(piece: Piece, automation_entry: Automation) -> float:
+def automation_end(piece: Piece, automation_entry: Automation) -> float:
     """The beat on which automation ends; infinite if it does not end."""
     end_beat = (
         math.inf
@@ -175,7 +177,7 @@ def _with_automation_ended(
     score_texts: Texts, piece: Piece, from_beat: float, target: str
 ) -> tuple[Texts, int]:
     tempo, ended_count = piece.tempo_map, 0
-    for automation_index in reversed(_entry_numbers(score_texts, piece, target)):
+    for automation_index in reversed(_entry_indices(score_texts, piece, target)):
         entry = piece.automation[automation_index]
         has_ended = entry.until is not None and tempo.resolve(entry.until) <= from_beat + SAME
         if not (has_ended and tempo.resolve(entry.at) < from_beat - SAME):
@@ -186,30 +188,26 @@ def _with_automation_ended(
     return score_texts, ended_count
 
 
-def _entry_numbers(score_texts: Texts, piece: Piece, target_path: str) -> Sequence[int]:
+def _entry_indices(score_texts: Texts, piece: Piece, target_path: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
     with score_texts.memory.lock:
-        numbers_by_target: dict[tuple[str, str], list[int]]
-        old_automation, numbers_by_target = score_texts.memory.held(
+        indices_by_target: dict[tuple[str, str], list[int]]
+        old_automation, indices_by_target = score_texts.memory.held(
             "automation by target", None
-        ) or (
-            (),
-            {},
-        )
+        ) or ((), {})
         if changed_range := changed_part(old_automation, piece.automation):
             first_changed = changed_range.start  # those behind it are counted anew
-            numbers_by_target = {
-                key: [entry_number for entry_number in numbers if entry_number < first_changed]
-                for key, numbers in numbers_by_target.items()
+            indices_by_target = {
+                key: [index for index in indices if index < first_changed]
+                for key, indices in indices_by_target.items()
             }
-            for number, entry in enumerate(piece.automation[first_changed:], first_changed):
-                numbers_by_target.setdefault((entry.target.text, entry.parameter), []).append(
-                    number
-                )
-        score_texts.memory.hold("automation by target", None, (piece.automation, numbers_by_target))
+            for index, entry in enumerate(piece.automation[first_changed:], first_changed):
+                key = entry.target.text, entry.parameter
+                indices_by_target.setdefault(key, []).append(index)
+        score_texts.memory.hold("automation by target", None, (piece.automation, indices_by_target))
     module_path, _, parameter = target_path.rpartition(".")
-    numbers: Sequence[int] = numbers_by_target.get((module_path, parameter), ())
-    return numbers
+    indices: Sequence[int] = indices_by_target.get((module_path, parameter), ())
+    return indices
 
 
 def _with_entry_ended(

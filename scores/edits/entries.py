@@ -36,7 +36,7 @@ class Entry:
             self, fields={name: text for name, text in merged_fields.items() if text is not None}
         )
 
-    def starting(self, position: str) -> Entry:
+    def from_position(self, position: str) -> Entry:
         """The entry from a position on."""
         return replace(self, fields={"at": position, **self.fields})
 
@@ -47,29 +47,27 @@ class Entry:
             transforms=tuple(map(_gesture_transform_text, self.transforms)),
         )
 
-    def flow(self) -> str:
+    def flow_text(self) -> str:
         """The entry as an item of a list."""
         tree: dict[str, edit.Tree] = dict(self.fields)
         if self.transforms:
             tree["do"] = list(self.transforms)
         return edit.flow(tree)
 
-    def row_words(self) -> str:
+    def row_text(self) -> str:
         """The entry as the words of a row, after its position."""
-        words_written = [self.fields["play"]]
+        texts = [self.fields["play"]]
         for field_name, field_text in self.fields.items():
             if field_name == words.NTH_OPTION:
-                words_written += ["every", field_text]
+                texts += ["every", field_text]
             elif field_name in words.OPTION_EXAMPLES and field_name != "at":
                 is_flag = words.OPTION_EXAMPLES[field_name] is None
-                words_written += (
+                texts += (
                     ([field_name] if field_text == "true" else [])
                     if is_flag
                     else [field_name, field_text]
                 )
-        return " ".join(
-            [*words_written, *(["do", ", ".join(self.transforms)] if self.transforms else [])]
-        )
+        return " ".join([*texts, *(["do", ", ".join(self.transforms)] if self.transforms else [])])
 
 
 def _gesture_transform_text(transform: str) -> str:
@@ -77,7 +75,7 @@ def _gesture_transform_text(transform: str) -> str:
     if transform.split()[:1] not in (["fast"], ["slow"]):
         return transform
     try:
-        return f"stretch {parse_transform(transform).lengthening!r}"
+        return f"stretch {parse_transform(transform).time_factor!r}"
     except TextError as error:
         raise EditError(f"{quote(transform)} cannot be written out: {error.message}") from None
 
@@ -91,9 +89,9 @@ class PlacedEntry:
     play: Play
     begin: float  # [beats of the piece]
     starts: Sequence[float] | None  # None: only the recording holds them
-    row: str | None = None  # row of a table as written
+    row_text: str | None = None  # row of a table as written
 
-    def is_open(self, beat: float, piece: Piece) -> bool:
+    def is_continuing(self, beat: float, piece: Piece) -> bool:
         """Whether an entry began before a beat and begins again on it or later."""
         if self.begin >= beat - SAME:
             return False
@@ -109,20 +107,22 @@ class PlacedEntry:
         """
         return n_before(self.starts or (), before_beat - SAME)
 
-    def between_starts(
-        self, first_start: int, stop_start: int, written_at: Callable[[float], str]
+    def entry_between(
+        self, first_start: int, stop_start: int, write_position: Callable[[float], str]
     ) -> Entry:
         """The entry with only its beginnings from number `first_start` to before `stop_start`;
-        `written_at` writes beats.
+        `write_position` writes beats.
         """
         starts = self.starts or ()
         if not isinstance(starts, Steps):
             n_entries = stop_start - first_start
-            part_entry = self.entry.with_fields(
-                at=written_at(starts[first_start]), until=None, times=str(n_entries)
+            excerpt = self.entry.with_fields(
+                at=write_position(starts[first_start]), until=None, times=str(n_entries)
             )
-            return part_entry if n_entries > 1 else part_entry.with_fields(every=None, times=None)
-        return self.entry.with_fields(**starts.from_place(first_start, stop_start, written_at))
+            return excerpt if n_entries > 1 else excerpt.with_fields(every=None, times=None)
+        return self.entry.with_fields(
+            **starts.excerpt_fields(first_start, stop_start, write_position)
+        )
 
 
 def entry_of_play(play_words: words.PlayWords, play_text: str) -> Entry:
@@ -169,35 +169,31 @@ def _plays_of_player(piece: Piece, player: str) -> list[tuple[Play, Sequence[flo
 
 
 def _placed_entries(
-    score_texts: Texts, piece: Piece, player: str, line_numbers: Iterable[int]
+    score_texts: Texts, piece: Piece, player: str, entry_numbers: Iterable[int]
 ) -> Iterator[PlacedEntry]:
     """Entries of a player's part, by their numbers."""
-    part_node, playing_entries = _part_node(score_texts, player), _plays_of_player(piece, player)
+    part_node, plays_and_starts = _part_node(score_texts, player), _plays_of_player(piece, player)
     table_rows: list[tuple[int, Entry, str]] = []
     if isinstance(part_node, Scalar) and not part_node.is_empty:
-        number = row_offset_first = 0
+        line_number = previous_offset = 0
         for table_row, row_offset in words.rows(part_node.text):
-            number, row_offset_first = (
-                number + part_node.text.count("\n", row_offset_first, row_offset),
-                row_offset,
-            )
-            parsed_row = words.parse_row(table_row, row_offset)
-            table_rows.append(
-                (
-                    number,
-                    entry_of_play(parsed_row.play, part_node.text).starting(parsed_row.at.text),
-                    table_row,
-                )
-            )
-    for number in line_numbers:
-        part_play, starts = playing_entries[number]
+            line_number += part_node.text.count("\n", previous_offset, row_offset)
+            previous_offset, parsed_row = row_offset, words.parse_row(table_row, row_offset)
+            entry = entry_of_play(parsed_row.play, part_node.text)
+            table_rows.append((line_number, entry.from_position(parsed_row.at.text), table_row))
+    for entry_number in entry_numbers:
+        part_play, starts = plays_and_starts[entry_number]
         begin_beat = piece.tempo_map.resolve(part_play.at)
         if isinstance(part_node, document.Sequence):
             yield PlacedEntry(
-                number, _entry_of_item(part_node.items[number]), part_play, begin_beat, starts
+                entry_number,
+                _entry_of_item(part_node.items[entry_number]),
+                part_play,
+                begin_beat,
+                starts,
             )
         else:
-            line_number, entry, table_row = table_rows[number]
+            line_number, entry, table_row = table_rows[entry_number]
             yield PlacedEntry(line_number, entry, part_play, begin_beat, starts, table_row)
 
 
@@ -226,34 +222,34 @@ class PartEdit:
                     edited_text = edit.put(
                         list_document,
                         item_path,
-                        closed_entry.entry.with_fields(until=self.end_position).flow(),
+                        closed_entry.entry.with_fields(until=self.end_position).flow_text(),
                     )
                 list_document = edit.read(edited_text, list_document.file)
             # Add new entries before others are removed: a list that never becomes empty keeps its
             # style.
             if self.added:
-                entry_texts = [entry.flow() for entry in self.added]
+                entry_texts = [entry.flow_text() for entry in self.added]
                 list_document = edit.read(
                     edit.extend(list_document, path, entry_texts, SECTIONS), list_document.file
                 )
             if self.removed:
                 return edit.remove(
                     list_document,
-                    *((*path, line.number - n_removed_before) for line in self.removed),
+                    *((*path, placed.number - n_removed_before) for placed in self.removed),
                 )
             return list_document.text
 
-        numbers = [line.number for line in self.ended]
-        numbers += [line.number - 1 for line in self.removed]  # include an item that stays
+        numbers = [placed.number for placed in self.ended]
+        numbers += [placed.number - 1 for placed in self.removed]  # include an item that stays
         return ListEdit(path, min(numbers, default=None), edited_text)
 
     def as_table_edit(self, table_text: str) -> Callable[[document.Document], str]:
         """This change as the edit of a table."""
         path = ("parts", self.player)
         rows_by_line: dict[int, str | None] = {
-            line.number: _row_with_end(line, self.end_position) for line in self.ended
+            placed.number: _row_with_end(placed, self.end_position) for placed in self.ended
         }
-        rows_by_line |= dict.fromkeys(line.number for line in self.removed)
+        rows_by_line |= dict.fromkeys(placed.number for placed in self.removed)
 
         def edited_text(table_document: document.Document) -> str:
             edited_text = table_document.text
@@ -287,8 +283,8 @@ def with_part_edits(score_texts: Texts, *edits: PartEdit) -> Texts:
             else:
                 list_edits.append(part_edit.as_list_edit())
     score_texts = score_texts.edited_lists(list_edits) if list_edits else score_texts
-    for table in table_edits:
-        score_texts = score_texts.edited("parts", table)
+    for table_edit in table_edits:
+        score_texts = score_texts.edited("parts", table_edit)
     return score_texts
 
 
@@ -305,17 +301,17 @@ def _entry_of_item(item_node: Node) -> Entry:
         if isinstance(child, Scalar) and name != "do"
     }
     transforms_node = item_node.get("do")
-    chain: list[str] = []
+    transforms: list[str] = []
     if isinstance(transforms_node, document.Sequence):
-        chain = [node.text for node in transforms_node.items if isinstance(node, Scalar)]
+        transforms = [node.text for node in transforms_node.items if isinstance(node, Scalar)]
     elif isinstance(transforms_node, Scalar) and not transforms_node.is_empty:
-        chain = [*split_chain(transforms_node.text)]
-    return Entry(entry_fields, tuple(chain))
+        transforms = [*split_chain(transforms_node.text)]
+    return Entry(entry_fields, tuple(transforms))
 
 
-def _row_with_end(line: PlacedEntry, end_position: str) -> str:
+def _row_with_end(placed: PlacedEntry, end_position: str) -> str:
     """A row with an end at a position; its other words and their spaces do not change."""
-    table_row = line.row or ""
+    table_row = placed.row_text or ""
     until_text = words.parse_row(table_row).play.options.get("until")
     if until_text is None:
         return f"{table_row.strip()} until {end_position}"
@@ -333,4 +329,4 @@ def _row_aligned_with_table(new_entry: Entry, table_text: str) -> str:
         cell = re.match(r"\S+\s+", row.strip())
         column_width = cell.end() if cell else column_width
     start_text = new_entry.fields["at"]
-    return f"{start_text.ljust(column_width - 1)} {new_entry.row_words()}"
+    return f"{start_text.ljust(column_width - 1)} {new_entry.row_text()}"

@@ -48,7 +48,7 @@ def excerpt_between(
     for player in piece.players:
         placed_entries = entries.placed_entries(score_texts, piece, player)
         entries_in_excerpt = [
-            entry for line in placed_entries if (entry := window.excerpt_of(line)) is not None
+            entry for line in placed_entries if (entry := window.entry_excerpt(line)) is not None
         ]
         is_included = is_included or bool(entries_in_excerpt)
         excerpt_changes.append(
@@ -56,22 +56,24 @@ def excerpt_between(
         )
     excerpt_texts = entries.with_part_edits(excerpt_texts, *excerpt_changes)
     for strikes in piece.strikes:
-        excerpt_texts, is_in = window.strikes(excerpt_texts, strikes)
-        is_included = is_included or is_in
+        excerpt_texts, has_strikes = window.cut_strikes(excerpt_texts, strikes)
+        is_included = is_included or has_strikes
     if not is_included:
         start_text, stop_text = (
             piece.tempo_map.written(start_beat),
             piece.tempo_map.written(stop_beat),
         )
         raise EditError(f"no gesture begins from {start_text} to {stop_text}")
-    excerpt_texts = space.fades_from(excerpt_texts, piece, start_beat)
-    end = window.position(stop_beat)
-    end = end if "|" in end else f"{end}beats"
-    excerpt_texts = window.automation(window.couplings(excerpt_texts)).put(("marks", END_MARK), end)
+    excerpt_texts = space.with_excerpt_fades(excerpt_texts, piece, start_beat)
+    end_text = window.position(stop_beat)
+    end_text = end_text if "|" in end_text else f"{end_text}beats"
+    excerpt_texts = window.cut_automation(window.cut_couplings(excerpt_texts)).put(
+        ("marks", END_MARK), end_text
+    )
     if piece.render.file is not None:
         excerpt_texts = excerpt_texts.put(("render", "file"), edit.quoted(f"{excerpt_name}.wav"))
     # Write the tempo last: the other edits read positions by the old tempo map.
-    return window.tempo(excerpt_texts)
+    return window.write_tempo(excerpt_texts)
 
 
 _GLIDE_CHORDS = 32  # pieces of a glide that is cut
@@ -85,11 +87,11 @@ class _Window:
     ) -> None:
         self.piece = piece
         self.value_on = value_on
-        self.map = piece.tempo_map
+        self.tempo_map = piece.tempo_map
         self.start = start_beat
         self.stop = stop_beat
 
-    def offsets_within(self, beats: list[float]) -> list[float]:
+    def beats_within(self, beats: list[float]) -> list[float]:
         return [beat for beat in beats if self.start - SAME <= beat < self.stop - SAME]
 
     def position(self, beats: float) -> str:
@@ -97,37 +99,37 @@ class _Window:
         not begin on a bar.
         """
         beats = max(0.0, beats - self.start)
-        bar, _ = self.map.bar_beat(self.start)
-        full_bars, beat = self.map.bar_beat(self.start + beats)
-        if abs(self.map.bars.start(bar) - self.start) < SAME:
-            return f"{full_bars - bar + 1}|{beat:.12g}"
+        bar, _ = self.tempo_map.bar_beat(self.start)
+        beat_bar, beat = self.tempo_map.bar_beat(self.start + beats)
+        if abs(self.tempo_map.bars.start(bar) - self.start) < SAME:
+            return f"{beat_bar - bar + 1}|{beat:.12g}"
         return f"{beats:.12g}"  # the window does not begin on a bar: count beats alone
 
-    def excerpt_of(self, placed_entry: entries.PlacedEntry) -> entries.Entry | None:
+    def entry_excerpt(self, placed_entry: entries.PlacedEntry) -> entries.Entry | None:
         """The entry with only its beginnings in the window; None if there are none."""
         if placed_entry.starts is None:
-            if not self.offsets_within([placed_entry.begin]):
+            if not self.beats_within([placed_entry.begin]):
                 return None
             part_entry = placed_entry.entry.with_fields(at=self.position(placed_entry.begin))
             if placed_entry.play.until is None:
                 return part_entry
             return part_entry.with_fields(
-                until=self.position(min(self.stop, self.map.resolve(placed_entry.play.until)))
+                until=self.position(min(self.stop, self.tempo_map.resolve(placed_entry.play.until)))
             )
         first_start, stop_start = (
             placed_entry.count_before(self.start),
             placed_entry.count_before(self.stop),
         )
         return (
-            placed_entry.between_starts(first_start, stop_start, self.position)
+            placed_entry.entry_between(first_start, stop_start, self.position)
             if first_start < stop_start
             else None
         )
 
-    def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
+    def cut_strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
         """Strikes cut to the window, and whether any fall in it."""
         path = ("strikes", strikes.name)
-        begin_beat = self.map.resolve(strikes.at)
+        begin_beat = self.tempo_map.resolve(strikes.at)
         if strikes.is_melody and strikes.length is None:
             hit_beats = [
                 beat for beat, *_ in strikes.played_hits(self.piece, self.start, self.stop)
@@ -135,10 +137,10 @@ class _Window:
             excerpt_texts = melody_between(
                 texts, self.piece, strikes, self.start, self.stop, self.position
             )
-            return excerpt_texts, bool(self.offsets_within(hit_beats))
-        stop_beat = begin_beat if strikes.until is None else self.map.resolve(strikes.until)
+            return excerpt_texts, bool(self.beats_within(hit_beats))
+        stop_beat = begin_beat if strikes.until is None else self.tempo_map.resolve(strikes.until)
         if strikes.span is not None:
-            stop_beat = self.map.after(begin_beat, strikes.span)
+            stop_beat = self.tempo_map.after(begin_beat, strikes.span)
         changed_fields: dict[str, str | None] = {"for": None, "until": None}
         if strikes.passing is not None:  # `for` is the time of one pass
             del changed_fields["for"]
@@ -149,7 +151,7 @@ class _Window:
             )
             if first_place == stop_place:
                 return texts.remove(path), False
-            changed_fields |= pattern_steps.from_place(first_place, stop_place, self.position)
+            changed_fields |= pattern_steps.excerpt_fields(first_place, stop_place, self.position)
         elif strikes.rate is not None:
             first_beat, last_beat = max(begin_beat, self.start), min(stop_beat, self.stop)
             if last_beat <= first_beat + SAME:
@@ -158,11 +160,11 @@ class _Window:
         else:
             end_beat = stop_beat if strikes.until is not None or strikes.span is not None else None
             step_length, strike_times = strikes.every, strikes.times
-            window_starts = (
-                strikes.rounds(self.map)
+            start_beats = (
+                strikes.rounds(self.tempo_map)
                 if strikes.has_rounds
                 else starts(
-                    self.map,
+                    self.tempo_map,
                     begin_beat,
                     Length(),
                     every=step_length,
@@ -170,7 +172,7 @@ class _Window:
                     until=end_beat,
                 )
             )
-            starts_inside = self.offsets_within(window_starts)
+            starts_inside = self.beats_within(start_beats)
             if not starts_inside:
                 return texts.remove(path), False
             changed_fields |= {"at": self.position(starts_inside[0])}
@@ -178,12 +180,14 @@ class _Window:
                 changed_fields |= {"times": str(len(starts_inside))}
         return self._with_fields(texts, path, changed_fields), True
 
-    def couplings(self, texts: Texts) -> Texts:
+    def cut_couplings(self, texts: Texts) -> Texts:
         """Couplings cut to the window."""
         for entry_index in reversed(range(len(self.piece.duet))):
             coupling = self.piece.duet[entry_index]
-            begin_beat = self.map.resolve(coupling.at)
-            end_beat = self.stop if coupling.until is None else self.map.resolve(coupling.until)
+            begin_beat = self.tempo_map.resolve(coupling.at)
+            end_beat = (
+                self.stop if coupling.until is None else self.tempo_map.resolve(coupling.until)
+            )
             if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
                 texts = without_entry(texts, "duet", entry_index)
                 continue
@@ -196,15 +200,15 @@ class _Window:
             texts = self._with_fields(texts, entry_path(texts, "duet", entry_index), fields)
         return texts
 
-    def automation(self, score_texts: Texts) -> Texts:
+    def cut_automation(self, score_texts: Texts) -> Texts:
         """Automation cut to the window."""
         for entry_index in reversed(range(len(self.piece.automation))):
             automation_entry = self.piece.automation[entry_index]
-            begin_beat = self.map.resolve(automation_entry.at)
+            begin_beat = self.tempo_map.resolve(automation_entry.at)
             end_beat = (
                 math.inf
                 if automation_entry.until is None
-                else self.map.resolve(automation_entry.until)
+                else self.tempo_map.resolve(automation_entry.until)
             )
             entry_fields: dict[str, str | None] = {"at": self.position(begin_beat)}
             if automation_entry.points:
@@ -215,7 +219,7 @@ class _Window:
             pattern_steps = (
                 None
                 if automation_entry.pattern is None
-                else automation_entry.steps(self.map, self.piece.seed)
+                else automation_entry.steps(self.tempo_map, self.piece.seed)
             )
             if pattern_steps is not None:
                 end_beat = min(end_beat, pattern_steps.beat(len(pattern_steps)))
@@ -229,12 +233,14 @@ class _Window:
                 if first_place == len(pattern_steps):
                     score_texts = without_entry(score_texts, "automation", entry_index)
                     continue
-                entry_fields |= pattern_steps.from_place(
+                entry_fields |= pattern_steps.excerpt_fields(
                     first_place, len(pattern_steps), self.position
                 )
                 entry_fields["until"] = self.position(min(end_beat, self.stop))
             elif begin_beat < self.start - SAME and automation_entry.swing is not None:
-                period = self.map.after(begin_beat, automation_entry.swing.period) - begin_beat
+                period = (
+                    self.tempo_map.after(begin_beat, automation_entry.swing.period) - begin_beat
+                )
                 phase = (automation_entry.swing.phase + (self.start - begin_beat) / period) % 1.0
                 entry_fields["phase"] = f"{phase:.12g}"
             elif begin_beat < self.start - SAME and automation_entry.moves:
@@ -243,9 +249,9 @@ class _Window:
                 start_quarters = (
                     q.quantity(start_node.text, q.RATIO) if isinstance(start_node, Scalar) else 0.0
                 )
-                quarters_past = self.map.bars.quarters(self.start) - self.map.bars.quarters(
-                    begin_beat
-                )
+                quarters_past = self.tempo_map.bars.quarters(
+                    self.start
+                ) - self.tempo_map.bars.quarters(begin_beat)
                 entry_fields["start"] = f"{start_quarters + quarters_past:.12g}"
             score_texts = self._with_fields(
                 score_texts, entry_path(score_texts, "automation", entry_index), entry_fields
@@ -271,44 +277,43 @@ class _Window:
             piece, module_key, tempo = (
                 self.piece,
                 (automation_entry.target.part, automation_entry.target.module),
-                self.map,
+                self.tempo_map,
             )
             if automation_entry.over is not None:
-                end_beat_of_glide = tempo.after(begin_beat, automation_entry.over)
+                glide_end = tempo.after(begin_beat, automation_entry.over)
             else:
-                end_beat_of_glide = tempo.beats(
-                    tempo.instant(begin_beat, automation_entry.points[-1].at)
-                )
-            seconds_left = tempo.seconds(max(end_beat_of_glide, self.start)) - tempo.seconds(
-                self.start
-            )
+                glide_end = tempo.beats(tempo.instant(begin_beat, automation_entry.points[-1].at))
+            seconds_left = tempo.seconds(max(glide_end, self.start)) - tempo.seconds(self.start)
             glide_points = []
             for step in range(_GLIDE_CHORDS + 1 if seconds_left > 0.0 else 1):
                 glide_offset = seconds_left * step / _GLIDE_CHORDS
                 beat = tempo.beats(tempo.seconds(self.start) + glide_offset)
                 value = self.value_on(self.piece, module_key, automation_entry.parameter, beat)
-                word = value_text(piece, automation_entry.name, value, self.value_on)
-                glide_points.append(f"{word}@{glide_offset:.12g}s")
+                value_word = value_text(piece, automation_entry.name, value, self.value_on)
+                glide_points.append(f"{value_word}@{glide_offset:.12g}s")
             entry_fields["to"] = " line ".join(glide_points)
         return self._with_fields(
             score_texts, entry_path(score_texts, "automation", entry_index), entry_fields
         )
 
-    def tempo(self, texts: Texts) -> Texts:
+    def write_tempo(self, texts: Texts) -> Texts:
         """Write the tempo and meter at the start of the window, and the changes that follow."""
         _, _, meter = [
             meter_change
-            for meter_change in self.map.bars.changes()
+            for meter_change in self.tempo_map.bars.changes()
             if meter_change[0] <= self.start + SAME
         ][-1]
-        first_entry: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
+        first_entry: dict[str, edit.Tree] = {
+            "at": "1|1",
+            "bpm": f"{self.tempo_map.bpm(self.start):.12g}",
+        }
         first_entry["meter"] = str(meter)
-        entries_written = [first_entry]
-        for begin_beat, tempo_entry in self.map.entries_by_beat:
+        tempo_entries = [first_entry]
+        for begin_beat, tempo_entry in self.tempo_map.entries_by_beat:
             end_beat = (
                 begin_beat
                 if tempo_entry.over is None
-                else self.map.after(begin_beat, tempo_entry.over)
+                else self.tempo_map.after(begin_beat, tempo_entry.over)
             )
             if begin_beat >= self.stop - SAME or max(begin_beat, end_beat) <= self.start + SAME:
                 continue
@@ -328,11 +333,11 @@ class _Window:
                 later_entry["over"] = f"{end_beat - begin_beat:.12g}"
             if tempo_entry.meter is not None:
                 later_entry["meter"] = str(tempo_entry.meter)
-            entries_written.append(later_entry)
+            tempo_entries.append(later_entry)
         for section in ("tempo", "meter"):  # tempos and meters from files are written out
             if section_entries(texts, section):
                 texts = texts.remove((section,))
-        for entry_change in entries_written:
+        for entry_change in tempo_entries:
             texts = texts.append(("tempo",), edit.flow(entry_change))
         return texts
 

@@ -23,10 +23,10 @@ def with_family(score_texts: Texts, family: str, family_file: str) -> tuple[Text
     if isinstance(use_section, document.Sequence) or (
         isinstance(use_section, document.Scalar) and not use_section.is_empty
     ):
-        with_use = score_texts.append(("use",), edit.flow({family: family_file}))
+        texts_with_use = score_texts.append(("use",), edit.flow({family: family_file}))
     else:
-        with_use = score_texts.put(("use", family), edit.quoted(family_file))
-    return with_files_read(with_use)
+        texts_with_use = score_texts.put(("use", family), edit.quoted(family_file))
+    return with_files_read(texts_with_use)
 
 
 def with_files_read(score_texts: Texts) -> tuple[Texts, dict[str, str]]:
@@ -35,8 +35,8 @@ def with_files_read(score_texts: Texts) -> tuple[Texts, dict[str, str]]:
     """
     documents_by_name = replace(score_texts, sealed=False).load().files
     read_texts = {
-        name: document_of_file.text
-        for name, document_of_file in documents_by_name.items()
+        name: file_document.text
+        for name, file_document in documents_by_name.items()
         if name != score_texts.path
         and name not in score_texts.overlay
         and shipped(Path(name)) is None
@@ -64,7 +64,7 @@ def is_defined(piece: Piece, name: str) -> bool:
     return name in piece.instruments or name in piece.families or name in piece.keys
 
 
-def base_of_instrument(piece: Piece, instrument_name: str) -> str:
+def instrument_base(piece: Piece, instrument_name: str) -> str:
     """What an instrument is built from: `skins/kick` where `kick` is one of a family that nothing
     plays yet, else the name itself.
     """
@@ -72,7 +72,7 @@ def base_of_instrument(piece: Piece, instrument_name: str) -> str:
     return f"{family}/{plain_name}" if family else instrument_name
 
 
-def with_routes_of(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
+def with_routes(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
     """Route instruments of files to all channels that `score_texts` play, and `piece` does not.
 
     Those of a family with a prefix are defined first, by the paths of modules (`kick.hammer`) of
@@ -80,9 +80,9 @@ def with_routes_of(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Te
     """
     score_texts, piece = with_definitions(score_texts, piece, paths)
     plain_names = [name for name in piece.available if "." not in name]
-    piece_now = score_texts.load().piece if plain_names else None
+    new_piece = score_texts.load().piece if plain_names else None
     for name in plain_names:
-        if piece_now is not None and (name in piece_now.instruments or name in piece_now.families):
+        if new_piece is not None and (name in new_piece.instruments or name in new_piece.families):
             score_texts = structure.routed_to_all(score_texts, piece, name)
             piece = score_texts.load().piece or piece  # all routes are written now
     return score_texts
@@ -94,7 +94,7 @@ def with_definitions(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> 
     """
     unplayed_names = unplayed_instruments(piece)
     for name in sorted({path.partition(".")[0] for path in paths} & unplayed_names.keys()):
-        if (base_name := base_of_instrument(piece, name)) != name:
+        if (base_name := instrument_base(piece, name)) != name:
             score_texts = structure.add_instrument(score_texts, piece, name, base_name, {})
             piece = score_texts.load().piece or piece
     return score_texts, piece
@@ -109,10 +109,10 @@ def with_act_modules(score_texts: Texts, path: str) -> Texts:
     piece = score_texts.load().piece
     instrument = None if piece is None else piece.playable_instrument(act_owner)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}
-    bowed_act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
-    if instrument is None or bowed_act is None:
+    played_act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
+    if instrument is None or played_act is None:
         return score_texts
     modules = {module.name for module in instrument.modules}
-    if all(module.name in modules for module in bowed_act.modules):
+    if all(module.name in modules for module in played_act.modules):
         return score_texts
-    return score_texts.put(("instruments", act_owner, "ready"), bowed_act.name)
+    return score_texts.put(("instruments", act_owner, "ready"), played_act.name)

@@ -35,9 +35,7 @@ def without_entry(score_texts: Texts, section_name: str, item_index: int) -> Tex
 
 
 def _node(texts: Texts, path: tuple[str, ...]) -> Node | None:
-    section_node = texts.section(path[0])
+    node = texts.section(path[0])
     for name in path[1:]:
-        section_node = (
-            section_node.get(name) if isinstance(section_node, document.Mapping) else None
-        )
-    return section_node
+        node = node.get(name) if isinstance(node, document.Mapping) else None
+    return node

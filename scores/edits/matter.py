@@ -63,7 +63,7 @@ class _ValueOwner:
     base_path: tuple[str, ...]  # the path of `written_values`
     module: str  # "" if it has the name of its part
     kind: str  # "" for a key of M, K, Z
-    followed_values: Values  # the fields with `like` and `from` followed
+    resolved_values: Values  # the fields with `like` and `from` followed
     is_ca: bool
 
     @property
@@ -71,7 +71,7 @@ class _ValueOwner:
         """The file in which the key or instrument is written."""
         return self.written_values.node.document.file
 
-    def path_written_in(self, field_name: str) -> tuple[str, ...] | None:
+    def written_path(self, field_name: str) -> tuple[str, ...] | None:
         """The path of the mapping in which a field is written; None if `like` or `from` brought it
         in.
         """
@@ -118,7 +118,7 @@ def _set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: s
         )
     value_owner, field_name = _value_owner(score_texts, target_path)
     field_changes = _field_changes(value_owner, piece, target_path, field_name, value_text)
-    field_path = value_owner.path_written_in(field_name)
+    field_path = value_owner.written_path(field_name)
     field_changes = _untransposed_changes(value_owner, field_path, field_changes)
     if field_path is not None:
         written_value = edit.tree(_written_node(score_texts, field_path, value_owner.file))
@@ -144,7 +144,7 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
     moves them all.
     """
     list_owner, list_name = _value_owner(score_texts, target_path)
-    if list_owner.followed_values.written("modes"):
+    if list_owner.resolved_values.written("modes"):
         raise EditError(
             f"{quote(target_path)}: the modes are read from a file and cannot be set here; change "
             "the file"
@@ -155,14 +155,14 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
             "pitches; "
             f"remove '{moved_fields[0]}' before you set a single one"
         )
-    node = list_owner.followed_values.nodes.get(list_name)
+    node = list_owner.resolved_values.nodes.get(list_name)
     list_items = node.items if isinstance(node, document.Sequence) else [node]
     if max(value_changes) >= len(list_items):
         raise EditError(
             f"{quote(target_path)}: there are {len(list_items)} modes in the list; those after "
             "them are drawn in its band; change the band instead"
         )
-    words_written = [
+    item_texts = [
         value_changes[item_index]
         if item_index in value_changes
         else item.text
@@ -170,7 +170,7 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
         else ""
         for item_index, item in enumerate(list_items)
     ]
-    list_text = f"[{', '.join(words_written)}]"
+    list_text = f"[{', '.join(item_texts)}]"
     if not list_owner.module:
         if list_owner.written_values.kind:
             return score_texts.put(
@@ -181,7 +181,7 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
             f"{{{list_name}: {list_text}}}",
             list_owner.file,
         )
-    list_path = list_owner.path_written_in(list_name)
+    list_path = list_owner.written_path(list_name)
     if list_path is not None:
         return score_texts.put((*list_path, list_name), list_text, list_owner.file)
     path = (*list_owner.base_path, "modules", list_owner.module)
@@ -202,7 +202,7 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
     entry_values, file_name = named_entry.values, named_entry.values.node.document.file
     path = ("instruments", entry_values.context.name)
     assert instrument.pitch is not None
-    wanted_pitch = (
+    target_pitch = (
         k.PITCH.parse(pitch_text)
         if not pitch_text.startswith("x")
         else instrument.pitch * q.factor(pitch_text)
@@ -210,17 +210,25 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
     if entry_values.written("like", "from"):
         score_texts = score_texts.put(
             (*path, "f"),
-            f"{wanted_pitch!r}Hz" if pitch_text.startswith("x") else pitch_text,
+            f"{target_pitch!r}Hz" if pitch_text.startswith("x") else pitch_text,
             file_name,
         )
-        is_moved = entry_values.written("transpose")
-        return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
+        transposed_fields = entry_values.written("transpose")
+        return (
+            score_texts.remove((*path, "transpose"), file=file_name)
+            if transposed_fields
+            else score_texts
+        )
     written_pitch = named_pitch(entry_values)  # the written pitch, which `transpose` moves
     assert written_pitch is not None
-    pitch_interval = interval_between(written_pitch, wanted_pitch)
+    pitch_interval = interval_between(written_pitch, target_pitch)
     if pitch_interval.ratio == 1.0:
-        is_moved = entry_values.written("transpose")
-        return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
+        transposed_fields = entry_values.written("transpose")
+        return (
+            score_texts.remove((*path, "transpose"), file=file_name)
+            if transposed_fields
+            else score_texts
+        )
     change_text = (
         f"x{pitch_interval.ratio!r}"
         if pitch_interval.cents is None
@@ -265,9 +273,9 @@ def number_fields(part_module: Module) -> Iterator[tuple[str, float]]:
     for field_name, field_value in part_module.fields.items():
         if isinstance(field_value, float) and field_name not in ("X0", "V0"):
             yield field_name, field_value
-    follows = following.followings(part_module)
+    followed_names = following.followings(part_module)
     for field_name, field_value in part_module.fields.get("constants", {}).items():
-        if field_name not in follows:
+        if field_name not in followed_names:
             yield field_name, field_value
 
 
@@ -410,30 +418,30 @@ def _field_changes(
     """The fields to write for a value, and those to remove because they contradict it."""
     current_values = _current_values(value_owner, piece)
     field_changes: dict[str, str | None] = {}
-    contrary_names = (
+    contradicting_names = (
         _CONTRADICTING_FIELDS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
     )
-    if value_owner.followed_values.written(*contrary_names):
-        contradicting_field = (
+    if value_owner.resolved_values.written(*contradicting_names):
+        equivalent_fields = (
             _stiffness_and_viscosity(current_values)
-            if contrary_names == _TUNED_FIELDS
+            if contradicting_names == _TUNED_FIELDS
             else _frequency_and_decay(current_values, target_path)
         )
-        field_changes = dict.fromkeys(contrary_names)
+        field_changes = dict.fromkeys(contradicting_names)
         field_changes |= {
             field: _amount_text(field_number, field, value_owner)
-            for field, field_number in contradicting_field.items()
+            for field, field_number in equivalent_fields.items()
             if field_number
         }
-        current_values = {**current_values, **contradicting_field}
+        current_values = {**current_values, **equivalent_fields}
     if not value_text.startswith("x"):
         return {**field_changes, field_name: value_text}
     try:
         value_factor = q.factor(value_text)
     except TextError as error:
         raise EditError(error.message) from None
-    field_node = value_owner.followed_values.nodes.get(field_name)
-    if "calib" in value_owner.followed_values.nodes and not value_owner.written_values.written(
+    field_node = value_owner.resolved_values.nodes.get(field_name)
+    if "calib" in value_owner.resolved_values.nodes and not value_owner.written_values.written(
         field_name
     ):
         field_node = None  # the measured value is used, not the written one
@@ -442,7 +450,7 @@ def _field_changes(
         if scaled_value is not None:
             return {**field_changes, field_name: scaled_value}
     amount = current_values.get(field_name)
-    if value_owner.followed_values.written("modes"):
+    if value_owner.resolved_values.written("modes"):
         raise EditError(
             f"{quote(target_path)}: the modes are read from a file and cannot be set at once; use "
             "`transpose`, or `set` with `over` and a length"
@@ -472,7 +480,7 @@ def _current_values(value_owner: _ValueOwner, piece: Piece) -> Mapping[str, obje
     for module in part.modules if part is not None else ():
         if module.name == value_owner.module:
             return module.fields
-    return value_owner.followed_values.by_name
+    return value_owner.resolved_values.by_name
 
 
 def _is_as_written(value_owner: _ValueOwner, field_name: str, field_text: str) -> bool:
@@ -483,7 +491,7 @@ def _is_as_written(value_owner: _ValueOwner, field_name: str, field_text: str) -
     if field is None or not isinstance(field.shape, Text):
         return True
     return bool(
-        field.shape.parse(field_text) == value_owner.followed_values.by_name.get(field_name)
+        field.shape.parse(field_text) == value_owner.resolved_values.by_name.get(field_name)
     )
 
 
@@ -495,12 +503,12 @@ def _untransposed_changes(
     """
     interval = value_owner.written_values.by_name.get("transpose")
     if interval is None or (
-        value_owner.kind and is_mechanics(value_owner.kind, value_owner.followed_values)
+        value_owner.kind and is_mechanics(value_owner.kind, value_owner.resolved_values)
     ):
         return field_changes
     is_root = not value_owner.written_values.written("like", "from")
     field_table = KINDS[value_owner.kind].table
-    changes_written = dict(field_changes)
+    written_changes = dict(field_changes)
     for field_name, value_text in field_changes.items():
         is_moved = is_root or (field_path == value_owner.base_path and field_name == "f")
         shape = field_table.by_name[field_name].shape if field_name in field_table.by_name else None
@@ -512,10 +520,10 @@ def _untransposed_changes(
             continue  # reported where the score is read
         untransposed_value = transposed_value(field_name, parsed_value, interval.inverse())
         if untransposed_value != parsed_value and isinstance(untransposed_value, float):
-            changes_written[field_name] = (
+            written_changes[field_name] = (
                 f"{untransposed_value!r}{_UNIT_BY_FIELD.get(field_name, '')}"
             )
-    return changes_written
+    return written_changes
 
 
 def _stiffness_and_viscosity(current_values: Mapping[str, object]) -> dict[str, float]:
@@ -537,11 +545,11 @@ def _frequency_and_decay(
     """The damped frequency and decay from K and Z."""
     mass, stiffness, viscosity = (_current_number(current_values, name) for name in ("M", "K", "Z"))
     decay_rate = viscosity / (2.0 * mass)
-    square_of_omega = stiffness / mass - decay_rate * decay_rate
-    if square_of_omega <= 0.0:
+    omega_squared = stiffness / mass - decay_rate * decay_rate
+    if omega_squared <= 0.0:
         raise EditError(f"{quote(target_path)}: it is overdamped and has no frequency; set K and Z")
     return {
-        "f": math.sqrt(square_of_omega) / (2.0 * math.pi),
+        "f": math.sqrt(omega_squared) / (2.0 * math.pi),
         "t60": LN_1000 / decay_rate if decay_rate else 0.0,
     }
 
@@ -569,7 +577,7 @@ def _amount_text(value: float, name: str, value_owner: _ValueOwner) -> str:
 
 def _written_node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:
     is_score_file = file == texts.path
-    value_node = texts.section(path[0]) if is_score_file else texts.document(file).root
+    node = texts.section(path[0]) if is_score_file else texts.document(file).root
     for name in path[1:] if is_score_file else path:
-        value_node = value_node.get(name) if isinstance(value_node, document.Mapping) else None
-    return value_node
+        node = node.get(name) if isinstance(node, document.Mapping) else None
+    return node

@@ -61,13 +61,13 @@ def merged_texts(
     while count != len(places_left):
         count = len(places_left)
         for place in places_left[:]:
-            merged_text, lost_places = _with_typed_values(old_texts, merged, typed_texts, [place])
-            if lost_places or merged_text.load().piece is not None:
+            trial_texts, lost_places = _with_typed_values(old_texts, merged, typed_texts, [place])
+            if lost_places or trial_texts.load().piece is not None:
                 places_left.remove(place)
                 merged, dropped_places = (
                     (merged, [*dropped_places, place])
                     if lost_places
-                    else (merged_text, dropped_places)
+                    else (trial_texts, dropped_places)
                 )
     return merged, [*dropped_places, *places_left]
 
@@ -86,7 +86,7 @@ def changed_places(old_texts: Texts, new_texts: Texts) -> Iterator[ValuePlace]:
             yield from (ValuePlace(file_name, path) for path in paths)
 
 
-def is_different_at(first_texts: Texts, second_texts: Texts, place: ValuePlace) -> bool:
+def is_different(first_texts: Texts, second_texts: Texts, place: ValuePlace) -> bool:
     """Whether two texts have different values at a place."""
     return _value_of(first_texts, place) != _value_of(second_texts, place)
 

@@ -20,9 +20,9 @@ def free_name(wanted_name: str, taken_names: Container[str], *, is_numbered: boo
         return wanted_name
     numbers = count(1 if is_numbered else 2)
     return next(
-        free_candidate
+        candidate
         for number in numbers
-        if (free_candidate := f"{wanted_name}-{number}") not in taken_names
+        if (candidate := f"{wanted_name}-{number}") not in taken_names
     )
 
 

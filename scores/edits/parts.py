@@ -29,7 +29,7 @@ def play(
 
     `every` or `euclid` without an end repeats for ever. Raises EditError.
     """
-    new_entry = new_entry.starting(position_text(piece, from_beat))
+    new_entry = new_entry.from_position(position_text(piece, from_beat))
     if {"every", "euclid"} & set(new_entry.fields) and not {"times", "until"} & set(
         new_entry.fields
     ):
@@ -43,47 +43,61 @@ def play(
 
 
 def transform(
-    score_texts: Texts, piece: Piece, player: str, from_beat: float, chain: Sequence[str]
+    score_texts: Texts, piece: Piece, player: str, from_beat: float, transforms: Sequence[str]
 ) -> Texts:
     """Add transformations to what a player plays; the next occurrence keeps its beat.
 
     Entries that begin on this beat are transformed as a whole; a gesture that plays once and has
     not ended begins again. Raises EditError.
     """
-    lines = entries.placed_entries(score_texts, piece, _check_player(piece, player), from_beat)
-    playing_entries = [line for line in lines if line.is_open(from_beat, piece)]
-    begins = [line for line in lines if abs(line.begin - from_beat) < SAME]
-    if not (playing_entries or begins):
+    placed_entries = entries.placed_entries(
+        score_texts, piece, _check_player(piece, player), from_beat
+    )
+    playing_entries = [
+        placed for placed in placed_entries if placed.is_continuing(from_beat, piece)
+    ]
+    beginning_entries = [
+        placed for placed in placed_entries if abs(placed.begin - from_beat) < SAME
+    ]
+    if not (playing_entries or beginning_entries):
         newest_entries = entries.newest_first(score_texts, piece, player)
         playing_entries = [
             *islice(
                 filter(
-                    None, (_occurrence_under_way(line, piece, from_beat) for line in newest_entries)
+                    None,
+                    (_ongoing_occurrence(placed, piece, from_beat) for placed in newest_entries),
                 ),
                 1,
             )
         ]
-    if not (playing_entries or begins):
+    if not (playing_entries or beginning_entries):
         raise EditError(f"{player} plays nothing at {piece.tempo_map.written(from_beat)}")
     ended_entries, new_entries = [], []
     for playing_entry in playing_entries:
-        later_entry = Entry(playing_entry.entry.fields, (*playing_entry.entry.transforms, *chain))
-        if playing_entry.is_open(from_beat, piece):
+        later_entry = Entry(
+            playing_entry.entry.fields, (*playing_entry.entry.transforms, *transforms)
+        )
+        if playing_entry.is_continuing(from_beat, piece):
             ended_entries.append(playing_entry)
             later_entry = _remaining_entry(playing_entry, piece, later_entry, from_beat)
         else:
             constant_transforms = takewhile(
                 lambda entry_transform: not is_turn(entry_transform), playing_entry.entry.transforms
             )
-            later_entry = Entry(playing_entry.entry.fields, (*constant_transforms, *chain))
+            later_entry = Entry(playing_entry.entry.fields, (*constant_transforms, *transforms))
             later_entry = later_entry.with_fields(
                 at=position_text(piece, from_beat), every=None, times=None, until=None
             )
         new_entries.append(later_entry)
-    new_entries += [Entry(line.entry.fields, (*line.entry.transforms, *chain)) for line in begins]
+    new_entries += [
+        Entry(placed.entry.fields, (*placed.entry.transforms, *transforms))
+        for placed in beginning_entries
+    ]
     return entries.with_part_edits(
         score_texts,
-        PartEdit(player, position_text(piece, from_beat), ended_entries, begins, new_entries),
+        PartEdit(
+            player, position_text(piece, from_beat), ended_entries, beginning_entries, new_entries
+        ),
     )
 
 
@@ -94,11 +108,11 @@ def _remaining_entry(
     start_beats = placed_entry.starts or ()
     n_played = placed_entry.count_before(from_beat)
     if isinstance(start_beats, Steps) and n_played < len(start_beats):
-        first_part = replace(placed_entry, entry=new_entry).between_starts(
+        remaining = replace(placed_entry, entry=new_entry).entry_between(
             n_played, len(start_beats), partial(position_text, piece)
         )
         end_position = None if "times" in new_entry.fields else new_entry.fields.get("until")
-        return first_part if end_position is None else first_part.with_fields(until=end_position)
+        return remaining if end_position is None else remaining.with_fields(until=end_position)
     later_entry = new_entry.with_fields(
         at=position_text(piece, start_beats[n_played] if n_played < len(start_beats) else from_beat)
     )
@@ -131,9 +145,9 @@ def part_edit_ending_at(
     new_entries: Sequence[Entry] = (),
 ) -> PartEdit:
     """The edit that ends the part of a player at a beat, and adds new entries."""
-    lines = entries.placed_entries(score_texts, piece, player, end_beat)
-    ended_entries = [line for line in lines if line.is_open(end_beat, piece)]
-    later_lines = [line for line in lines if line.begin >= end_beat - SAME]
+    placed_entries = entries.placed_entries(score_texts, piece, player, end_beat)
+    ended_entries = [placed for placed in placed_entries if placed.is_continuing(end_beat, piece)]
+    later_lines = [placed for placed in placed_entries if placed.begin >= end_beat - SAME]
     return PartEdit(player, position_text(piece, end_beat), ended_entries, later_lines, new_entries)
 
 
@@ -174,13 +188,13 @@ def _check_player(piece: Piece, player: str) -> str:
     return player
 
 
-def _occurrence_under_way(
-    placed_entry: entries.PlacedEntry, piece: Piece, end_instant: float
+def _ongoing_occurrence(
+    placed_entry: entries.PlacedEntry, piece: Piece, end_beat: float
 ) -> entries.PlacedEntry | None:
     """The last occurrence of an entry, as an entry that plays it alone; None if it has ended or not
     begun.
     """
-    tempo, pattern_or_name = piece.tempo_map, placed_entry.play.what
+    tempo, gesture_name = piece.tempo_map, placed_entry.play.what
     begin_beat = placed_entry.starts[-1] if placed_entry.starts else placed_entry.begin
     if isinstance(placed_entry.starts, Steps):
         places = placed_entry.starts.places
@@ -194,17 +208,17 @@ def _occurrence_under_way(
         )
         if last_played is None:
             return None
-        begin_beat, pattern_or_name = (
+        begin_beat, gesture_name = (
             placed_entry.starts[last_played],
             places.played_name(last_played) or "",
         )
         pattern_fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH_OPTION), None)
         placed_entry = replace(
             placed_entry,
-            entry=placed_entry.entry.with_fields(**{**pattern_fields, "play": pattern_or_name}),
+            entry=placed_entry.entry.with_fields(**{**pattern_fields, "play": gesture_name}),
         )
-    gesture = piece.gestures.get(pattern_or_name)
-    if begin_beat >= end_instant - SAME or gesture is None:
+    gesture = piece.gestures.get(gesture_name)
+    if begin_beat >= end_beat - SAME or gesture is None:
         return None
     beat = gesture.beat(tempo, begin_beat)
     gesture_points, _ = apply(
@@ -212,6 +226,6 @@ def _occurrence_under_way(
     )
     return (
         placed_entry
-        if gesture.instant(tempo, begin_beat, gesture_points[-1].at) > tempo.seconds(end_instant)
+        if gesture.instant(tempo, begin_beat, gesture_points[-1].at) > tempo.seconds(end_beat)
         else None
     )

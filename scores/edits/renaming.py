@@ -39,13 +39,13 @@ def rename(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> Te
 
     Raises EditError.
     """
-    renamed_text, copied_until = "", 0
-    for start, stop in spans_of_references(score_texts, piece, old_name, new_name):
-        renamed_text, copied_until = (
-            f"{renamed_text}{score_texts.text[copied_until:start]}{new_name}",
+    renamed_text, copied_end = "", 0
+    for start, stop in reference_spans(score_texts, piece, old_name, new_name):
+        renamed_text, copied_end = (
+            f"{renamed_text}{score_texts.text[copied_end:start]}{new_name}",
             stop,
         )
-    changed_texts = score_texts.changed(renamed_text + score_texts.text[copied_until:])
+    changed_texts = score_texts.with_text(renamed_text + score_texts.text[copied_end:])
     section_name, _ = definition_path(score_texts, old_name)
     if section_name in (*_PART_SECTIONS, "phrases"):
         _check_same_piece(
@@ -57,9 +57,7 @@ def rename(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> Te
     return changed_texts
 
 
-def spans_of_references(
-    score_texts: Texts, piece: Piece, old_name: str, new_name: str
-) -> list[Span]:
+def reference_spans(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> list[Span]:
     """Where a score names what `rename` gives the name `new_name`, in order. Raises EditError."""
     section_name, _ = definition_path(score_texts, old_name)
     if section_name not in _OTHER_SECTIONS or "." in old_name:
@@ -195,9 +193,9 @@ def _spans_of_words(
 
 def _span(node: Scalar, offset: int, span_length: int) -> Span:
     """The start and end of a word, given its offset in the text of a node."""
-    node_document, offset_place = node.document, node.place_at(offset, span_length)
-    start, _ = node_document.line_span(offset_place.line - node_document.first_row - 1)
-    return start + offset_place.column - 1, start + offset_place.column - 1 + span_length
+    node_document, place = node.document, node.place_at(offset, span_length)
+    start, _ = node_document.line_span(place.line - node_document.first_row - 1)
+    return start + place.column - 1, start + place.column - 1 + span_length
 
 
 # --- gestures, takes, players, blocks -----------------------------------------------------------

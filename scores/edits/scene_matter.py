@@ -36,34 +36,34 @@ def with_scene_parts(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     EditError.
     """
     needed_names = _played_names(scene.piece)
-    names_here = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
-    missing_names = needed_names - names_here
+    known_names = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
+    missing_names = needed_names - known_names
     if not missing_names:
         return score_texts
     _refuse_shared_keys(piece, scene, missing_names)
     scene_entries = {
         section: _entries_by_name(scene.texts, section) for section in _COPIED_SECTIONS
     }
-    entry_names_here = {
+    known_entry_names = {
         section: _entries_by_name(score_texts, section).keys() for section in _COPIED_SECTIONS
     }
     missing_entries = {
         section: {
             entry_name: entry
             for entry_name, entry in scene_entries[section].items()
-            if entry_name not in (*entry_names_here[section], *names_here)
+            if entry_name not in (*known_entry_names[section], *known_names)
         }
         for section in _COPIED_SECTIONS
     }
-    missing_parts = _with_parts_of(missing_names, missing_entries)
-    texts_now = replace(score_texts, overlay={**scene.texts.overlay, **score_texts.overlay})
-    texts_now = _with_files(texts_now, scene)
+    missing_parts = _with_dependencies(missing_names, missing_entries)
+    new_texts = replace(score_texts, overlay={**scene.texts.overlay, **score_texts.overlay})
+    new_texts = _with_files(new_texts, scene)
     for section_name in _COPIED_SECTIONS:
         for name, entry in missing_entries[section_name].items():
             if name in missing_parts:
-                texts_now = texts_now.put((section_name, name), edit.flow(entry))
-    texts_now = _with_links(texts_now, piece, scene, needed_names)
-    return _with_routes(texts_now, piece, scene, missing_parts)
+                new_texts = new_texts.put((section_name, name), edit.flow(entry))
+    new_texts = _with_links(new_texts, piece, scene, needed_names)
+    return _with_routes(new_texts, piece, scene, missing_parts)
 
 
 def _played_names(piece: Piece) -> set[str]:
@@ -104,7 +104,7 @@ def _entries_by_name(texts: Texts, section: str) -> Mapping[str, edit.Tree]:
     return tree if isinstance(tree, dict) else {}
 
 
-def _with_parts_of(
+def _with_dependencies(
     part_names: set[str], missing_entries: Mapping[str, Mapping[str, edit.Tree]]
 ) -> set[str]:
     """Names with all that their entries name and that is lacking too."""
@@ -134,11 +134,11 @@ def _names_in(value_tree: edit.Tree) -> Iterator[str]:
 
 def _with_files(score_texts: Texts, scene: Scene) -> Texts:
     """The texts with the files that a scene uses and they do not. Raises EditError."""
-    used_here, used_there = _used_files(score_texts), _used_files(scene.texts)
-    new_files = [used_file for used_file in used_there if used_file not in used_here]
-    prefixes_here = {used_file.prefix for used_file in used_here if used_file.prefix}
+    score_files, scene_files = _used_files(score_texts), _used_files(scene.texts)
+    new_files = [used_file for used_file in scene_files if used_file not in score_files]
+    known_prefixes = {used_file.prefix for used_file in score_files if used_file.prefix}
     if clashing_file := next(
-        (used_file for used_file in new_files if used_file.prefix in prefixes_here), None
+        (used_file for used_file in new_files if used_file.prefix in known_prefixes), None
     ):
         message = (
             f"the scene uses {clashing_file.file} as {clashing_file.prefix}, which is another "
@@ -147,13 +147,13 @@ def _with_files(score_texts: Texts, scene: Scene) -> Texts:
         raise EditError(message)
     if not new_files:
         return score_texts
-    if all(used_file.prefix for used_file in (*used_here, *new_files)):
+    if all(used_file.prefix for used_file in (*score_files, *new_files)):
         for used_file in new_files:
             score_texts = score_texts.put(("use", used_file.prefix), edit.quoted(used_file.file))
         return score_texts
     use_rows: list[edit.Tree] = [
         {used_file.prefix: used_file.file} if used_file.prefix else used_file.file
-        for used_file in (*used_here, *new_files)
+        for used_file in (*score_files, *new_files)
     ]
     return score_texts.put(("use",), edit.flow(use_rows))
 
@@ -177,18 +177,16 @@ def _with_links(score_texts: Texts, piece: Piece, scene: Scene, needed_names: se
     scene plays.
     """
     for instrument_name, instrument in scene.piece.instruments.items():
-        part_here = piece.instruments.get(instrument_name)
-        if part_here is None:
+        score_part = piece.instruments.get(instrument_name)
+        if score_part is None:
             continue
-        module_names_here = {module.name for module in part_here.modules}
+        known_modules = {module.name for module in score_part.modules}
         entry = _entries_by_name(scene.texts, "instruments").get(instrument_name)
         entry_modules = entry.get("modules") if isinstance(entry, dict) else None
         for link_module in instrument.modules:
             end_parts = {*_end_parts(link_module)}
             is_new = (
-                link_module.name not in module_names_here
-                and end_parts
-                and end_parts <= needed_names
+                link_module.name not in known_modules and end_parts and end_parts <= needed_names
             )
             if is_new and isinstance(entry_modules, dict) and link_module.name in entry_modules:
                 path = "instruments", instrument_name, "modules", link_module.name
@@ -210,12 +208,12 @@ def _with_routes(score_texts: Texts, piece: Piece, scene: Scene, new_names: set[
     score_texts = structure.with_default_routes(score_texts, piece)
     scene_mix = _entries_by_name(scene.texts, "mix")
     rooms = scene_mix.get("rooms")
-    room_names_here = {room.name for room in piece.mix.rooms}
+    known_rooms = {room.name for room in piece.mix.rooms}
     for route_row in new_rows:
         sends = route_row.get("send")
         for room in sends if isinstance(sends, dict) else ():
-            if room not in room_names_here and isinstance(rooms, dict) and room in rooms:
+            if room not in known_rooms and isinstance(rooms, dict) and room in rooms:
                 score_texts = score_texts.put(("mix", "rooms", room), edit.flow(rooms[room]))
-                room_names_here.add(room)
+                known_rooms.add(room)
         score_texts = score_texts.append(("mix", "route"), edit.flow(route_row))
     return score_texts

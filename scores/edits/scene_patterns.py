@@ -13,7 +13,7 @@ from ergon.scores.pattern import words
 from ergon.scores.pattern.order import REST, Group, Leaf
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.turn_chain import as_turn, is_turn, parse_change
-from ergon.scores.pattern.turns import Turn, numbered
+from ergon.scores.pattern.turns import Turn, with_numbers
 from ergon.scores.pattern.turns import parse as parse_turns
 
 _STEPS_MAX = 192  # steps of a round that is written out
@@ -38,22 +38,24 @@ def entries(
         yield pattern_steps[0], pattern_entry
         return
     turns = _numbered_turns(pattern_entry) if places.pattern.turns else []
-    beats_by_chain: dict[tuple[str, ...], list[tuple[float, str]]] = {}
+    beats_by_transforms: dict[tuple[str, ...], list[tuple[float, str]]] = {}
     for place_index in range(n_places):
         if (played_name := places.played_name(place_index)) is not None:
-            chain = tuple(
+            transforms = tuple(
                 text[transform.offset : transform.offset + transform.length]
                 for turn, text in turns
-                for transform in places.transforms_due(place_index, (turn,))
+                for transform in places.due_transforms(place_index, (turn,))
                 if transform is not None
             )
-            beats_by_chain.setdefault(chain, []).append((pattern_steps[place_index], played_name))
-    for chain, named_beats in beats_by_chain.items():
+            beats_by_transforms.setdefault(transforms, []).append(
+                (pattern_steps[place_index], played_name)
+            )
+    for transforms, named_beats in beats_by_transforms.items():
         constant_transforms = takewhile(
             lambda transform: not is_turn(transform), pattern_entry.transforms
         )
         occurrence_entry = Entry(
-            pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*constant_transforms, *chain)
+            pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*constant_transforms, *transforms)
         )
         for begin, play, period in _absolute_patterns(named_beats, round_beats):
             yield begin, occurrence_entry.with_fields(play=play).with_step(f"{period:.12g}")
@@ -69,7 +71,7 @@ def _numbered_turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
             turn_pairs.append((as_turn(parse_change(later_turn)), later_turn))
         except TextError as error:
             raise EditError(f"{quote(later_turn)} cannot be written out: {error.message}") from None
-    turns = numbered(turn for turn, _ in turn_pairs)
+    turns = with_numbers(turn for turn, _ in turn_pairs)
     return [*zip(turns, (text for _, text in turn_pairs), strict=True)]
 
 
@@ -78,12 +80,12 @@ def strikes(
     pattern_steps: Steps,
     n_places: int,
     round_beats: float,
-    notes_by_place: Mapping[str, str],
+    notes_by_name: Mapping[str, str],
 ) -> Iterator[tuple[float, Mapping[str, object]]]:
     """The fields of strikes that repeat the first `n_places` places of a pattern every
     `round_beats`.
 
-    Yields each with the first beat; `notes_by_place` has the pattern's notes as texts, and is empty
+    Yields each with the first beat; `notes_by_name` has the pattern's notes as texts, and is empty
     without notes. The random choices of the strikes are drawn again in every round.
     """
     _check_place_count(n_places)
@@ -102,9 +104,9 @@ def strikes(
         for place in range(n_places)
     )
     named_beats = [(beat, name) for beat, name in places_with_names if name is not None]
-    if notes_by_place:
-        noted_beats = [(beat, notes_by_place[name]) for beat, name in named_beats]
-        for begin, notes_text, period in _absolute_patterns(noted_beats, round_beats):
+    if notes_by_name:
+        note_beats = [(beat, notes_by_name[name]) for beat, name in named_beats]
+        for begin, notes_text, period in _absolute_patterns(note_beats, round_beats):
             yield begin, {**plain_fields, "notes": notes_text, "every": f"{period:.12g}"}
         return
     for begin, _ in named_beats:
@@ -123,7 +125,7 @@ def _is_periodic(pattern_steps: Steps, n_places: int, beats: float) -> bool:
     """Whether the `n_places` places after the first `n_places` repeat them `beats` later."""
     places = pattern_steps.places
     return (
-        _plays_in_turn(places.pattern.order)
+        _is_sequential(places.pattern.order)
         and not places.pattern.turns
         and all(
             abs(pattern_steps.beat(n_places + place) - pattern_steps[place] - beats) < SAME
@@ -133,9 +135,9 @@ def _is_periodic(pattern_steps: Steps, n_places: int, beats: float) -> bool:
     )
 
 
-def _plays_in_turn(pattern_item: Leaf | Group) -> bool:
+def _is_sequential(pattern_item: Leaf | Group) -> bool:
     return isinstance(pattern_item, Leaf) or (
-        pattern_item.way == "in turn" and all(map(_plays_in_turn, pattern_item.items))
+        pattern_item.way == "in turn" and all(map(_is_sequential, pattern_item.items))
     )
 
 
@@ -149,14 +151,18 @@ def _absolute_patterns(
     """
     begin_beat = named_beats[0][0] if named_beats else 0.0
     for n_steps in range(len(named_beats), _STEPS_MAX + 1):
-        slots = [(beat - begin_beat) * n_steps / round_beats for beat, _ in named_beats]
-        if all(abs(slot - round(slot)) < SAME * n_steps for slot in slots):
-            by_step = {
-                round(slot): name for slot, (_, name) in zip(slots, named_beats, strict=True)
+        step_positions = [(beat - begin_beat) * n_steps / round_beats for beat, _ in named_beats]
+        if all(abs(position - round(position)) < SAME * n_steps for position in step_positions):
+            name_by_step = {
+                round(position): name
+                for position, (_, name) in zip(step_positions, named_beats, strict=True)
             }
-            if len(by_step) == len(named_beats) and max(by_step, default=n_steps) < n_steps:
-                row = [by_step.get(step, REST) for step in range(n_steps)]
-                yield begin_beat, " ".join(row), round_beats / n_steps
+            if (
+                len(name_by_step) == len(named_beats)
+                and max(name_by_step, default=n_steps) < n_steps
+            ):
+                step_names = [name_by_step.get(step, REST) for step in range(n_steps)]
+                yield begin_beat, " ".join(step_names), round_beats / n_steps
                 return
     for beat, name in named_beats:
         yield beat, name, round_beats

@@ -66,7 +66,7 @@ def play_scene(
     Its gestures, takes, couplings, strikes and automation are brought in. `piece` is the piece
     of `score_texts`. Raises EditError.
     """
-    names_here = score_texts.load().names
+    known_names = score_texts.load().names
     missing_player = next((name for name in scene.piece.players if name not in piece.players), None)
     if missing_player is not None and any(
         play.player == missing_player for play in scene.piece.parts
@@ -96,7 +96,7 @@ def play_scene(
             parts.part_edit_ending_at(score_texts, piece, player, from_beat, new_entries)
         )
     score_texts = entries.with_part_edits(score_texts, *part_edits)
-    score_texts = _with_definitions(score_texts, names_here, scene)
+    score_texts = _with_definitions(score_texts, known_names, scene)
     score_texts = _with_couplings(
         score_texts, piece, scene, from_beat, None if until_beat is None else stop_text
     )
@@ -113,13 +113,13 @@ def released_parameters(piece: Piece, scene: Scene, release_beat: float) -> list
     """Parameters whose automation a scene ends on a beat because it does not automate them
     itself.
     """
-    automated_here = {entry.name for entry in scene.piece.automation}
+    scene_names = {entry.name for entry in scene.piece.automation}
     automated_names = (
         entry.name
         for entry in piece.automation
         if automation.is_automated_from(piece, entry, release_beat)
     )
-    return [name for name in dict.fromkeys(automated_names) if name not in automated_here]
+    return [name for name in dict.fromkeys(automated_names) if name not in scene_names]
 
 
 def with_scene_tempo(
@@ -176,26 +176,27 @@ def _repeated_entries(
         )
         return
     repeated_entry = repeated_entry.with_step(f"{scene_beats:.12g}")
-    begins = [placed_entry.begin] if placed_entry.starts is None else [*placed_entry.starts]
-    begins = [begin for begin in begins if begin < scene_beats - SAME]
-    step_beats = scene_beats / len(begins) if begins else scene_beats
-    if len(begins) > 1 and all(
-        abs(begin - begins[0] - number * step_beats) < SAME for number, begin in enumerate(begins)
+    begin_beats = [placed_entry.begin] if placed_entry.starts is None else [*placed_entry.starts]
+    begin_beats = [begin for begin in begin_beats if begin < scene_beats - SAME]
+    step_beats = scene_beats / len(begin_beats) if begin_beats else scene_beats
+    if len(begin_beats) > 1 and all(
+        abs(begin - begin_beats[0] - number * step_beats) < SAME
+        for number, begin in enumerate(begin_beats)
     ):
-        yield begins[0], repeated_entry.with_step(f"{step_beats:.12g}")
+        yield begin_beats[0], repeated_entry.with_step(f"{step_beats:.12g}")
         return
-    for begin in begins:
+    for begin in begin_beats:
         yield begin, repeated_entry
 
 
-def _with_definitions(score_texts: Texts, names_here: Names | None, scene: Scene) -> Texts:
-    """Write the gestures and takes of a scene that are missing `names_here`, or that differ."""
+def _with_definitions(score_texts: Texts, known_names: Names | None, scene: Scene) -> Texts:
+    """Write the gestures and takes of a scene that are missing `known_names`, or that differ."""
     scene_names = scene.texts.load().names
-    assert names_here is not None  # a score without a text has no scenes
+    assert known_names is not None  # a score without a text has no scenes
     assert scene_names is not None
     for section_name in ("gestures", "takes"):
         for definition_name, scene_entry in scene_names.tables[section_name].items():
-            definition = names_here.tables[section_name].get(definition_name)
+            definition = known_names.tables[section_name].get(definition_name)
             if not isinstance(scene_entry.values, Values):
                 continue
             entry_node = scene_entry.values.node
@@ -227,18 +228,18 @@ def _changed_parameters(piece: Piece, scene_piece: Piece) -> Iterator[tuple[str,
             for instrument in scene_piece.instruments.values()
         ),
     ]
-    for part_name, module_owner in pairs:
-        scene_modules = (
-            {} if module_owner is None else {module.name: module for module in module_owner.modules}
+    for scene_part, score_part in pairs:
+        score_modules = (
+            {} if score_part is None else {module.name: module for module in score_part.modules}
         )
-        for scene_module in part_name.modules:
-            module_now = scene_modules.get(scene_module.name)
-            if module_now is None or module_now.kind != scene_module.kind:
+        for scene_module in scene_part.modules:
+            score_module = score_modules.get(scene_module.name)
+            if score_module is None or score_module.kind != scene_module.kind:
                 continue
-            path = ".".join(filter(None, (part_name.name, scene_module.name)))
+            path = ".".join(filter(None, (scene_part.name, scene_module.name)))
             for quantity_name, quantity_value in matter.number_fields(scene_module):
-                if quantity_value != module_now.fields.get(quantity_name):
-                    is_ca = getattr(part_name, "ca_rate", None) is not None
+                if quantity_value != score_module.fields.get(quantity_name):
+                    is_ca = getattr(scene_part, "ca_rate", None) is not None
                     yield (
                         f"{path}.{quantity_name}",
                         matter.quantity_text(quantity_value, quantity_name, is_ca=is_ca),
@@ -287,7 +288,10 @@ def _with_automation(
     """
     nodes, tempo = section_entries(scene.texts, "automation"), scene.piece.tempo_map
     for automation_node, entry in zip(nodes, scene.piece.automation, strict=True):
-        begin_beat, ending = tempo.resolve(entry.at), automation.end_beat_of(scene.piece, entry)
+        begin_beat, end_beat = (
+            tempo.resolve(entry.at),
+            automation.automation_end(scene.piece, entry),
+        )
         module_path = entry.name.rpartition(".")[0]
         if (
             begin_beat >= scene.beats - SAME
@@ -298,11 +302,11 @@ def _with_automation(
         entry_tree = edit.tree(automation_node)
         assert isinstance(entry_tree, dict)
         entry_tree = {**entry_tree, "at": position_text(piece, from_beat + begin_beat)}
-        is_endless = ending >= scene.beats - SAME or from_beat + ending >= last_beat
+        is_endless = end_beat >= scene.beats - SAME or from_beat + end_beat >= last_beat
         if is_endless and ("until" in entry_tree or until_text is not None):
             entry_tree["until"] = until_text or endless_end(piece, from_beat)
         elif "until" in entry_tree:
-            entry_tree["until"] = position_text(piece, from_beat + ending)
+            entry_tree["until"] = position_text(piece, from_beat + end_beat)
         score_texts = score_texts.append(("automation",), edit.flow(entry_tree))
     # The new entries are added before others are removed: a list that never becomes empty keeps its
     # style.
@@ -335,16 +339,16 @@ def _with_strikes(
     strike_fields = entry_tree[strikes.name]
     assert isinstance(strike_fields, dict)
     # `for` is the time of one sweep, so it stays.
-    lengths = ("until", "times") if strikes.passing is not None else ("for", "until", "times")
-    strike_fields = {name: value for name, value in strike_fields.items() if name not in lengths}
+    bound_names = ("until", "times") if strikes.passing is not None else ("for", "until", "times")
+    strike_fields = {
+        name: value for name, value in strike_fields.items() if name not in bound_names
+    }
     placed_fields: list[tuple[float, Mapping[str, object]]]
     if strikes.rate is not None:
         fills_scene = begin_beat < SAME and stop_beat >= scene.beats - SAME
-        end_fields = start_beat + min(stop_beat, scene.beats)
+        rate_end = start_beat + min(stop_beat, scene.beats)
         until_text = (
-            end_position
-            if fills_scene or end_fields > last_beat
-            else position_text(piece, end_fields)
+            end_position if fills_scene or rate_end > last_beat else position_text(piece, rate_end)
         )
         placed_fields = (
             [(begin_beat, {**strike_fields, "until": until_text})]
@@ -353,10 +357,10 @@ def _with_strikes(
         )
     elif strikes.pattern is not None:
         pattern_steps = strikes.steps(scene.piece)
-        count = n_before(pattern_steps, scene.beats - SAME)
+        n_places = n_before(pattern_steps, scene.beats - SAME)
         notes = {name: _note_text(name, amount) for name, amount in strikes.notes.items()}
         placed_fields = [
-            *scene_patterns.strikes(strike_fields, pattern_steps, count, scene.beats, notes)
+            *scene_patterns.strikes(strike_fields, pattern_steps, n_places, scene.beats, notes)
         ]
     else:
         end_beat = None if strikes.until is None and strikes.span is None else stop_beat

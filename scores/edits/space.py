@@ -37,17 +37,17 @@ def without_route_field(
     score_texts = structure.with_default_routes(score_texts, piece)
     nodes = section_entries(score_texts, "mix", "route")
     route_indices = [
-        number
-        for number, node in enumerate(nodes)
+        route_index
+        for route_index, node in enumerate(nodes)
         if structure.is_route_of(node, instrument_name)
         and isinstance(node, document.Mapping)
         and node.get(field_name)
     ]
     if not route_indices:
         raise edit.EditError(f"no route of {instrument_name} has a {field_name}")
-    for number in route_indices:
+    for route_index in route_indices:
         score_texts = score_texts.remove(
-            (*entry_path(score_texts, "mix", number, "route"), field_name)
+            (*entry_path(score_texts, "mix", route_index, "route"), field_name)
         )
     return score_texts
 
@@ -134,10 +134,12 @@ def with_fade(
         )
     score_texts = structure.with_default_routes(score_texts, piece)
     members = {instrument_name, *piece.families.get(instrument_name, ())}
-    fade_points = next((route.fade for route in piece.mix.routes if route.part in members), ())
+    fade_points = next(
+        (route_path.fade for route_path in piece.mix.routes if route_path.part in members), ()
+    )
     points_text = edit.flow(_fade_points(piece, fade_points, from_beat, end_beat, is_in=is_in))
-    for route in _route_paths(score_texts, instrument_name):
-        score_texts = score_texts.put((*route, "fade"), points_text)
+    for route_path in _route_paths(score_texts, instrument_name):
+        score_texts = score_texts.put((*route_path, "fade"), points_text)
     return score_texts
 
 
@@ -165,12 +167,12 @@ def fade_level(fade: Fade, tempo: TempoMap, beat: float) -> float:
     return 1.0 if previous_point is None else previous_point[1]
 
 
-def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
+def with_excerpt_fades(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
     """The fades from the beat `start_beat` on, with positions counted from there."""
     tempo = piece.tempo_map
 
-    def points_after(fade: Fade) -> list[edit.Tree]:
-        points_written: list[edit.Tree] = [
+    def excerpt_points(fade: Fade) -> list[edit.Tree]:
+        fade_points: list[edit.Tree] = [
             {"at": "0", "gain": _ratio_text(fade_level(fade, tempo, start_beat))}
         ]
         for fade_point in fade:
@@ -178,14 +180,14 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
             if start_beat < point_beat:
                 curve = "smooth" if fade_point.is_smooth else "line"
                 offset_text = f"{point_beat - start_beat:.12g}"
-                points_written.append(
+                fade_points.append(
                     {"at": offset_text, "gain": _ratio_text(fade_point.gain), "curve": curve}
                 )
-        return points_written
+        return fade_points
 
     if piece.mix.master is not None and piece.mix.master.fade:
         score_texts = score_texts.put(
-            ("mix", "master", "fade"), edit.flow(points_after(piece.mix.master.fade))
+            ("mix", "master", "fade"), edit.flow(excerpt_points(piece.mix.master.fade))
         )
     panned_routes = {
         _written_instrument_name(piece, route): route
@@ -201,7 +203,7 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
             if part_route.part == instrument_name and part_route.fade
         )
         for path in _route_paths(score_texts, _written_instrument_name(piece, route)):
-            score_texts = score_texts.put((*path, "fade"), edit.flow(points_after(route.fade)))
+            score_texts = score_texts.put((*path, "fade"), edit.flow(excerpt_points(route.fade)))
     return score_texts
 
 
@@ -215,8 +217,8 @@ def _pan_from(
         point_beat = tempo.resolve(pan_point.at)
         if start_beat < point_beat:
             curve = "smooth" if pan_point.is_smooth else "line"
-            beats_after = f"{point_beat - start_beat:.12g}"
-            pan_points.append({"at": beats_after, "pan": f"{pan_point.pan:.12g}", "curve": curve})
+            offset_text = f"{point_beat - start_beat:.12g}"
+            pan_points.append({"at": offset_text, "pan": f"{pan_point.pan:.12g}", "curve": curve})
     for path in _route_paths(score_texts, instrument_name):
         score_texts = score_texts.put((*path, "pan"), edit.flow(pan_points))
     return score_texts
@@ -234,9 +236,9 @@ def _fade_points(
     piece: Piece, fade: Fade, from_beat: float, end_beat: float, *, is_in: bool
 ) -> list[edit.Tree]:
     tempo = piece.tempo_map
-    points_written: list[edit.Tree] = []
+    fade_points: list[edit.Tree] = []
     if fade or not is_in:
-        points_written.append(
+        fade_points.append(
             {
                 "at": position_text(piece, from_beat),
                 "gain": _ratio_text(fade_level(fade, tempo, from_beat)),
@@ -244,12 +246,9 @@ def _fade_points(
         )
     else:
         last_beat = tempo.beats(tempo.seconds(from_beat) + _SILENCE_SECONDS)
-        points_written.append({"at": position_text(piece, from_beat), "gain": "0dB"})
-        points_written.append({"at": position_text(piece, last_beat), "gain": "x0"})
-    return [
-        *points_written,
-        {"at": position_text(piece, end_beat), "gain": "0dB" if is_in else "x0"},
-    ]
+        fade_points.append({"at": position_text(piece, from_beat), "gain": "0dB"})
+        fade_points.append({"at": position_text(piece, last_beat), "gain": "x0"})
+    return [*fade_points, {"at": position_text(piece, end_beat), "gain": "0dB" if is_in else "x0"}]
 
 
 def _ratio_text(ratio: float) -> str:
@@ -258,6 +257,6 @@ def _ratio_text(ratio: float) -> str:
 
 def _route_paths(score_texts: Texts, instrument_name: str) -> Iterator[edit.Path]:
     """The paths of the routes of an instrument."""
-    for number, node in enumerate(section_entries(score_texts, "mix", "route")):
+    for route_index, node in enumerate(section_entries(score_texts, "mix", "route")):
         if structure.is_route_of(node, instrument_name):
-            yield entry_path(score_texts, "mix", number, "route")
+            yield entry_path(score_texts, "mix", route_index, "route")

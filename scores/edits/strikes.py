@@ -31,37 +31,30 @@ def strike(
     named_strikes = strikes_named(piece, strikes_name)
     for strikes_entry in named_strikes:
         score_texts = end_strikes(score_texts, piece, strikes_entry, from_beat)
-    strikes_to_begin = {
+    unbegun_names = {
         strikes_entry.name
         for strikes_entry in named_strikes
         if piece.tempo_map.resolve(strikes_entry.at) >= from_beat - SAME
     }
-    used_names = {strikes_entry.name for strikes_entry in piece.strikes} - strikes_to_begin
+    used_names = {strikes_entry.name for strikes_entry in piece.strikes} - unbegun_names
     new_name = free_name(strikes_name, used_names)
-    fields_written: dict[str, edit.Tree] = {**strike_fields, "at": position_text(piece, from_beat)}
+    fields: dict[str, edit.Tree] = {**strike_fields, "at": position_text(piece, from_beat)}
     if "to" in strike_fields:
         target_words = strike_fields["to"].split()
-        other_fields = {
-            field: text for field, text in fields_written.items() if field not in ("to", "at")
-        }
-        fields_written = {
+        other_fields = {field: text for field, text in fields.items() if field not in ("to", "at")}
+        fields = {
             "to": target_words[0] if len(target_words) == 1 else [*target_words],
-            "at": fields_written["at"],
+            "at": fields["at"],
             **other_fields,
         }
     if "do" in strike_fields and "rhythm" not in strike_fields and "(" not in strike_fields["do"]:
-        fields_written["do"] = [transform.strip() for transform in strike_fields["do"].split(",")]
+        fields["do"] = [transform.strip() for transform in strike_fields["do"].split(",")]
     bound_fields = (
-        {"times", "until"}
-        if fields_written.keys() & {"sweep", "path"}
-        else {"times", "for", "until"}
+        {"times", "until"} if fields.keys() & {"sweep", "path"} else {"times", "for", "until"}
     )
-    if (
-        fields_written.keys() & {"rate", "every", "euclid", "rhythm"}
-        and not fields_written.keys() & bound_fields
-    ):
-        fields_written["until"] = distant(piece, from_beat)
-    return score_texts.put(("strikes", new_name), edit.flow(fields_written))
+    if fields.keys() & {"rate", "every", "euclid", "rhythm"} and not fields.keys() & bound_fields:
+        fields["until"] = distant(piece, from_beat)
+    return score_texts.put(("strikes", new_name), edit.flow(fields))
 
 
 def strikes_named(piece: Piece, strikes_name: str) -> list[Strikes]:

@@ -100,9 +100,9 @@ def add_link(
     links_node = _node(score_texts, ("instruments", LINKS_INSTRUMENT, "modules"))
     taken_names = links_node.entries if isinstance(links_node, document.Mapping) else {}
     link_name = free_name(link_kind.lower(), taken_names, is_numbered=True)
-    body: dict[str, edit.Tree] = {link_kind: {"between": [*end_paths], **link_fields}}
+    link_tree: dict[str, edit.Tree] = {link_kind: {"between": [*end_paths], **link_fields}}
     path = ("instruments", LINKS_INSTRUMENT, "modules", link_name)
-    return score_texts.put(path, edit.flow(body)), f"{LINKS_INSTRUMENT}.{link_name}"
+    return score_texts.put(path, edit.flow(link_tree)), f"{LINKS_INSTRUMENT}.{link_name}"
 
 
 def route_instrument(
@@ -217,21 +217,21 @@ def _entry_at(score: document.Document, place: Place) -> Entry:
     """The entry of the score in which a place lies."""
     text_index = score.line_span(place.line - 1)[0] + place.column - 1
     assert isinstance(score.root, document.Mapping)
-    section_name = _last_before(score.root, text_index)
+    section_name = _entry_name_before(score.root, text_index)
     section_node = score.root.entries[section_name][1]
     if not isinstance(SCORE.by_name[section_name].shape, NamesOf) or not isinstance(
         section_node, document.Mapping
     ):
         return Entry(section_name)
-    entry_name = _last_before(section_node, text_index)
+    entry_name = _entry_name_before(section_node, text_index)
     body = section_node.entries[entry_name][1]
     modules = body.get("modules") if isinstance(body, document.Mapping) else None
     if isinstance(modules, document.Mapping) and modules.start <= text_index < modules.end:
-        entry_name = f"{entry_name}.{_last_before(modules, text_index)}"
+        entry_name = f"{entry_name}.{_entry_name_before(modules, text_index)}"
     return Entry(section_name, entry_name)
 
 
-def _last_before(node: document.Mapping, index: int) -> str:
+def _entry_name_before(node: document.Mapping, index: int) -> str:
     """The entry that begins last before a character; an entry reaches up to the next one."""
     name_starts = ((word.start, name) for name, (word, _) in node.entries.items())
     return max((start, name) for start, name in name_starts if start <= index)[1]
@@ -244,11 +244,11 @@ def with_default_routes(score_texts: Texts, piece: Piece) -> Texts:
     if piece.mix.routes:
         return score_texts
     family = piece.note_families()
-    channels = {}  # of the outputs by name; the notes of an instrument share those of its own
+    channels_by_output = {}  # the notes of an instrument share its outputs
     for route in piece.routes():
         output_name = ".".join(filter(None, (family.get(route.part, route.part), route.out)))
-        channels[output_name] = [str(channel) for channel in route.to]
-    for output_name, output_channels in channels.items():
+        channels_by_output[output_name] = [str(channel) for channel in route.to]
+    for output_name, output_channels in channels_by_output.items():
         score_texts = score_texts.append(
             ("mix", "route"), edit.flow({"from": output_name, "to": [*output_channels]})
         )
@@ -286,12 +286,10 @@ def _has_path(texts: Texts, path: Sequence[str]) -> bool:
 
 def _node(texts: Texts, path: Sequence[str]) -> Node | None:
     """The node at a path of names; None if nothing is written there."""
-    section_node = texts.section(path[0])
+    node = texts.section(path[0])
     for name in path[1:]:
-        section_node = (
-            section_node.get(name) if isinstance(section_node, document.Mapping) else None
-        )
-    return section_node
+        node = node.get(name) if isinstance(node, document.Mapping) else None
+    return node
 
 
 def _is_route_from(route: Node, name: str) -> bool:

@@ -43,15 +43,15 @@ _FindWindow = Callable[[str, Section], Window | None]
 
 @dataclass(frozen=True, slots=True)
 class ListEdit:
-    """A change of the list at a path, from item `first` on; None: an addition at its end."""
+    """A change of the list at a path, from item `first_index` on; None: an addition at its end."""
 
     path: edit.Path
-    first: int | None
+    first_index: int | None
     change: Change
 
     def window(self, text: str, section: Section) -> Window | None:
         """The changed items as a text of their own; None if they cannot stand alone."""
-        return last_items(text, section.name, section.value, self.path[1:], self.first)
+        return last_items(text, section.name, section.node, self.path[1:], self.first_index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class Texts:
         The result of a sealed score without mistakes is kept.
         """
         with self.memory.lock:
-            last_loaded = self.memory.last
+            last_loaded = self.memory.last_reading
             if self.sealed and last_loaded is not None and last_loaded[0] == self:
                 loaded: Loaded = last_loaded[1]
                 return loaded
@@ -112,7 +112,7 @@ class Texts:
                 sealed=self.sealed,
             )
             if self.sealed and loaded.piece is not None:
-                self.memory.last = self, loaded
+                self.memory.last_reading = self, loaded
             return loaded
 
     def document(self, file: str | None = None) -> Document:
@@ -127,7 +127,7 @@ class Texts:
             raise EditError(collector.finish()[0].message)
         return opened_document
 
-    def changed(self, text: str, file: str | None = None) -> Texts:
+    def with_text(self, text: str, file: str | None = None) -> Texts:
         """These texts with a new text of the score, or of a file."""
         if file is None or file == self.path:
             return replace(self, text=text)
@@ -146,10 +146,7 @@ class Texts:
             return uses.read(score_text), uses
 
     def edited(
-        self,
-        section: str | int,
-        change: Callable[[Document], str],
-        file: str | None = None,
+        self, section: str | int, change: Callable[[Document], str], file: str | None = None
     ) -> Texts:
         """Edit the lines of one section alone, which takes a tenth of the time.
 
@@ -157,42 +154,40 @@ class Texts:
         be read alone (an alias), edit the whole text.
         """
         if file is None or file == self.path:
-            section_lines = section_span(self.text, str(section))
-            if section_lines is None and section in SECTIONS:
+            span = section_span(self.text, str(section))
+            if span is None and section in SECTIONS:
                 with contextlib.suppress(EditError):
-                    if (section_text := self._added_below(str(section), change)) is not None:
-                        return self.changed(section_text)
-            if section_lines is not None:
-                start_offset, end_offset = section_lines
+                    if (section_text := self._text_with_section(str(section), change)) is not None:
+                        return self.with_text(section_text)
+            if span is not None:
+                start_offset, end_offset = span
                 with contextlib.suppress(EditError):
                     section_text = change(edit.read(self.text[start_offset:end_offset], self.path))
-                    return self.changed(
+                    return self.with_text(
                         self.text[:start_offset] + section_text + self.text[end_offset:]
                     )
-        return self.changed(change(self.document(file)), file)
+        return self.with_text(change(self.document(file)), file)
 
-    def _added_below(self, section_name: str, change: Callable[[Document], str]) -> str | None:
+    def _text_with_section(
+        self, section_name: str, change: Callable[[Document], str]
+    ) -> str | None:
         """The text with a missing section added; None if its place is not between two sections."""
-        section_lines = section_spans(self.text)
+        spans = section_spans(self.text)
         section_rank = SECTIONS.index(section_name)
-        lines_above = [
+        indices_above = [
             line_index
-            for line_index, (name, *_) in enumerate(section_lines[:-1])
+            for line_index, (name, *_) in enumerate(spans[:-1])
             if name in SECTIONS[:section_rank]
         ]
-        if not lines_above:
+        if not indices_above:
             return None
-        _, start_offset, end_offset = section_lines[lines_above[-1]]
-        line_below = (
-            f"{section_lines[lines_above[-1] + 1][0]}:\n"  # marks the end of the lines above
-        )
-        section_text = change(edit.read(self.text[start_offset:end_offset] + line_below, self.path))
-        if not section_text.endswith(line_below):
+        _, start_offset, end_offset = spans[indices_above[-1]]
+        next_line = f"{spans[indices_above[-1] + 1][0]}:\n"  # marks the end of the lines above
+        section_text = change(edit.read(self.text[start_offset:end_offset] + next_line, self.path))
+        if not section_text.endswith(next_line):
             return None
         return (
-            self.text[:start_offset]
-            + section_text.removesuffix(line_below)
-            + self.text[end_offset:]
+            self.text[:start_offset] + section_text.removesuffix(next_line) + self.text[end_offset:]
         )
 
     def edited_lists(self, list_edits: Sequence[ListEdit], file_name: str | None = None) -> Texts:
@@ -211,12 +206,12 @@ class Texts:
         """Edit the value at a path; if possible, only its line and those below it are parsed."""
 
         def window(text: str, section: Section) -> Window | None:
-            return line_window(text, section.name, section.value, path[1:])
+            return line_window(text, section.name, section.node, path[1:])
 
-        def change_one(document_now: Document, _: int) -> str:
+        def change_document(document_now: Document, _: int) -> str:
             return change(document_now)
 
-        return self._edited_alone(str(path[0]), [(window, change_one)], file_name, path)
+        return self._edited_alone(str(path[0]), [(window, change_document)], file_name, path)
 
     def _edited_alone(
         self,
@@ -230,13 +225,11 @@ class Texts:
         An edit without a window edits the whole section; with a `path` of names, only the value at
         that path has to be parsed.
         """
-        section_lines = (
-            section_span(self.text, section_name) if file_name in (None, self.path) else None
-        )
-        known_section = self._section_alone(section_name) if section_lines is not None else None
+        span = section_span(self.text, section_name) if file_name in (None, self.path) else None
+        known_section = self._composed_section(section_name) if span is not None else None
         changes_left, edited_texts = [change for _, change in window_edits], self
-        if section_lines is not None and known_section is not None:
-            section_text = self.text[slice(*section_lines)]
+        if span is not None and known_section is not None:
+            section_text = self.text[slice(*span)]
             splices = [
                 self._splice(section_text, known_section, *window_and_change)
                 for window_and_change in window_edits
@@ -249,14 +242,14 @@ class Texts:
             section_text = apply_splices(
                 section_text, [splice for splice in splices if splice is not None]
             )
-            edited_texts = self.changed(
-                self.text[: section_lines[0]] + section_text + self.text[section_lines[1] :]
+            edited_texts = self.with_text(
+                self.text[: span[0]] + section_text + self.text[span[1] :]
             )
         for change in changes_left:
             edit_document = partial(_changed_text, change)
             elided_texts = (
                 edited_texts._edited_elided(path, edit_document)
-                if path and section_lines is not None
+                if path and span is not None
                 else None
             )
             edited_texts = (
@@ -268,18 +261,16 @@ class Texts:
 
     def _edited_elided(self, path: edit.Path, change: Callable[[Document], str]) -> Texts | None:
         """Edit the lines of a section without long runs of other lines; None if that cannot be."""
-        section_lines = section_span(self.text, str(path[0]))
+        span = section_span(self.text, str(path[0]))
         if (
-            section_lines is None
-            or (elided_text := shorten(self.text[slice(*section_lines)], {*map(str, path)})) is None
+            span is None
+            or (elided_text := shorten(self.text[slice(*span)], {*map(str, path)})) is None
         ):
             return None
         with contextlib.suppress(EditError):
             restored_text = elided_text.restored(change(edit.read(elided_text.text, self.path)))
             if restored_text is not None:
-                return self.changed(
-                    self.text[: section_lines[0]] + restored_text + self.text[section_lines[1] :]
-                )
+                return self.with_text(self.text[: span[0]] + restored_text + self.text[span[1] :])
         return None
 
     def _splice(
@@ -295,7 +286,7 @@ class Texts:
                 )
         return None
 
-    def _section_alone(self, name: str) -> Section | None:
+    def _composed_section(self, name: str) -> Section | None:
         with self.memory.lock:
             return section_composed_alone(
                 self.text, self.path, Path(self.path).parent, name, self.memory
@@ -303,15 +294,15 @@ class Texts:
 
     def section(self, name: str) -> Node | None:
         """The node of a section; its line numbers may be relative to the section."""
-        if (section := self._section_alone(name)) is not None:
-            return section.value
+        if (section := self._composed_section(name)) is not None:
+            return section.node
         read_document = self.load().files.get(self.path) if self.sealed else None
         root = (self.document() if read_document is None else read_document).root
         return root.get(name) if isinstance(root, document.Mapping) else None
 
     def put(self, path: edit.Path, text: str, file: str | None = None) -> Texts:
         """Set a value. Raises EditError."""
-        first_list_path, first_index = _list_in(path)
+        first_list_path, first_index = _first_list(path)
 
         def change(document_now: Document, n_missing_items: int) -> str:
             return edit.put(document_now, _shifted(path, n_missing_items), text, SECTIONS)
@@ -332,8 +323,8 @@ class Texts:
         """Remove entries or items of one parent. Raises EditError."""
         # Removing a section changes more than its own lines.
         if min(len(path) for path in paths) == 1:
-            return self.changed(edit.remove(self.document(file), *paths), file)
-        list_paths = [_list_in(path) for path in paths]
+            return self.with_text(edit.remove(self.document(file), *paths), file)
+        list_paths = [_first_list(path) for path in paths]
         first_indices = [first_index for _, first_index in list_paths if first_index is not None]
         if len(first_indices) < len(list_paths):
             return self._edited_line(
@@ -352,17 +343,17 @@ def _changed_text(change: Change, document_now: Document) -> str:
     return change(document_now, 0)
 
 
-def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
+def _first_list(path: edit.Path) -> tuple[edit.Path, int | None]:
     """The path of the first list on a path, and the item's index; None if there is no list."""
-    for place, name in enumerate(path):
+    for index, name in enumerate(path):
         if isinstance(name, int):
-            return path[:place], name
+            return path[:index], name
     return path, None
 
 
 def _shifted(path: edit.Path, n_missing_items: int) -> edit.Path:
     """A path in a document that lacks the first `n_missing_items` items of its first list."""
-    list_path, first_index = _list_in(path)
+    list_path, first_index = _first_list(path)
     return (
         path
         if first_index is None

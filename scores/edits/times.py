@@ -25,26 +25,28 @@ def change_tempo(
     EditError.
     """
     ramp_length = None if ramp_length is None else _ramp_length(piece, from_beat, ramp_length)
-    score_texts, number_below = _without_later_fields(score_texts, piece, from_beat, "bpm", "over")
-    number_here: int | None = None  # the entry that sets the tempo at this beat
+    score_texts, next_index = _without_later_fields(score_texts, piece, from_beat, "bpm", "over")
+    current_index: int | None = None  # the entry that sets the tempo at this beat
     for tempo_index, begin_beat in _entries_up_to(piece, from_beat):
         tempo_entry = piece.tempo[tempo_index]
         if begin_beat >= from_beat - SAME:
-            number_here = tempo_index if tempo_entry.bpm is not None else number_here
+            current_index = tempo_index if tempo_entry.bpm is not None else current_index
         elif tempo_entry.bpm_end is not None:
             score_texts = _with_ramp_cut(score_texts, piece, tempo_index, begin_beat, from_beat)
-    if number_here is not None:
-        score_texts = score_texts.put((*entry_path(score_texts, "tempo", number_here), "bpm"), bpm)
+    if current_index is not None:
+        score_texts = score_texts.put(
+            (*entry_path(score_texts, "tempo", current_index), "bpm"), bpm
+        )
         if ramp_length is None:
-            return _without_field(score_texts, number_here, "over")
+            return _without_field(score_texts, current_index, "over")
         return score_texts.put(
-            (*entry_path(score_texts, "tempo", number_here), "over"), ramp_length
+            (*entry_path(score_texts, "tempo", current_index), "over"), ramp_length
         )
     ramp = {} if ramp_length is None else {"over": ramp_length}
     tempo_line: dict[str, edit.Tree] = {"at": position_text(piece, from_beat), "bpm": bpm, **ramp}
     if from_beat <= SAME and piece.tempo and piece.tempo[0].tempos:
         return score_texts.put(entry_path(score_texts, "tempo", 0), edit.flow(tempo_line))
-    return _with_inserted_entry(score_texts, number_below, tempo_line)
+    return _with_inserted_entry(score_texts, next_index, tempo_line)
 
 
 def change_meter(score_texts: Texts, piece: Piece, from_beat: float, meter: str) -> Texts:
@@ -58,14 +60,14 @@ def change_meter(score_texts: Texts, piece: Piece, from_beat: float, meter: str)
         raise EditError(
             f"a meter begins with a bar: write meter {meter} at {tempo.written(from_beat)}"
         )
-    score_texts, number_below = _without_later_fields(score_texts, piece, from_beat, "meter")
+    score_texts, next_index = _without_later_fields(score_texts, piece, from_beat, "meter")
     if from_beat <= SAME and piece.file_meters:
         score_texts = score_texts.remove(("meter",))
-    for number, begin in _entries_up_to(piece, from_beat):
-        if begin >= from_beat - SAME and not piece.tempo[number].tempos:
-            return score_texts.put((*entry_path(score_texts, "tempo", number), "meter"), meter)
+    for tempo_index, begin in _entries_up_to(piece, from_beat):
+        if begin >= from_beat - SAME and not piece.tempo[tempo_index].tempos:
+            return score_texts.put((*entry_path(score_texts, "tempo", tempo_index), "meter"), meter)
     return _with_inserted_entry(
-        score_texts, number_below, {"at": position_text(piece, from_beat), "meter": meter}
+        score_texts, next_index, {"at": position_text(piece, from_beat), "meter": meter}
     )
 
 
@@ -85,7 +87,7 @@ def _without_later_fields(
     """Remove fields from the entries after a beat, and the entries that have nothing else; returns
     the number of the first later entry that stays too.
     """
-    number_below: int | None = None
+    next_index: int | None = None
     for entry_index in reversed(range(len(piece.tempo))):
         tempo_entry = piece.tempo[entry_index]
         if piece.tempo_map.resolve(tempo_entry.at) <= from_beat + SAME:
@@ -93,28 +95,28 @@ def _without_later_fields(
         values: dict[str, object] = {"bpm": tempo_entry.bpm, "meter": tempo_entry.meter}
         if values.pop(field_names[0]) is not None and not any(values.values()):
             score_texts = without_entry(score_texts, "tempo", entry_index)
-            number_below = None if number_below is None else number_below - 1
+            next_index = None if next_index is None else next_index - 1
             continue
-        number_below = entry_index
+        next_index = entry_index
         for name in field_names:
             score_texts = _without_field(score_texts, entry_index, name)
-    return score_texts, number_below
+    return score_texts, next_index
 
 
 def _with_inserted_entry(
-    score_texts: Texts, number_below: int | None, entry_tree: Mapping[str, edit.Tree]
+    score_texts: Texts, next_index: int | None, entry_tree: Mapping[str, edit.Tree]
 ) -> Texts:
     """A new entry above the one of a number, or after all others."""
     entry_text = edit.flow(dict(entry_tree))
-    if number_below is None:
+    if next_index is None:
         return score_texts.append(("tempo",), entry_text)
-    path = entry_path(score_texts, "tempo", number_below)
+    path = entry_path(score_texts, "tempo", next_index)
     if path == ("tempo",):  # a lone entry becomes a list, then the new one goes above it
         score_texts = score_texts.put(
             path, f"[{edit.flow(edit.tree(section_entries(score_texts, 'tempo')[0]))}]"
         )
     return score_texts.edited(
-        "tempo", lambda document: edit.insert(document, ("tempo", number_below), entry_text)
+        "tempo", lambda document: edit.insert(document, ("tempo", next_index), entry_text)
     )
 
 
@@ -144,12 +146,12 @@ def _without_field(score_texts: Texts, entry_index: int, field_name: str) -> Tex
 
 
 def _with_ramp_cut(
-    score_texts: Texts, piece: Piece, number: int, begin_beat: float, cut_beat: float
+    score_texts: Texts, piece: Piece, tempo_index: int, begin_beat: float, cut_beat: float
 ) -> Texts:
     """End a ramp that is under way at a beat, at the tempo reached there."""
     tempo_entry, path, tempo = (
-        piece.tempo[number],
-        entry_path(score_texts, "tempo", number),
+        piece.tempo[tempo_index],
+        entry_path(score_texts, "tempo", tempo_index),
         piece.tempo_map,
     )
     if tempo.after(begin_beat, tempo_entry.over or Length()) <= cut_beat + SAME:

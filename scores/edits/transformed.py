@@ -35,7 +35,7 @@ def transform(
     strikes_tree = edit.tree(score_texts.section("strikes"))
     taken_names = {strikes.name for strikes in piece.strikes}
     for strikes in edits.strikes_named(piece, strikes_name):
-        stop_beat = strikes.stop(tempo)
+        stop_beat = strikes.stop_beat(tempo)
         if stop_beat is not None and stop_beat <= from_beat + SAME:
             continue
         assert isinstance(strikes_tree, dict)
@@ -51,11 +51,11 @@ def transform(
         )
         if strike_times is not None and n_passed_cycles >= strike_times:
             continue
-        turn_beat = rhythm.cycle_begin(tempo, begin_beat, n_passed_cycles)
-        score_texts = edits.end_strikes(score_texts, piece, strikes, turn_beat)
+        cycle_beat = rhythm.cycle_begin(tempo, begin_beat, n_passed_cycles)
+        score_texts = edits.end_strikes(score_texts, piece, strikes, cycle_beat)
         strike_fields = {
             **strike_fields,
-            "at": position_text(piece, turn_beat),
+            "at": position_text(piece, cycle_beat),
             **_with_transforms_added(strike_fields, transforms_text),
         }
         if first_cycle := rhythm.first + n_passed_cycles:
@@ -66,12 +66,14 @@ def transform(
             strike_fields = {**strike_fields, "for": "", "until": position_text(piece, stop_beat)}
         for field in [field for field, value in strike_fields.items() if value == ""]:
             del strike_fields[field]
-        new_strikes = (
-            strikes.name if turn_beat <= begin_beat + SAME else free_name(strikes_name, taken_names)
+        new_name = (
+            strikes.name
+            if cycle_beat <= begin_beat + SAME
+            else free_name(strikes_name, taken_names)
         )
-        taken_names.add(new_strikes)
+        taken_names.add(new_name)
         score_texts = score_texts.put(
-            ("strikes", new_strikes), edit.flow(_in_written_order(strike_fields))
+            ("strikes", new_name), edit.flow(_in_written_order(strike_fields))
         )
         is_changed = True
     if not is_changed:
@@ -117,7 +119,7 @@ def _rhythm_and_fields(
     if "play" in strike_fields:  # the words of the rhythm say levels
         rhythm_fields = {**_notes_of(score_texts, strike_fields), **rhythm_fields, "impulse": ""}
     if strikes.every is not None or rhythm.cycle != _BAR_DURATION:
-        rhythm_fields["cycle"] = _parsed_length(rhythm.cycle)
+        rhythm_fields["cycle"] = _length_text(rhythm.cycle)
     if not rhythm_fields.keys() & {"times", "for", "until"}:
         rhythm_fields["times"] = "1"
     return rhythm, rhythm_fields
@@ -130,7 +132,7 @@ def _notes_of(texts: Texts, strike_fields: StrikeFields) -> StrikeFields:
     return {"to": phrase["to"]} if isinstance(phrase, dict) and "to" in phrase else {}
 
 
-def _parsed_length(length_written: Length) -> str:
+def _length_text(length_written: Length) -> str:
     if length_written.quarters:
         raise EditError(
             "a MIDI file whose quarter notes are no beats of the meter is not written as a rhythm; "
@@ -141,5 +143,5 @@ def _parsed_length(length_written: Length) -> str:
         (length_written.beats, ""),
         (length_written.seconds, "s"),
     ]
-    (written_length,) = [f"{value!r}{unit}" for value, unit in length_parts if value] or ["0"]
-    return written_length
+    (length_text,) = [f"{value!r}{unit}" for value, unit in length_parts if value] or ["0"]
+    return length_text

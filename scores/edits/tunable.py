@@ -26,7 +26,7 @@ FieldKey = tuple[str, str, int | None]  # module, field, place in a list from 1
 
 
 @dataclass(frozen=True, slots=True)
-class Value:
+class TunableValue:
     """A number [SI] of a module that may be changed, and where it is.
 
     `list_index` is its index in a list, from 1, such as `f` of MODES; None if the field is one
@@ -55,18 +55,18 @@ class TunablePart:
     def _definition(self) -> Key | Instrument:
         return self.piece.keys.get(self.name) or self.piece.instruments[self.name]
 
-    def values(self) -> Iterator[Value]:
+    def values(self) -> Iterator[TunableValue]:
         """Every number above 0 of the part's modules that may affect its modes."""
         for part_module in self._definition.modules:
             constants = part_module.fields.get("constants", {})
             for name, value in number_fields(part_module):
                 if value > 0 and (name in _TUNABLE_FIELDS or name in constants):
-                    yield Value(part_module.name, name, value)
+                    yield TunableValue(part_module.name, name, value)
             if part_module.kind == "MODES":
-                for place, value in enumerate(part_module.fields["f"], 1):
-                    yield Value(part_module.name, "f", value, place)
+                for list_index, value in enumerate(part_module.fields["f"], 1):
+                    yield TunableValue(part_module.name, "f", value, list_index)
 
-    def target(self, value: Value) -> str:
+    def target(self, value: TunableValue) -> str:
         """The value's name in a line of a session and in a table of automation: `bell.m.K`.
 
         A number of a list has its place at the end: `bell.f.2`.
@@ -74,17 +74,17 @@ class TunablePart:
         name = self.field_name(value)
         return name if value.list_index is None else f"{name}.{value.list_index}"
 
-    def field_name(self, value: Value) -> str:
+    def field_name(self, value: TunableValue) -> str:
         """The field of the value, or of the list that has it: `bell.f`."""
         return ".".join(filter(None, (self.name, value.module, value.field)))
 
-    def value_text(self, value: Value) -> str:
+    def value_text(self, value: TunableValue) -> str:
         """The value as a score writes it, without loss of precision."""
         part = self._definition
         is_ca = isinstance(part, Instrument) and part.ca_rate is not None
         return quantity_text(value.number, value.field, is_ca=is_ca)
 
-    def with_values(self, texts: Texts, values: Sequence[Value]) -> Texts:
+    def with_values(self, texts: Texts, values: Sequence[TunableValue]) -> Texts:
         """A score's texts with the values set in them. Raises EditError."""
         lists_by_target: dict[str, dict[int, str]] = {}
         for tuned_value in values:
@@ -105,13 +105,13 @@ class TunablePart:
         part_definition = self._definition
         lever_ratio = part_definition.reach if isinstance(part_definition, Key) else 1.0
         ca_rate = part_definition.ca_rate if isinstance(part_definition, Instrument) else None
-        valued_modules = [_module_with_values(module, values) for module in part_definition.modules]
+        new_modules = [_module_with_values(module, values) for module in part_definition.modules]
         assembly = Assembly(seed=self.piece.seed)
-        held_modules = [module for module in valued_modules if module.kind in POINT_KINDS]
+        point_modules = [module for module in new_modules if module.kind in POINT_KINDS]
         space = part_definition.space if isinstance(part_definition, Instrument) else None
-        assembly.add_part(self.name, held_modules, ca_rate=ca_rate, reach=lever_ratio, space=space)
-        assembly.add_followers(self.name, held_modules, ca_rate=ca_rate)
-        links = [module for module in valued_modules if self._is_inside(module, assembly)]
+        assembly.add_part(self.name, point_modules, ca_rate=ca_rate, reach=lever_ratio, space=space)
+        assembly.add_followers(self.name, point_modules, ca_rate=ca_rate)
+        links = [module for module in new_modules if self._is_inside(module, assembly)]
         assembly.add_links(self.name, links, ca_rate=ca_rate, reach=lever_ratio)
         for other_part, other_module in self.piece.modules():
             if other_part != self.name and self._is_inside(other_module, assembly):

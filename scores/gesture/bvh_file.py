@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK_NUMBERS_MAX, Motion, size_checked, unique_names
+from ergon.scores.gesture.motion import BLOCK_NUMBERS_MAX, Motion, check_size, unique_names
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
@@ -47,45 +47,45 @@ class _Joint:
     channels: list[tuple[int, int]] = field(default_factory=list)  # kind of channel, column
 
 
-class _Words:
+class _WordReader:
     """The words of a BVH file, however they are laid out in lines, with the line of the last."""
 
     def __init__(self, file: TextIOWrapper, path: Path) -> None:
         self._lines = content_lines(file, path)
         self._path = path
-        self._ahead: list[str] = []  # unread words of the line, last word first
-        self.number = 0
+        self._unread_words: list[str] = []  # unread words of the line, last word first
+        self.line_number = 0
 
     def word(self) -> str:
         """The next word; empty at the end of the file."""
-        while not self._ahead:
+        while not self._unread_words:
             numbered_line = next(self._lines, None)
             if numbered_line is None:
                 return ""
-            self.number, line = numbered_line
-            self._ahead = _BRACE_PATTERN.sub(r" \g<0> ", line).split()[::-1]
-        return self._ahead.pop()
+            self.line_number, line = numbered_line
+            self._unread_words = _BRACE_PATTERN.sub(r" \g<0> ", line).split()[::-1]
+        return self._unread_words.pop()
 
     def push_back(self, word: str) -> None:
         """Put a word back before the others."""
-        self._ahead.append(word)
+        self._unread_words.append(word)
 
-    def error_at(self, message: str, line: int | None = None) -> TakeError:
-        return TakeError(message, self._path, line or self.number or None)
+    def damage_error(self, message: str, line: int | None = None) -> TakeError:
+        return TakeError(message, self._path, line or self.line_number or None)
 
-    def numbers(self, count: int, numbers_name: str) -> list[float]:
+    def numbers(self, count: int, noun: str) -> list[float]:
         read_numbers: list[float] = []
-        line_number = None
+        first_line = None
         for _ in range(count):
-            read_word = self.word()
-            line_number = line_number or self.number
+            word = self.word()
+            first_line = first_line or self.line_number
             try:
-                read_value = float(read_word)
+                number = float(word)
             except ValueError:
-                read_value = math.nan
-            if not abs(read_value) <= _VALUE_MAX:
-                raise self.error_at(f"{numbers_name} must be {count:,} numbers", line_number)
-            read_numbers.append(read_value)
+                number = math.nan
+            if not abs(number) <= _VALUE_MAX:
+                raise self.damage_error(f"{noun} must be {count:,} numbers", first_line)
+            read_numbers.append(number)
         return read_numbers
 
 
@@ -94,16 +94,16 @@ def read(path: Path) -> Motion:
     OSError.
     """
     with open_text(path) as file:
-        words = _Words(file, path)
+        words = _WordReader(file, path)
         joints, n_channels = _read_hierarchy(words)
         frame_count, rate = _read_motion_header(words)
         n_numbers = sum(1 for _ in iter(words.word, ""))
-    n_there, left_over = divmod(n_numbers, n_channels) if n_channels else (frame_count, 0)
+    n_complete, n_extra = divmod(n_numbers, n_channels) if n_channels else (frame_count, 0)
 
     def blocks() -> Iterator[Floats]:
         rows_max = max(1, BLOCK_NUMBERS_MAX // max(n_channels, 3 * len(joints)))
         with open_text(path) as file:
-            file_words = _Words(file, path)
+            file_words = _WordReader(file, path)
             _read_hierarchy(file_words)
             _read_motion_header(file_words)
             rows_left = frame_count
@@ -117,30 +117,28 @@ def read(path: Path) -> Motion:
                     joints, np.array(frame_rows).reshape(len(frame_rows), n_channels)
                 )
 
-    if left_over:
+    if n_extra:
         message = (
             f"it holds {n_numbers:,} numbers, but a frame must be {n_channels:,} numbers: a row "
         )
         raise TakeError(message + "is incomplete", path)
-    if n_there < frame_count:
+    if n_complete < frame_count:
         raise TakeError("the file has fewer frames than it says", path)
     file_note = None
-    if n_there > frame_count:
+    if n_complete > frame_count:
         file_note = (
-            f"the file says {frame_count:,} frames, and {n_there - frame_count:,} more follow, "
+            f"the file says {frame_count:,} frames, and {n_complete - frame_count:,} more follow, "
             "which are not read"
         )
     names = unique_names([joint.name for joint in joints])
     passed_over = ("rotations, but for where they put the joints",)
-    return size_checked(
-        Motion(names, frame_count, rate, None, blocks, file_note, passed_over), path
-    )
+    return check_size(Motion(names, frame_count, rate, None, blocks, file_note, passed_over), path)
 
 
-def _read_hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
+def _read_hierarchy(file_words: _WordReader) -> tuple[list[_Joint], int]:
     """The joints, parents first, and how many numbers a frame has."""
     if file_words.word().upper() != "HIERARCHY":
-        raise file_words.error_at("this is not a BVH file")
+        raise file_words.damage_error("this is not a BVH file")
     joints: list[_Joint] = []
     open_joints: list[int] = []  # joints whose braces are open
     n_channels = 0
@@ -161,61 +159,63 @@ def _read_hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
                 joints[open_joints[-1]].offset = file_words.numbers(3, "an offset")
             case "CHANNELS" if open_joints:
                 channels = joints[open_joints[-1]].channels
-                channel_columns = _read_channels(file_words)
-                channels += [(kind, n_channels + i) for i, kind in enumerate(channel_columns)]
-                n_channels += len(channel_columns)
+                channel_kinds = _read_channels(file_words)
+                channels += [(kind, n_channels + i) for i, kind in enumerate(channel_kinds)]
+                n_channels += len(channel_kinds)
             case _:
-                raise file_words.error_at("this line is out of place in a BVH file")
+                raise file_words.damage_error("this line is out of place in a BVH file")
         if len(joints) > MAX_CHANNELS or n_channels > 6 * MAX_CHANNELS:
-            raise file_words.error_at(f"the file has more than {MAX_CHANNELS:,} points")
+            raise file_words.damage_error(f"the file has more than {MAX_CHANNELS:,} points")
     if open_joints:
-        raise file_words.error_at("a brace is not closed before MOTION")
+        raise file_words.damage_error("a brace is not closed before MOTION")
     return joints, n_channels
 
 
-def _read_name(file_words: _Words) -> str:
+def _read_name(file_words: _WordReader) -> str:
     """The words before a brace that opens."""
     name_words: list[str] = []
     while (read_word := file_words.word()) != "{":
         if not read_word or read_word == "}" or read_word.upper() in _KEYWORDS:
-            raise file_words.error_at(
+            raise file_words.damage_error(
                 "this line is out of place in a BVH file: a brace opens no joint"
             )
         name_words.append(read_word)
     return " ".join(name_words)
 
 
-def _read_channels(file_words: _Words) -> list[int]:
+def _read_channels(file_words: _WordReader) -> list[int]:
     """The kinds of channels that a joint has."""
-    count_text, line_number = file_words.word(), file_words.number
+    count_text, line_number = file_words.word(), file_words.line_number
     channel_kinds: list[int] = []
     while (word := file_words.word().lower()) in _CHANNELS:
         channel_kinds.append(_CHANNELS.index(word))
     file_words.push_back(word)
     if count_text != str(len(channel_kinds)):
         channel_names = ", ".join(f"{name[0].upper()}{name[1:]}" for name in _CHANNELS)
-        raise file_words.error_at(f"channels are a count and names of {channel_names}", line_number)
+        raise file_words.damage_error(
+            f"channels are a count and names of {channel_names}", line_number
+        )
     return channel_kinds
 
 
-def _read_motion_header(file_words: _Words) -> tuple[int, float]:
+def _read_motion_header(file_words: _WordReader) -> tuple[int, float]:
     """The number of frames, and the frame rate [Hz]."""
     frame_count_text = _word_after_label(file_words, "frames")
     if frame_count_text is None or not frame_count_text.isdecimal():
-        raise file_words.error_at("after MOTION comes `Frames:` and their number")
+        raise file_words.damage_error("after MOTION comes `Frames:` and their number")
     if len(frame_count_text) > 9 or int(frame_count_text) > MAX_SAMPLES:
-        raise file_words.error_at(f"the file has more than {MAX_SAMPLES:,} samples")
-    period = _word_after_label(file_words, "frame", "time")
-    if period is None:
-        raise file_words.error_at("after `Frames:` comes `Frame Time:` and seconds")
-    file_words.push_back(period)
+        raise file_words.damage_error(f"the file has more than {MAX_SAMPLES:,} samples")
+    period_text = _word_after_label(file_words, "frame", "time")
+    if period_text is None:
+        raise file_words.damage_error("after `Frames:` comes `Frame Time:` and seconds")
+    file_words.push_back(period_text)
     (frame_duration,) = file_words.numbers(1, "the time of a frame")
     if not frame_duration > 1e-6:
-        raise file_words.error_at("the time of a frame must be above a microsecond")
+        raise file_words.damage_error("the time of a frame must be above a microsecond")
     return int(frame_count_text), 1 / frame_duration
 
 
-def _word_after_label(file_words: _Words, *label: str) -> str | None:
+def _word_after_label(file_words: _WordReader, *label: str) -> str | None:
     """The word after a label and its colon, with or without spaces; None without the label."""
     *first_words, last_word = label
     if any(file_words.word().lower() != expected_word for expected_word in first_words):
@@ -230,39 +230,39 @@ def _word_after_label(file_words: _Words, *label: str) -> str | None:
 
 def _joint_positions(joints: list[_Joint], frame_rows: Floats) -> Floats:
     """Positions of the joints in each frame, (frames, joints, 3)."""
-    n = len(frame_rows)
+    n_frames = len(frame_rows)
     joint_positions, joint_rotations = (
-        np.empty((n, len(joints), 3)),
-        np.empty((len(joints), n, 3, 3)),
+        np.empty((n_frames, len(joints), 3)),
+        np.empty((len(joints), n_frames, 3, 3)),
     )
     for i, joint in enumerate(joints):
-        joint_places = np.tile(np.array(joint.offset), (n, 1))
-        joint_rotation = np.tile(np.eye(3), (n, 1, 1))
+        translations = np.tile(np.array(joint.offset), (n_frames, 1))
+        rotations = np.tile(np.eye(3), (n_frames, 1, 1))
         for channel_kind, column_index in joint.channels:
             if channel_kind < 3:
-                joint_places[:, channel_kind] = frame_rows[:, column_index]
+                translations[:, channel_kind] = frame_rows[:, column_index]
             else:
-                joint_rotation = joint_rotation @ _rotations(
+                rotations = rotations @ _rotation_matrices(
                     channel_kind - 3, frame_rows[:, column_index]
                 )
         if joint.parent is None:
-            joint_positions[:, i], joint_rotations[i] = joint_places, joint_rotation
+            joint_positions[:, i], joint_rotations[i] = translations, rotations
         else:
-            rotation_axis = joint_rotations[joint.parent]
+            parent_rotations = joint_rotations[joint.parent]
             joint_positions[:, i] = joint_positions[:, joint.parent] + np.einsum(
-                "nij,nj->ni", rotation_axis, joint_places
+                "nij,nj->ni", parent_rotations, translations
             )
-            joint_rotations[i] = rotation_axis @ joint_rotation
+            joint_rotations[i] = parent_rotations @ rotations
     return joint_positions
 
 
-def _rotations(axis: int, degrees: Floats) -> Floats:
+def _rotation_matrices(axis: int, degrees: Floats) -> Floats:
     """Rotations about an axis, (n, 3, 3)."""
     angle = degrees * (math.pi / 180)
     j, k = (axis + 1) % 3, (axis + 2) % 3
-    turn = np.zeros((len(angle), 3, 3))
-    turn[:, axis, axis] = 1.0
-    turn[:, j, j] = turn[:, k, k] = np.cos(angle)
-    turn[:, k, j] = np.sin(angle)
-    turn[:, j, k] = -turn[:, k, j]
-    return turn
+    matrices = np.zeros((len(angle), 3, 3))
+    matrices[:, axis, axis] = 1.0
+    matrices[:, j, j] = matrices[:, k, k] = np.cos(angle)
+    matrices[:, k, j] = np.sin(angle)
+    matrices[:, j, k] = -matrices[:, k, j]
+    return matrices

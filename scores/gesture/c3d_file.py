@@ -21,8 +21,8 @@ import numpy as np
 from ergon.scores.gesture.motion import (
     BLOCK_NUMBERS_MAX,
     Motion,
+    check_size,
     metres_of,
-    size_checked,
     unique_names,
 )
 from ergon.scores.gesture.take_file import Floats, TakeError, open_take
@@ -35,19 +35,19 @@ _BYTES_BY_TYPE = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of a parameter's number, by 
 _READ_GROUPS = {"POINT", "TRIAL"}  # groups of parameters
 _PARAMETER_BYTES_MAX = 1 << 17  # bytes: 255 sectors
 
-_Value = tuple[int, tuple[int, ...], bytes]  # type, dimensions, bytes
+_Parameter = tuple[int, tuple[int, ...], bytes]  # type, dimensions, bytes
 
 
 class _NumberFormat:
     """Numbers as the processor of a file writes them."""
 
     def __init__(self, processor: int) -> None:
-        self.order = _BYTE_ORDER_BY_PROCESSOR[processor]
+        self.byte_order = _BYTE_ORDER_BY_PROCESSOR[processor]
         self._is_dec = processor == _DEC_PROCESSOR
 
     def word(self, data: bytes, offset: int) -> int:
         """16 bits without a sign."""
-        value: int = struct.unpack_from(f"{self.order}H", data, offset)[0]
+        value: int = struct.unpack_from(f"{self.byte_order}H", data, offset)[0]
         return value
 
     def real(self, data: bytes, offset: int) -> float:
@@ -60,7 +60,7 @@ class _NumberFormat:
         if self._is_dec:
             halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]
             return np.ascontiguousarray(halves).view("<f4")[:, 0].astype(np.float64) / 4
-        return np.frombuffer(data, f"{self.order}f4").astype(np.float64)
+        return np.frombuffer(data, f"{self.byte_order}f4").astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class _FrameLayout:
 
 def _layouts(
     header_bytes: bytes,
-    parameter_values: dict[tuple[str, str], _Value],
+    parameter_values: dict[tuple[str, str], _Parameter],
     number_format: _NumberFormat,
 ) -> list[_FrameLayout]:
     """The layouts that the header and the parameters state, that of the header first.
@@ -105,7 +105,7 @@ def _layouts(
     data"); some writers state only a part of it in the header.
     """
 
-    def finite_number(group: str, name: str) -> float | None:
+    def parameter_number(group: str, name: str) -> float | None:
         value = _first_number(parameter_values, group, name, number_format)
         return value if value is not None and math.isfinite(value) and value >= 0 else None
 
@@ -122,17 +122,17 @@ def _layouts(
         number_format.real(header_bytes, 12),
     )
     point_counts, analog_counts, frame_counts = [header.n_points], [header.n_analog], [frame_count]
-    if (n_points := finite_number("POINT", "USED")) is not None:
+    if (n_points := parameter_number("POINT", "USED")) is not None:
         point_counts.append(int(n_points) & _HEADER_FRAMES_MAX)
-    if (n_analog_used := finite_number("ANALOG", "USED")) is not None:
-        rates = finite_number("ANALOG", "RATE"), finite_number("POINT", "RATE")
+    if (n_analog_used := parameter_number("ANALOG", "USED")) is not None:
+        rates = parameter_number("ANALOG", "RATE"), parameter_number("POINT", "RATE")
         analog_counts.append(int(n_analog_used) * number_format.word(header_bytes, 18))
         if rates[0] and rates[1]:
             analog_counts.append(
                 int(n_analog_used) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX)
             )
-    if total := finite_number("POINT", "FRAMES"):
-        frame_counts.append(int(total))
+    if n_frames := parameter_number("POINT", "FRAMES"):
+        frame_counts.append(int(n_frames))
     scales = [header.scale]
     scale = _first_number(parameter_values, "POINT", "SCALE", number_format)
     if scale is not None and math.isfinite(scale) and scale * header.scale < 0:
@@ -161,14 +161,14 @@ def _fitting_layout(
         fitting_layouts = [layout for layout in fitting_layouts if is_followed_by_zeros(layout)]
     if len({layout.position_layout for layout in fitting_layouts}) == 1:
         return fitting_layouts[0]
-    stated_layout = " or ".join(
+    layouts_text = " or ".join(
         dict.fromkeys(
             f"{layout.n_points} points with {layout.n_analog} analog values" for layout in layouts
         )
     )
-    count = "several of them fit" if fitting_layouts else "none of them fits"
+    fit_text = "several of them fit" if fitting_layouts else "none of them fits"
     raise TakeError(
-        f"its header and its parameters disagree: a frame has {stated_layout}, and {count} "
+        f"its header and its parameters disagree: a frame has {layouts_text}, and {fit_text} "
         "the length of the file; write it anew with the program that captured it",
         path,
     )
@@ -197,7 +197,7 @@ def read(path: Path) -> Motion:
         ):
             raise TakeError("this is not a C3D file that can be read: its header is damaged", path)
         layout = _fitting_layout([header, *other_layouts], open_file, start_offset, path)
-    n_points, n, is_real, frame_bytes = (
+    n_points, n_frames, is_real, frame_size = (
         layout.n_points,
         layout.n_frames,
         layout.is_real,
@@ -206,27 +206,31 @@ def read(path: Path) -> Motion:
     # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
     factor = 1.0 if is_real else layout.scale
     number_bytes = layout.bytes_per_number
-    if start_offset + n * frame_bytes > file_size:
-        n_complete = max(0, (file_size - start_offset) // frame_bytes)
-        raise TakeError(f"the file is cut: of {n:,} frames {n_complete:,} are there", path)
-    is_rate = math.isfinite(rate) and rate > 0
+    if start_offset + n_frames * frame_size > file_size:
+        n_complete = max(0, (file_size - start_offset) // frame_size)
+        raise TakeError(f"the file is cut: of {n_frames:,} frames {n_complete:,} are there", path)
+    has_rate = math.isfinite(rate) and rate > 0
     metres = metres_of(_parameter_text(parameter_values, "POINT", "UNITS").replace("\0", " "))
 
     def blocks() -> Iterator[Floats]:
         with open_take(path) as open_file:
             open_file.seek(start_offset)
             frames_left, frames_max = (
-                n,
-                max(1, BLOCK_NUMBERS_MAX * number_bytes // max(frame_bytes, 1)),
+                n_frames,
+                max(1, BLOCK_NUMBERS_MAX * number_bytes // max(frame_size, 1)),
             )
             while frames_left:
-                file_bytes = open_file.read(frame_bytes * min(frames_left, frames_max))
-                if len(file_bytes) != frame_bytes * min(frames_left, frames_max):
+                block_bytes = open_file.read(frame_size * min(frames_left, frames_max))
+                if len(block_bytes) != frame_size * min(frames_left, frames_max):
                     raise TakeError("the file is shorter than its header says", path)
-                frames_left -= len(file_bytes) // frame_bytes
+                frames_left -= len(block_bytes) // frame_size
                 yield (
                     _point_positions(
-                        file_bytes, len(file_bytes) // frame_bytes, n_points, number_format, is_real
+                        block_bytes,
+                        len(block_bytes) // frame_size,
+                        n_points,
+                        number_format,
+                        is_real,
                     )
                     * factor
                 )
@@ -235,78 +239,86 @@ def read(path: Path) -> Motion:
     passed_over = [f"{layout.n_analog:,} analog values a frame"] if layout.n_analog else []
     if groups := sorted({group for group, _ in parameter_values if group} - _READ_GROUPS):
         passed_over.append(f"parameters of {', '.join(groups)}")
-    motion = Motion(labels, n, rate if is_rate else None, metres, blocks, None, tuple(passed_over))
-    return size_checked(motion, path)
+    motion = Motion(
+        labels, n_frames, rate if has_rate else None, metres, blocks, None, tuple(passed_over)
+    )
+    return check_size(motion, path)
 
 
 def _point_positions(
-    file_bytes: bytes, n: int, n_points: int, number_format: _NumberFormat, is_real: bool
+    block_bytes: bytes, n_frames: int, n_points: int, number_format: _NumberFormat, is_real: bool
 ) -> Floats:
     """Positions (n, points, 3); NaN if the fourth word of a point is negative."""
     if is_real:
-        frame_words = number_format.reals(file_bytes)
+        frame_numbers = number_format.reals(block_bytes)
     else:
-        frame_words = np.frombuffer(file_bytes, f"{number_format.order}i2").astype(np.float64)
-    points_by_frame = frame_words.reshape(n, -1)[:, : 4 * n_points].reshape(n, n_points, 4)
+        frame_numbers = np.frombuffer(block_bytes, f"{number_format.byte_order}i2").astype(
+            np.float64
+        )
+    points_by_frame = frame_numbers.reshape(n_frames, -1)[:, : 4 * n_points].reshape(
+        n_frames, n_points, 4
+    )
     return np.where(points_by_frame[:, :, 3:] < 0, np.nan, points_by_frame[:, :, :3])
 
 
 def _parameters(
     open_file: BufferedReader, parameters_start: int, path: Path
-) -> tuple[_NumberFormat, dict[tuple[str, str], _Value]]:
+) -> tuple[_NumberFormat, dict[tuple[str, str], _Parameter]]:
     """Parameters by the names of their groups and their own."""
     open_file.seek(parameters_start)
-    file_bytes = open_file.read(_PARAMETER_BYTES_MAX)
-    if len(file_bytes) < 4 or file_bytes[3] not in _BYTE_ORDER_BY_PROCESSOR:
+    section_bytes = open_file.read(_PARAMETER_BYTES_MAX)
+    if len(section_bytes) < 4 or section_bytes[3] not in _BYTE_ORDER_BY_PROCESSOR:
         raise TakeError("this is not a C3D file that can be read: no parameters", path)
-    number_format = _NumberFormat(file_bytes[3])
+    number_format = _NumberFormat(section_bytes[3])
     group_names: dict[int, str] = {}
-    rows: list[tuple[int, str, _Value]] = []
+    parameter_rows: list[tuple[int, str, _Parameter]] = []
     cursor = 4
-    while cursor + 2 < len(file_bytes):
+    while cursor + 2 < len(section_bytes):
         # A negative length of the name locks a parameter; a negative number makes it a group.
         name_length, group_number = (
-            abs(struct.unpack_from("b", file_bytes, cursor)[0]),
-            file_bytes[cursor + 1],
+            abs(struct.unpack_from("b", section_bytes, cursor)[0]),
+            section_bytes[cursor + 1],
         )
         cursor += 2
         parameter_name = (
-            file_bytes[cursor : cursor + name_length].decode("ascii", "replace").upper()
+            section_bytes[cursor : cursor + name_length].decode("ascii", "replace").upper()
         )
         cursor += name_length
-        if not name_length or cursor + 2 > len(file_bytes):
+        if not name_length or cursor + 2 > len(section_bytes):
             break
-        next_entry_distance = number_format.word(file_bytes, cursor)
+        entry_distance = number_format.word(section_bytes, cursor)
         if group_number >= 0x80:
             group_names[0x100 - group_number] = parameter_name
-        elif (value := _parameter_at(file_bytes, cursor + 2)) is not None:
-            rows.append((group_number, parameter_name, value))
-        if not next_entry_distance:
+        elif (value := _read_parameter(section_bytes, cursor + 2)) is not None:
+            parameter_rows.append((group_number, parameter_name, value))
+        if not entry_distance:
             break
-        cursor += next_entry_distance
-    return number_format, {(group_names.get(group, ""), name): value for group, name, value in rows}
+        cursor += entry_distance
+    return number_format, {
+        (group_names.get(group, ""), name): value for group, name, value in parameter_rows
+    }
 
 
-def _parameter_at(parameter_bytes: bytes, byte_offset: int) -> _Value | None:
+def _read_parameter(parameter_bytes: bytes, byte_offset: int) -> _Parameter | None:
     """The parameter that begins at an offset; None if it is damaged."""
     if byte_offset + 2 > len(parameter_bytes):
         return None
-    value_kind, n_dimensions = struct.unpack_from("bB", parameter_bytes, byte_offset)
+    number_type, n_dimensions = struct.unpack_from("bB", parameter_bytes, byte_offset)
     dimensions = tuple(parameter_bytes[byte_offset + 2 : byte_offset + 2 + n_dimensions])
-    n_bytes = _BYTES_BY_TYPE.get(value_kind, 0) * math.prod(dimensions)
+    n_bytes = _BYTES_BY_TYPE.get(number_type, 0) * math.prod(dimensions)
     byte_offset += 2 + n_dimensions
-    if value_kind not in _BYTES_BY_TYPE or byte_offset + n_bytes > len(parameter_bytes):
+    if number_type not in _BYTES_BY_TYPE or byte_offset + n_bytes > len(parameter_bytes):
         return None
-    return value_kind, dimensions, parameter_bytes[byte_offset : byte_offset + n_bytes]
+    return number_type, dimensions, parameter_bytes[byte_offset : byte_offset + n_bytes]
 
 
-def _parameter_text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
+def _parameter_text(values: dict[tuple[str, str], _Parameter], group: str, name: str) -> str:
     kind, _, data = values.get((group, name), (0, (), b""))
     return data.decode("latin-1") if kind == -1 else ""
 
 
 def _first_number(
-    cell_values: dict[tuple[str, str], _Value],
+    parameter_values: dict[tuple[str, str], _Parameter],
     group_name: str,
     parameter_name: str,
     number_format: _NumberFormat,
@@ -314,26 +326,28 @@ def _first_number(
     """The first number of a parameter; two 16-bit integers are one number, the frame count of a
     long file.
     """
-    value_kind, _, value_bytes = cell_values.get((group_name, parameter_name), (0, (), b""))
-    if value_kind == 4 and len(value_bytes) >= 4:
+    number_type, _, value_bytes = parameter_values.get((group_name, parameter_name), (0, (), b""))
+    if number_type == 4 and len(value_bytes) >= 4:
         return number_format.real(value_bytes, 0)
-    if value_kind == 2 and len(value_bytes) >= 4:
+    if number_type == 2 and len(value_bytes) >= 4:
         return number_format.word(value_bytes, 0) + 0x10000 * number_format.word(value_bytes, 2)
-    return number_format.word(value_bytes, 0) if value_kind == 2 and len(value_bytes) >= 2 else None
+    return (
+        number_format.word(value_bytes, 0) if number_type == 2 and len(value_bytes) >= 2 else None
+    )
 
 
 def _frame_count(
     first_frame: int,
     last_frame: int,
-    parameter_values: dict[tuple[str, str], _Value],
+    parameter_values: dict[tuple[str, str], _Parameter],
     number_format: _NumberFormat,
 ) -> int:
     """The number of frames; from parameters if it is too large for the header."""
     if last_frame == _HEADER_FRAMES_MAX:
-        begin_field = _first_number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
-        end = _first_number(parameter_values, "TRIAL", "ACTUAL_END_FIELD", number_format)
-        if begin_field and end and math.isfinite(begin_field) and math.isfinite(end):
-            return int(end) - int(begin_field) + 1
+        first = _first_number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
+        last = _first_number(parameter_values, "TRIAL", "ACTUAL_END_FIELD", number_format)
+        if first and last and math.isfinite(first) and math.isfinite(last):
+            return int(last) - int(first) + 1
         for name in ("LONG_FRAMES", "FRAMES"):
             n = _first_number(parameter_values, "POINT", name, number_format)
             if n and math.isfinite(n):
@@ -341,16 +355,16 @@ def _frame_count(
     return last_frame - first_frame + 1
 
 
-def _point_names(parameter_values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
+def _point_names(parameter_values: dict[tuple[str, str], _Parameter], n: int) -> tuple[str, ...]:
     """Names of points, (n,)."""
     point_names: list[str] = []
     label_index = 1
     while (
-        label := ("POINT", "LABELS" if label_index == 1 else f"LABELS{label_index}")
+        label_key := ("POINT", "LABELS" if label_index == 1 else f"LABELS{label_index}")
     ) in parameter_values:
-        _, dimensions, _ = parameter_values[label]
+        _, dimensions, _ = parameter_values[label_key]
         text, width = (
-            _parameter_text(parameter_values, *label),
+            _parameter_text(parameter_values, *label_key),
             max(1, dimensions[0] if dimensions else 1),
         )
         point_names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]

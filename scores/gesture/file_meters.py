@@ -13,10 +13,8 @@ from ergon.scores.gesture.take_file import TakeError
 _Meter = TypeVar("_Meter")
 
 
-def on_bar_lines(
-    path: Path,
-    meters: Iterable[tuple[float, _Meter]],
-    read_meter: Callable[[_Meter], Meter],
+def read_meters(
+    path: Path, meters: Iterable[tuple[float, _Meter]], read_meter: Callable[[_Meter], Meter]
 ) -> tuple[tuple[float, Meter], ...]:
     """Meters by quarter notes from the beginning, each read by `read_meter`, which raises
     TextError.

@@ -16,7 +16,7 @@ SYSEX, SYSEX_PART, META = 0xF0, 0xF7, 0xFF
 TRACK_NAME, END_OF_TRACK, SET_TEMPO, METER = 0x03, 0x2F, 0x51, 0x58  # kinds of meta events
 # Bytes after each status.
 _DATA_BYTES_BY_STATUS = {0x8: 2, 0x9: 2, 0xA: 2, 0xB: 2, 0xC: 1, 0xD: 1, 0xE: 2}
-_NAME_SIZE = 8  # bytes of a chunk's name and length
+_CHUNK_HEADER_BYTES = 8  # bytes of a chunk's name and length
 
 
 class MidiEvent(NamedTuple):
@@ -38,8 +38,8 @@ class MidiHeader(NamedTuple):
     """
 
     format: int
-    ticks: int
-    tracks: tuple[tuple[int, int], ...]
+    ticks_per_quarter: int
+    track_spans: tuple[tuple[int, int], ...]
     n_other_chunks: int
     n_bytes_after: int
     n_missing: int = 0
@@ -51,7 +51,7 @@ class MidiBytes:
     def __init__(self, path: Path, data: bytes) -> None:
         """Take the content of a file; the path is for messages."""
         self.path = path
-        self.data = _within_riff(data)
+        self.data = _unwrapped_riff(data)
         self.n_unread = 0  # bytes of tracks that follow the events that end them
 
     def damage_error(self, offset: int, description: str) -> TakeError:
@@ -77,12 +77,12 @@ class MidiBytes:
             raise TakeError(message, self.path)
         if not division:
             raise self.damage_error(12, "a beat has no ticks")
-        tracks: list[tuple[int, int]] = []
-        n_others, chunk_start = 0, _NAME_SIZE + header_length
+        track_spans: list[tuple[int, int]] = []
+        n_others, chunk_start = 0, _CHUNK_HEADER_BYTES + header_length
         while chunk_start < len(file_bytes):
             chunk_name, content_start = (
                 file_bytes[chunk_start : chunk_start + 4],
-                chunk_start + _NAME_SIZE,
+                chunk_start + _CHUNK_HEADER_BYTES,
             )
             chunk_length = int.from_bytes(file_bytes[chunk_start + 4 : content_start], "big")
             chunk_stop = content_start + chunk_length
@@ -91,8 +91,8 @@ class MidiBytes:
                 and chunk_name.isascii()
                 and chunk_name.decode("ascii").isprintable()
             )
-            is_whole = is_chunk and chunk_stop <= len(file_bytes)
-            if not is_whole and len(tracks) >= n_tracks and chunk_name != b"MTrk":
+            is_complete = is_chunk and chunk_stop <= len(file_bytes)
+            if not is_complete and len(track_spans) >= n_tracks and chunk_name != b"MTrk":
                 break  # no chunk, and all tracks that the header counts are there
             if content_start > len(file_bytes):
                 raise self.damage_error(chunk_start, "a chunk ends in its name or length")
@@ -101,12 +101,15 @@ class MidiBytes:
                     chunk_start + 4, f"a chunk of {chunk_length:,} bytes goes beyond the end"
                 )
             if chunk_name == b"MTrk":
-                tracks.append((content_start, chunk_stop))
+                track_spans.append((content_start, chunk_stop))
             else:
                 n_others += 1
             chunk_start = chunk_stop
-        n_after, n_missing = max(0, len(file_bytes) - chunk_start), max(0, n_tracks - len(tracks))
-        return MidiHeader(midi_format, division, tuple(tracks), n_others, n_after, n_missing)
+        n_after, n_missing = (
+            max(0, len(file_bytes) - chunk_start),
+            max(0, n_tracks - len(track_spans)),
+        )
+        return MidiHeader(midi_format, division, tuple(track_spans), n_others, n_after, n_missing)
 
     def track(self, span: tuple[int, int]) -> Iterator[MidiEvent]:
         """The events of a track in order, up to the event that ends it. Raises TakeError."""
@@ -116,7 +119,7 @@ class MidiBytes:
             n_events += 1
             if not n_events % 4096:
                 poll()
-            step, byte_offset = self._variable(byte_offset, track_stop)
+            step, byte_offset = self._variable_number(byte_offset, track_stop)
             tick += step
             if tick > MAX_TICK:
                 raise self.damage_error(byte_offset, "a track is longer than any piece")
@@ -124,7 +127,7 @@ class MidiBytes:
                 raise self.damage_error(byte_offset, "a track ends where an event is expected")
             byte = self.data[byte_offset]
             if byte >= SYSEX:
-                event, byte_offset = self._message(tick, byte, byte_offset + 1, track_stop)
+                event, byte_offset = self._read_message(tick, byte, byte_offset + 1, track_stop)
                 yield event
                 if event.kind == META and event.number == END_OF_TRACK:
                     self.n_unread += track_stop - byte_offset
@@ -144,7 +147,9 @@ class MidiBytes:
             channel = (status & 0xF) + 1
             yield MidiEvent(tick, status & 0xF0, channel, event_content[0], event_content)
 
-    def _message(self, tick: int, status: int, offset: int, stop: int) -> tuple[MidiEvent, int]:
+    def _read_message(
+        self, tick: int, status: int, offset: int, stop: int
+    ) -> tuple[MidiEvent, int]:
         """A meta event or a message of the system, and the offset of its end."""
         number = 0
         if status == META:
@@ -153,13 +158,13 @@ class MidiBytes:
             number, offset = self.data[offset], offset + 1
         elif status not in (SYSEX, SYSEX_PART):
             raise self.damage_error(offset - 1, f"a message 0x{status:02X}, which no file has")
-        length, offset = self._variable(offset, stop)
+        length, offset = self._variable_number(offset, stop)
         if offset + length > stop:
             raise self.damage_error(offset, f"an event of {length:,} bytes goes beyond its track")
         content = self.data[offset : offset + length]
         return MidiEvent(tick, status, 0, number, content), offset + length
 
-    def _variable(self, offset: int, stop: int) -> tuple[int, int]:
+    def _variable_number(self, offset: int, stop: int) -> tuple[int, int]:
         """A number of variable length, and the offset of its end."""
         value = 0
         for byte_offset in range(offset, min(offset + 4, stop)):
@@ -169,17 +174,17 @@ class MidiBytes:
         raise self.damage_error(offset, "a number has no end")
 
 
-def _within_riff(riff_bytes: bytes) -> bytes:
+def _unwrapped_riff(riff_bytes: bytes) -> bytes:
     """The file that a RIFF of kind RMID holds (RP-029); other bytes as they are."""
     if riff_bytes[:4] != b"RIFF" or riff_bytes[8:12] != b"RMID":
         return riff_bytes
     chunk_start = 12
-    while chunk_start + _NAME_SIZE <= len(riff_bytes):
+    while chunk_start + _CHUNK_HEADER_BYTES <= len(riff_bytes):
         chunk_size = int.from_bytes(
-            riff_bytes[chunk_start + 4 : chunk_start + _NAME_SIZE], "little"
+            riff_bytes[chunk_start + 4 : chunk_start + _CHUNK_HEADER_BYTES], "little"
         )
-        content = riff_bytes[chunk_start + _NAME_SIZE :][:chunk_size]
+        content = riff_bytes[chunk_start + _CHUNK_HEADER_BYTES :][:chunk_size]
         if riff_bytes[chunk_start : chunk_start + 4] == b"data":
             return content
-        chunk_start += _NAME_SIZE + chunk_size + chunk_size % 2
+        chunk_start += _CHUNK_HEADER_BYTES + chunk_size + chunk_size % 2
     return riff_bytes

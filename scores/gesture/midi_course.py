@@ -37,20 +37,20 @@ def _read(path: Path, channel: int | None, midi_source: MidiSource, _: FileState
     header = midi_bytes.header()
     events = [
         event
-        for event in chain.from_iterable(map(midi_bytes.track, header.tracks))
+        for event in chain.from_iterable(map(midi_bytes.track, header.track_spans))
         if event.kind == midi_source.kind
         and (not midi_source.numbers or event.number in midi_source.numbers)
     ]
     moving_events = [event for event in events if channel in (None, event.channel)]
     if not moving_events:
-        raise TakeError(_nothing_message(midi_source, events, channel), path, field="by")
+        raise TakeError(_empty_message(midi_source, events, channel), path, field="by")
     moving_events.sort(key=lambda event: event.tick)
     # Of several values in a tick the last one counts.
-    by_tick = dict(_ticks_and_positions(moving_events, midi_source))
+    position_by_tick = dict(_ticks_and_positions(moving_events, midi_source))
     course, last_position = [], None
-    for tick, position in by_tick.items():
+    for tick, position in position_by_tick.items():
         if position != last_position:
-            course.append((tick / header.ticks, position))
+            course.append((tick / header.ticks_per_quarter, position))
         last_position = position
     if len(course) > MAX_VALUES:
         raise TakeError(f"{midi_source} has more than {MAX_VALUES:,} values", path, field="by")
@@ -77,7 +77,7 @@ def _ticks_and_positions(
         yield event.tick, position
 
 
-def _nothing_message(
+def _empty_message(
     midi_source: MidiSource, events: Iterable[MidiEvent], channel: int | None
 ) -> str:
     """Why there is nothing on a channel."""

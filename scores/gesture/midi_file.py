@@ -37,7 +37,7 @@ class MidiNote(NamedTuple):
     at: float
     number: int
     velocity: int
-    lasting: float | None = None
+    length: float | None = None
     word: str | None = None  # its name, where the file says one
     strength: float | None = None  # strength from dynamics; None: from the velocity
 
@@ -79,43 +79,43 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
     channel = channel_number(path, channel_name)
     midi_bytes = read_bytes(path)
     header = midi_bytes.header()
-    by_channel: dict[int, list[_ChannelEvent]] = {}
-    with_notes: set[int] = set()
+    events_by_channel: dict[int, list[_ChannelEvent]] = {}
+    channels_with_notes: set[int] = set()
     end_tick, n_notes = 0, 0
-    for track in header.tracks:
+    for track in header.track_spans:
         for track_event in midi_bytes.track(track):
             end_tick = max(end_tick, track_event.tick)
             note_event = _channel_event(track_event)
             if note_event.kind == _OTHER_KIND:
                 continue
-            with_notes |= {track_event.channel} if note_event.kind == _ON_KIND else set()
-            channel_events = by_channel.setdefault(track_event.channel, [])
+            channels_with_notes |= {track_event.channel} if note_event.kind == _ON_KIND else set()
+            channel_events = events_by_channel.setdefault(track_event.channel, [])
             if channel is None or track_event.channel == channel:
                 n_notes += note_event.kind == _ON_KIND
                 if n_notes > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
                 channel_events.append(note_event)
     timed_notes = [
-        note for events in by_channel.values() for note in _notes_of_events(events, end_tick)
+        note for events in events_by_channel.values() for note in _notes_of_events(events, end_tick)
     ]
     if not timed_notes:
         channel_list = ", ".join(
-            str(channel_with_notes) for channel_with_notes in sorted(with_notes)
+            str(channel_with_notes) for channel_with_notes in sorted(channels_with_notes)
         )
         message = f"channel {channel_name} has no notes; those with notes are {channel_list}"
         field = "channel"
-        if not with_notes:
+        if not channels_with_notes:
             message, field = "it has no notes", "file"
         raise TakeError(message, path, field=field)
     timed_notes.sort(key=lambda note: note[:2])
-    ticks = header.ticks
-    note_tuple = tuple(
-        MidiNote(tick / ticks, number, hard, None if held is None else held / ticks)
-        for tick, number, hard, held in timed_notes
+    ticks = header.ticks_per_quarter
+    notes = tuple(
+        MidiNote(tick / ticks, number, velocity, None if n_ticks is None else n_ticks / ticks)
+        for tick, number, velocity, n_ticks in timed_notes
     )
-    last_instant = note_tuple[-1].at
+    last_quarter = notes[-1].at
     return MidiNotes(
-        note_tuple, end_tick / ticks if end_tick / ticks > last_instant else int(last_instant) + 1.0
+        notes, end_tick / ticks if end_tick / ticks > last_quarter else int(last_quarter) + 1.0
     )
 
 
@@ -148,8 +148,8 @@ def _notes_of_events(
     the end of the file. A key that is struck again ends the note before.
     """
     open_notes: dict[int, tuple[int, int]] = {}  # by number: tick and velocity
-    on_pedal: dict[int, tuple[int, int]] = {}  # those whose key is up already
-    is_down = False
+    pedal_notes: dict[int, tuple[int, int]] = {}  # those whose key is up already
+    is_pedal_down = False
 
     def end_note(notes: dict[int, tuple[int, int]], number: int, tick: int) -> Iterator[Any]:
         if number in notes:
@@ -158,21 +158,21 @@ def _notes_of_events(
 
     for note_event in sorted(midi_events, key=_tick_order):
         if note_event.kind == _PEDAL_KIND:
-            is_down = note_event.value >= 64
-            for note_number in [] if is_down else [*on_pedal]:
-                yield from end_note(on_pedal, note_number, note_event.tick)
+            is_pedal_down = note_event.value >= 64
+            for note_number in [] if is_pedal_down else [*pedal_notes]:
+                yield from end_note(pedal_notes, note_number, note_event.tick)
             continue
         note_number = note_event.number
-        if note_event.kind == _OFF_KIND and is_down and note_number in open_notes:
-            yield from end_note(on_pedal, note_number, note_event.tick)
-            on_pedal[note_number] = open_notes.pop(note_number)
+        if note_event.kind == _OFF_KIND and is_pedal_down and note_number in open_notes:
+            yield from end_note(pedal_notes, note_number, note_event.tick)
+            pedal_notes[note_number] = open_notes.pop(note_number)
         elif note_event.kind == _OFF_KIND:
             yield from end_note(open_notes, note_number, note_event.tick)
         else:
             yield from end_note(open_notes, note_number, note_event.tick)
-            yield from end_note(on_pedal, note_number, note_event.tick)
+            yield from end_note(pedal_notes, note_number, note_event.tick)
             open_notes[note_number] = note_event.tick, note_event.value
-    for note_number, (begin_tick, velocity) in on_pedal.items():
+    for note_number, (begin_tick, velocity) in pedal_notes.items():
         yield begin_tick, note_number, velocity, max(end_tick - begin_tick, 1)
     for note_number, (begin_tick, velocity) in open_notes.items():
         yield begin_tick, note_number, velocity, None

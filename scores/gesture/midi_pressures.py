@@ -30,7 +30,7 @@ class KeyPressure(NamedTuple):
     start: float
     number: int
     value: int
-    lasting: float
+    length: float
 
 
 def read_pressures(path: Path, channel: str | None) -> tuple[KeyPressure, ...]:
@@ -47,20 +47,20 @@ def read_pressures(path: Path, channel: str | None) -> tuple[KeyPressure, ...]:
 
 @lru_cache(8)
 def _read(path: Path, channel: str | None, _: FileState) -> tuple[KeyPressure, ...]:
-    channel_wanted = channel_number(path, channel)
+    wanted_channel = channel_number(path, channel)
     midi_bytes = read_bytes(path)
     header = midi_bytes.header()
-    by_channel: dict[int, list[MidiEvent]] = {}
-    for midi_event in chain.from_iterable(map(midi_bytes.track, header.tracks)):
-        if midi_event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and channel_wanted in (
+    events_by_channel: dict[int, list[MidiEvent]] = {}
+    for midi_event in chain.from_iterable(map(midi_bytes.track, header.track_spans)):
+        if midi_event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and wanted_channel in (
             None,
             midi_event.channel,
         ):
-            by_channel.setdefault(midi_event.channel, []).append(midi_event)
+            events_by_channel.setdefault(midi_event.channel, []).append(midi_event)
     pressures: list[KeyPressure] = []
-    for number, events in by_channel.items():
+    for number, events in events_by_channel.items():
         events.sort(key=lambda event: event.tick)
-        for pressure in _channel_pressures(path, str(number), events, header.ticks):
+        for pressure in _channel_pressures(path, str(number), events, header.ticks_per_quarter):
             pressures.append(pressure)
             if len(pressures) > MAX_PRESSURES:
                 raise TakeError(f"its keys are pressed more than {MAX_PRESSURES:,} times", path)
@@ -75,18 +75,18 @@ def _channel_pressures(
     except TakeError:  # the channel has no notes
         return
     starts = [event.tick / ticks for event in midi_events]
-    for held_note in note_list:
-        note_end = piece_length if held_note.lasting is None else held_note.at + held_note.lasting
-        first_event, stop_event = bisect_left(starts, held_note.at), bisect_left(starts, note_end)
+    for note in note_list:
+        note_end = piece_length if note.length is None else note.at + note.length
+        first_event, stop_event = bisect_left(starts, note.at), bisect_left(starts, note_end)
         pressures_by_instant = {
             start: event.content[-1]  # the last of several at one instant
             for start, event in zip(
                 starts[first_event:stop_event], midi_events[first_event:stop_event], strict=True
             )
-            if event.kind == CHANNEL_PRESSURE or event.number == held_note.number
+            if event.kind == CHANNEL_PRESSURE or event.number == note.number
         }
         for (start, value), (next_start, _) in pairwise(
             [*pressures_by_instant.items(), (note_end, 0)]
         ):
             if value:
-                yield KeyPressure(start, held_note.number, value, next_start - start)
+                yield KeyPressure(start, note.number, value, next_start - start)

@@ -16,7 +16,7 @@ from ergon.notation.clock.meter import MAX_BEATS, Meter
 from ergon.notation.clock.tempo import BPM_MAX, BPM_MIN
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import midi_bytes as m
-from ergon.scores.gesture.file_meters import on_bar_lines
+from ergon.scores.gesture.file_meters import read_meters
 from ergon.scores.gesture.midi_bytes import MidiEvent
 from ergon.scores.gesture.midi_file import SUSTAIN, FileState, read_bytes, state_of
 from ergon.scores.gesture.midi_wheels import CONTROLLERS
@@ -75,7 +75,8 @@ class MidiTrack:
 
 @dataclass(slots=True)
 class MidiSurvey:
-    """What a file holds. Times are in quarter notes, of `ticks` each, from the beginning.
+    """What a file holds. Times are in quarter notes, of `ticks_per_quarter` each, from the
+    beginning.
 
     `tempos` are (quarter, microseconds of a quarter note), `meters` (quarter, number of beats,
     power of two of their note), in the order of time and only the last of those at one instant;
@@ -87,7 +88,7 @@ class MidiSurvey:
     """
 
     format: int
-    ticks: int
+    ticks_per_quarter: int
     n_other_chunks: int
     n_bytes_after: int
     length: float = 0.0
@@ -130,39 +131,46 @@ def survey(path: Path) -> MidiSurvey:
 
 @lru_cache(16)
 def _survey(path: Path, _: FileState) -> MidiSurvey:
-    file = read_bytes(path)
-    header = file.header()
-    result = MidiSurvey(header.format, header.ticks, header.n_other_chunks, header.n_bytes_after)
+    midi_bytes = read_bytes(path)
+    header = midi_bytes.header()
+    contents = MidiSurvey(
+        header.format, header.ticks_per_quarter, header.n_other_chunks, header.n_bytes_after
+    )
     tempos: list[tuple[int, int]] = []
     meters: list[tuple[int, tuple[int, int]]] = []
     last_tick = 0
-    for span in header.tracks:
+    for span in header.track_spans:
         track = MidiTrack()
-        result.tracks.append(track)
+        contents.tracks.append(track)
         sounding_counts = Counter[tuple[int, int]]()
-        for event in file.track(span):
-            _follow_note(event, sounding_counts)
+        for event in midi_bytes.track(span):
+            _count_sounding(event, sounding_counts)
             last_tick = max(last_tick, event.tick)
             if event.kind != m.META:
-                _count_move(event, track, result)
+                _count_move(event, track, contents)
             elif event.number == m.TRACK_NAME and not track.name:
                 track.name = _decoded_text(event.content)
             elif event.number == m.SET_TEMPO:
-                _note_tempo(event, tempos, result)
+                _add_tempo(event, tempos, contents)
             elif event.number == m.METER:
-                _note_meter(event, meters, result)
+                _add_meter(event, meters, contents)
         if n_hanging := sounding_counts.total():
-            result.odd_counts["note that nothing ends"] += n_hanging
-    ticks = result.ticks
-    result.length, result.n_bytes_unread = last_tick / ticks, file.n_unread
-    result.n_missing = header.n_missing
-    result.n_tempos, result.n_meters = len(tempos), len(meters)
-    result.tempos = [(tick / ticks, micros) for tick, micros in _last_change_at_each_tick(tempos)]
-    result.meters = [(tick / ticks, *meter) for tick, meter in _last_change_at_each_tick(meters)]
-    return result
+            contents.odd_counts["note that nothing ends"] += n_hanging
+    ticks_per_quarter = contents.ticks_per_quarter
+    contents.length, contents.n_bytes_unread = last_tick / ticks_per_quarter, midi_bytes.n_unread
+    contents.n_missing = header.n_missing
+    contents.n_tempos, contents.n_meters = len(tempos), len(meters)
+    contents.tempos = [
+        (tick / ticks_per_quarter, microseconds)
+        for tick, microseconds in _last_change_at_each_tick(tempos)
+    ]
+    contents.meters = [
+        (tick / ticks_per_quarter, *meter) for tick, meter in _last_change_at_each_tick(meters)
+    ]
+    return contents
 
 
-def _follow_note(event: MidiEvent, sounding_counts: Counter[tuple[int, int]]) -> None:
+def _count_sounding(event: MidiEvent, sounding_counts: Counter[tuple[int, int]]) -> None:
     """Count the notes that sound, by channel and number. One key may be down several times."""
     note = event.channel, event.number
     if event.kind == m.NOTE_ON and event.content[1]:
@@ -171,36 +179,36 @@ def _follow_note(event: MidiEvent, sounding_counts: Counter[tuple[int, int]]) ->
         sounding_counts[note] -= 1
 
 
-def _note_tempo(event: MidiEvent, tempos: list[tuple[int, int]], result: MidiSurvey) -> None:
+def _add_tempo(event: MidiEvent, tempos: list[tuple[int, int]], contents: MidiSurvey) -> None:
     if len(event.content) != 3:
-        result.odd_counts["tempo without its three bytes"] += 1
+        contents.odd_counts["tempo without its three bytes"] += 1
         return
-    micros = int.from_bytes(event.content, "big")
-    if not micros:
-        result.odd_counts["tempo of 0 microseconds a quarter note"] += 1
-    tempos.append((event.tick, micros))
+    microseconds = int.from_bytes(event.content, "big")
+    if not microseconds:
+        contents.odd_counts["tempo of 0 microseconds a quarter note"] += 1
+    tempos.append((event.tick, microseconds))
 
 
-def _note_meter(
-    event: MidiEvent, meters: list[tuple[int, tuple[int, int]]], result: MidiSurvey
+def _add_meter(
+    event: MidiEvent, meters: list[tuple[int, tuple[int, int]]], contents: MidiSurvey
 ) -> None:
     if len(event.content) < 2:
-        result.odd_counts["meter without its bytes"] += 1
+        contents.odd_counts["meter without its bytes"] += 1
         return
     count, power = event.content[:2]
     try:
         _meter((count, power))
     except TextError:
-        result.odd_counts[f"meter of {count}/2^{power}, which no score has"] += 1
+        contents.odd_counts[f"meter of {count}/2^{power}, which no score has"] += 1
     meters.append((event.tick, (count, power)))
 
 
-def _count_move(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
+def _count_move(event: MidiEvent, track: MidiTrack, contents: MidiSurvey) -> None:
     if event.kind == m.NOTE_ON and event.content[1]:
         track.counts_by_channel.setdefault(event.channel, NoteCount()).add(event.number)
     elif event.kind in NOUNS:
         number = event.number if event.kind in _NUMBERED_KINDS else 0
-        result.moves[MidiMove(event.kind, event.channel, number)] += 1
+        contents.moves[MidiMove(event.kind, event.channel, number)] += 1
 
 
 def _decoded_text(content: bytes) -> str:
@@ -229,20 +237,22 @@ def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
 
 @lru_cache(8)
 def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
-    file, result = _survey(path, state), []
-    _check_count(len(file.tempos), "tempos", path)
+    contents, tempos = _survey(path, state), []
+    _check_count(len(contents.tempos), "tempos", path)
     first_tempo = (
-        () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, DEFAULT_QUARTER_MICROSECONDS),)
+        ()
+        if contents.tempos and contents.tempos[0][0] == 0.0
+        else ((0.0, DEFAULT_QUARTER_MICROSECONDS),)
     )
-    for quarter, micros in (*first_tempo, *file.tempos):
-        if not micros or not BPM_MIN <= _MICROSECONDS_PER_MINUTE / micros <= BPM_MAX:
+    for quarter, microseconds in (*first_tempo, *contents.tempos):
+        if not microseconds or not BPM_MIN <= _MICROSECONDS_PER_MINUTE / microseconds <= BPM_MAX:
             message = (
-                f"its tempo {quarter:g} quarters after the beginning is {micros} microseconds a "
-                f"quarter; a tempo lies between {BPM_MIN:g} and {BPM_MAX:,.0f} bpm"
+                f"its tempo {quarter:g} quarters after the beginning is {microseconds} "
+                f"microseconds a quarter; a tempo lies between {BPM_MIN:g} and {BPM_MAX:,.0f} bpm"
             )
             raise TakeError(message, path)
-        result.append((quarter, _MICROSECONDS_PER_MINUTE / micros))
-    return tuple(result)
+        tempos.append((quarter, _MICROSECONDS_PER_MINUTE / microseconds))
+    return tuple(tempos)
 
 
 def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
@@ -255,10 +265,10 @@ def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
 
 @lru_cache(8)
 def _meters(path: Path, state: FileState) -> tuple[tuple[float, Meter], ...]:
-    file = _survey(path, state)
-    _check_count(len(file.meters), "meters", path)
-    file_meters = ((quarter, (count, power)) for quarter, count, power in file.meters)
-    return on_bar_lines(path, file_meters, _meter)
+    contents = _survey(path, state)
+    _check_count(len(contents.meters), "meters", path)
+    file_meters = ((quarter, (count, power)) for quarter, count, power in contents.meters)
+    return read_meters(path, file_meters, _meter)
 
 
 def _meter(count_and_power: tuple[int, int]) -> Meter:
@@ -275,7 +285,7 @@ def _check_count(count: int, noun: str, path: Path) -> None:
 
 
 def unused_contents(
-    file: MidiSurvey,
+    contents: MidiSurvey,
     *,
     has_pedal: bool,
     has_tempo: bool,
@@ -287,14 +297,14 @@ def unused_contents(
     """What is in a file beside notes and what is used of it, in words; `is_followed` tells of an
     event whether automation does.
     """
-    if file.n_tempos and not has_tempo:
-        yield plural(file.n_tempos, ("tempo", "tempos"))
-    if file.n_meters and not has_meter:
-        yield plural(file.n_meters, ("meter", "meters"))
+    if contents.n_tempos and not has_tempo:
+        yield plural(contents.n_tempos, ("tempo", "tempos"))
+    if contents.n_meters and not has_meter:
+        yield plural(contents.n_meters, ("meter", "meters"))
     played_controllers = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
     counts: Counter[int] = Counter()
     controllers: set[int] = set()
-    for move, count in file.moves.items():
+    for move, count in contents.moves.items():
         is_controller = move.kind == m.CONTROLLER
         is_wheel = has_wheel and move.kind == m.PITCH_BEND
         is_pressure = has_pressure and move.kind in (m.CHANNEL_PRESSURE, m.KEY_PRESSURE)
@@ -308,10 +318,10 @@ def unused_contents(
             is_controller = kind == m.CONTROLLER
             numbers = f" ({', '.join(map(str, sorted(controllers)))})" if is_controller else ""
             yield plural(counts[kind], noun) + numbers
-    if file.n_other_chunks:
-        yield plural(file.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
+    if contents.n_other_chunks:
+        yield plural(contents.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
 
 
-def plural(count: int, noun: tuple[str, str]) -> str:
+def plural(count: int, noun_forms: tuple[str, str]) -> str:
     """A count of something, by its singular and plural."""
-    return f"{count:,} {noun[count != 1]}"
+    return f"{count:,} {noun_forms[count != 1]}"

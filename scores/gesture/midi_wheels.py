@@ -44,26 +44,26 @@ def read_wheels(path: Path, channel: str | None, cents: float) -> NoteCurves:
 
 @lru_cache(8)
 def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCurves:
-    channel_wanted = channel_number(path, channel)
-    file = read_bytes(path)
-    header = file.header()
-    file_events = [*chain.from_iterable(map(file.track, header.tracks))]
+    wanted_channel = channel_number(path, channel)
+    midi_bytes = read_bytes(path)
+    header = midi_bytes.header()
+    file_events = [*chain.from_iterable(map(midi_bytes.track, header.track_spans))]
     file_events = [event for event in file_events if event.kind in _KIND_ORDER]
     file_events.sort(key=lambda event: (event.tick, _KIND_ORDER[event.kind]))
     wheels, curve_points = Wheels(cents), dict[int, dict[float, float]]()
-    n_curves = 0
+    n_points = 0
     for wheel_event in file_events:
         for note_number, sounding_channel in wheels.follow(wheel_event):
-            if channel_wanted in (None, sounding_channel):
-                n_curves += 1
-                if n_curves > MAX_POINTS:
+            if wanted_channel in (None, sounding_channel):
+                n_points += 1
+                if n_points > MAX_POINTS:
                     raise TakeError(f"the wheel moves notes more than {MAX_POINTS:,} times", path)
-                quarter = wheel_event.tick / header.ticks
+                quarter = wheel_event.tick / header.ticks_per_quarter
                 curve_points.setdefault(note_number, {})[quarter] = wheels.cents(sounding_channel)
     return {
-        number: tuple(by_time.items())
-        for number, by_time in sorted(curve_points.items())
-        if any(by_time.values())
+        number: tuple(cents_by_quarter.items())
+        for number, cents_by_quarter in sorted(curve_points.items())
+        if any(cents_by_quarter.values())
     }
 
 
@@ -84,12 +84,12 @@ class Wheels:
     def __init__(self, cents: float) -> None:
         """Begin without zones; `cents` is the range of a wheel that says none."""
         self._wheels = {channel: _Wheel(cents) for channel in range(1, 17)}
-        self._masters: dict[int, int] = {}  # master of each channel in a zone
-        self._channels: dict[int, int] = {}  # by the number of a note
+        self._master_by_channel: dict[int, int] = {}  # master of each channel in a zone
+        self._channel_by_note: dict[int, int] = {}  # by the number of a note
 
     def cents(self, channel: int) -> float:
         """How far the notes of a channel are from their pitch."""
-        master = self._masters.get(channel)
+        master = self._master_by_channel.get(channel)
         channels = (channel,) if master is None else (channel, master)
         return sum(
             self._wheels[channel_number].value * self._wheels[channel_number].range
@@ -98,19 +98,19 @@ class Wheels:
 
     def is_in_zone(self, channel: int) -> bool:
         """Whether a channel belongs to a zone, as its master or not."""
-        return channel in self._masters or channel in self._masters.values()
+        return channel in self._master_by_channel or channel in self._master_by_channel.values()
 
     def notes(self, channel: int) -> list[int]:
         """The notes that were played last on a channel, or on those of which it is the master."""
         return [
             number
-            for number, sounding_channel in self._channels.items()
-            if channel in (sounding_channel, self._masters.get(sounding_channel))
+            for number, sounding_channel in self._channel_by_note.items()
+            if channel in (sounding_channel, self._master_by_channel.get(sounding_channel))
         ]
 
     def note_cents(self, number: int) -> float:
         """How far a note is from its pitch."""
-        return self.cents(self._channels[number])
+        return self.cents(self._channel_by_note[number])
 
     def follow(self, event: MidiEvent) -> Iterator[tuple[int, int]]:
         """Follow an event; yields the notes whose pitch it may have moved, with their channels."""
@@ -118,9 +118,11 @@ class Wheels:
         if event.kind == NOTE_ON:
             if not event_content[1]:
                 return
-            if channel in self._masters:  # a channel of a zone has one note at a time
-                self._channels = {n: c for n, c in self._channels.items() if c != channel}
-            self._channels[event_content[0]] = channel
+            if channel in self._master_by_channel:  # a channel of a zone has one note at a time
+                self._channel_by_note = {
+                    n: c for n, c in self._channel_by_note.items() if c != channel
+                }
+            self._channel_by_note[event_content[0]] = channel
             yield event_content[0], channel
             return
         if event.kind == PITCH_BEND:
@@ -130,7 +132,7 @@ class Wheels:
         elif not self._follow_controller(channel, *event_content):
             return
         for number in self.notes(channel):
-            yield number, self._channels[number]
+            yield number, self._channel_by_note[number]
 
     def _follow_controller(
         self, channel: int, controller_number: int, controller_value: int
@@ -152,27 +154,27 @@ class Wheels:
             _DATA_FINE,
         ):
             return False
-        semitones, hundredths = divmod(wheel.range, 100.0)
+        semitones, cents = divmod(wheel.range, 100.0)
         wheel.range = (
-            controller_value * 100.0 + hundredths
+            controller_value * 100.0 + cents
             if controller_number == _DATA_COARSE
             else semitones * 100.0 + controller_value
         )
-        if channel in self._masters:  # the range of one channel of a zone is that of all
-            for other_channel, master in self._masters.items():
-                if master == self._masters[channel]:
+        if channel in self._master_by_channel:  # the range of one channel of a zone is that of all
+            for other_channel, master in self._master_by_channel.items():
+                if master == self._master_by_channel[channel]:
                     self._wheels[other_channel].range = wheel.range
         return True
 
     def _set_zone(self, master: int, n_channels: int) -> None:
         """Give a master a number of channels, from its own on; 0 ends the zone."""
-        self._masters = {
+        self._master_by_channel = {
             channel_number: master_channel
-            for channel_number, master_channel in self._masters.items()
+            for channel_number, master_channel in self._master_by_channel.items()
             if master_channel != master
         }
         channels = list(_ZONE_CHANNELS_BY_MASTER[master])[: min(n_channels, 15)]
-        self._masters |= dict.fromkeys(channels, master)
+        self._master_by_channel |= dict.fromkeys(channels, master)
         if channels:
             self._wheels[master].range = _MASTER_RANGE_CENTS
         for channel in channels:

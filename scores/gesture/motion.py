@@ -38,19 +38,19 @@ _COORDINATE_MAX = 1e9  # largest coordinate in an intact file, in any unit
 class Motion:
     """Points of a file; sizes: n frames.
 
-    `rate` [Hz] is None if the file does not state it, as is `metres`, the length of 1.0 in the
+    `rate` [Hz] is None if the file does not state it, as is `unit_metres`, the length of 1.0 in the
     file. `blocks` gives positions as (frames, points, 3), some frames at a time, in the file's
     unit; a point that is not seen is NaN there. `note` says what is wrong with a file that can be
-    read, `passed_over` what is in it beside the points.
+    read, `unread` what is in it beside the points.
     """
 
     points: tuple[str, ...]
     n_frames: int
     rate: float | None
-    metres: float | None
+    unit_metres: float | None
     blocks: Callable[[], Iterator[Floats]]
     note: str | None = None
-    passed_over: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 def metres_of(unit: str) -> float | None:
@@ -60,7 +60,7 @@ def metres_of(unit: str) -> float | None:
     return None if divisor is None else 1 / divisor
 
 
-def size_checked(motion: Motion, path: Path) -> Motion:
+def check_size(motion: Motion, path: Path) -> Motion:
     """The motion itself, if its size is one that a take may have. Raises TakeError."""
     if not motion.points:
         raise TakeError("the file holds no points that move", path)
@@ -81,7 +81,7 @@ def unique_names(column_names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def positions(
+def row_positions(
     cells: Sequence[str], starts: Iterable[int], path: Path, line_number: int
 ) -> list[float]:
     """Three numbers from each of the columns `starts` on; NaN for cells that are empty or say
@@ -154,11 +154,11 @@ def chosen_point_and_axis(
     return list(point_names).index(point_name), axis_name
 
 
-def metres_per_unit(scale_of_file: float | None, metre_unit: float | None, path: Path) -> float:
+def metres_per_unit(file_unit: float | None, metre_unit: float | None, path: Path) -> float:
     """The length of 1.0 in a file [m], by the file or by `metre_unit`. Raises TakeError."""
-    if scale_of_file is not None and metre_unit is not None:
+    if file_unit is not None and metre_unit is not None:
         raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
-    metres = metre_unit if scale_of_file is None else scale_of_file
+    metres = metre_unit if file_unit is None else file_unit
     if metres is None:
         raise TakeError(
             "the file does not state the unit of its lengths; write what 1.0 means, "
@@ -179,29 +179,29 @@ def track(
     TakeError.
     """
     point_index, axis_name = chosen_point_and_axis(motion.points, channel, path)
-    metres = metres_per_unit(motion.metres, metre_unit, path)
+    metres = metres_per_unit(motion.unit_metres, metre_unit, path)
     if motion.rate is not None and rate is not None:
         raise TakeError("the file states its own rate; remove `rate`", path, field="rate")
-    rate_of_samples = motion.rate if rate is None else rate
-    if rate_of_samples is None:
+    sample_rate = motion.rate if rate is None else rate
+    if sample_rate is None:
         raise TakeError(
             "the file does not state its rate; write it, such as rate: 100Hz", path, field="rate"
         )
-    path_in_space = np.concatenate(
+    positions = np.concatenate(
         [np.empty((0, 3)), *(block[:, point_index].copy() for block in motion.blocks())]
     )
-    seen_frames = np.flatnonzero(np.isfinite(path_in_space).all(axis=1))
+    seen_frames = np.flatnonzero(np.isfinite(positions).all(axis=1))
     if seen_frames.size < 2:
         raise TakeError(f"'{motion.points[point_index][:60]}' is seen in no two frames", path)
-    damage = _hidden_note(seen_frames, rate_of_samples, motion.points[point_index], path)
-    path_in_space = path_in_space[seen_frames]
-    path_in_space -= path_in_space[0]
+    damage = _hidden_note(seen_frames, sample_rate, motion.points[point_index], path)
+    positions = positions[seen_frames]
+    positions -= positions[0]
     if axis_name == "auto":
-        x = path_in_space @ _path_direction(path_in_space, motion.points[point_index], path)
+        x = positions @ _path_direction(positions, motion.points[point_index], path)
     else:
-        x = path_in_space[:, AXES.index(axis_name)]
+        x = positions[:, AXES.index(axis_name)]
     notes = "; ".join(filter(None, (motion.note, damage)))
-    return seen_frames / rate_of_samples, x * metres, notes or None
+    return seen_frames / sample_rate, x * metres, notes or None
 
 
 def _hidden_note(
@@ -235,8 +235,8 @@ def _path_direction(places: Floats, point_name: str, path: Path) -> Floats:
     if not scale:
         raise TakeError(f"'{point_name[:60]}' does not move", path, field="channel")
     deviations = deviations / scale
-    values, vectors = np.linalg.eigh(deviations.T @ deviations)
-    variance_ratio = float(values[-1] / values.sum())
+    eigenvalues, eigenvectors = np.linalg.eigh(deviations.T @ deviations)
+    variance_ratio = float(eigenvalues[-1] / eigenvalues.sum())
     if variance_ratio < _LINE_VARIANCE_RATIO_MIN:
         raise TakeError(
             f"'{point_name[:60]}' does not move along a straight line: the nearest one holds "
@@ -245,7 +245,7 @@ def _path_direction(places: Floats, point_name: str, path: Path) -> Floats:
             path,
             field="channel",
         )
-    line_direction: Floats = vectors[:, -1]
+    line_direction: Floats = eigenvectors[:, -1]
     positions_along = deviations @ line_direction
     return (
         line_direction

@@ -76,13 +76,13 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF_HZ) -> MovementS
     )
     centre, bandwidth = _spectral_centre_and_width(velocities, rate)
     turn_samples = _reversal_samples(smoothed_positions)
-    near_frames = max(1, round(_REVERSAL_SECONDS * rate))
+    n_near = max(1, round(_REVERSAL_SECONDS * rate))
     peaks = [
-        float(np.abs(accelerations[max(0, i - near_frames) : i + near_frames + 1]).max())
+        float(np.abs(accelerations[max(0, i - n_near) : i + n_near + 1]).max())
         for i in turn_samples
     ]
-    a_rms = _rms(accelerations)
-    strokes = [
+    acceleration_rms = _rms(accelerations)
+    arc_lengths = [
         spectral_arc_length(np.abs(velocities[i : j + 1]), rate)
         for i, j in zip([0, *turn_samples], [*turn_samples, n_samples], strict=True)
         if _STROKE_SECONDS_MIN <= (j - i) / rate <= _STROKE_SECONDS_MAX
@@ -97,7 +97,7 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF_HZ) -> MovementS
         float(np.abs(velocities).max()),
         _rms(velocities),
         float(np.abs(accelerations).max()),
-        a_rms,
+        acceleration_rms,
         cutoff,
         centre,
         bandwidth,
@@ -106,21 +106,25 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF_HZ) -> MovementS
             [
                 i / rate
                 for i, x in zip(turn_samples, peaks, strict=True)
-                if x > _STRIKE_RMS_RATIO * a_rms
+                if x > _STRIKE_RMS_RATIO * acceleration_rms
             ]
         ),
-        float(np.median(strokes)) if strokes else None,
+        float(np.median(arc_lengths)) if arc_lengths else None,
     )
 
 
-def _smoothed_positions(t: Floats, x: Floats, cutoff: float, is_filtered: bool, n: int) -> Floats:
+def _smoothed_positions(
+    t: Floats, x: Floats, cutoff: float, is_filtered: bool, n_samples: int
+) -> Floats:
     """Positions (n + 9,) at even instants of the spline through the samples, four of them beyond
     each end.
 
     The samples are extended by point reflection at both ends, for as long as the filter
     remembers.
     """
-    edge_seconds = max(_FILTER_MEMORY_PERIODS / cutoff, _EDGE_SAMPLES * 2 * float(t[-1]) / n)
+    edge_seconds = max(
+        _FILTER_MEMORY_PERIODS / cutoff, _EDGE_SAMPLES * 2 * float(t[-1]) / n_samples
+    )
     n_before = min(len(t) - 1, int(np.searchsorted(t, edge_seconds)))
     n_after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], edge_seconds)))
     mirrored_start, mirrored_end = slice(n_before, 0, -1), slice(-2, -2 - n_after, -1)
@@ -130,8 +134,8 @@ def _smoothed_positions(t: Floats, x: Floats, cutoff: float, is_filtered: bool, 
     x = np.concatenate([2 * x[0] - x[mirrored_start], x, 2 * x[-1] - x[mirrored_end]])
     take = Take(mirrored_instants - mirrored_instants[0], x, smooth=cutoff if is_filtered else None)
     instants = float(t[0] - mirrored_instants[0]) + np.arange(
-        -_EDGE_SAMPLES, n + _EDGE_SAMPLES + 1
-    ) * (float(t[-1]) / n)
+        -_EDGE_SAMPLES, n_samples + _EDGE_SAMPLES + 1
+    ) * (float(t[-1]) / n_samples)
     return take.positions(np.clip(instants, 0.0, take.duration))
 
 
@@ -144,8 +148,12 @@ def spectral_arc_length(speed: Floats, rate: float) -> float:
     """
     padded_length = 1 << int(np.ceil(np.log2(_ARC_LENGTH_PADDING * len(speed))))
     n_bins = int(_ARC_LENGTH_CUTOFF_HZ / rate * padded_length) + 1
-    size = np.abs(np.fft.rfft(speed, padded_length))[: n_bins + 1]
-    return -float(np.hypot(np.diff(size) / size[0], 1 / n_bins).sum()) if size[0] else 0.0
+    magnitudes = np.abs(np.fft.rfft(speed, padded_length))[: n_bins + 1]
+    return (
+        -float(np.hypot(np.diff(magnitudes) / magnitudes[0], 1 / n_bins).sum())
+        if magnitudes[0]
+        else 0.0
+    )
 
 
 def _derivative(x: Floats) -> Floats:
@@ -157,14 +165,14 @@ def _rms(x: Floats) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _spectral_centre_and_width(v: Floats, rate: float) -> tuple[float, float]:
+def _spectral_centre_and_width(velocities: Floats, rate: float) -> tuple[float, float]:
     """Mean of the frequency [Hz] weighted by power, and its standard deviation, under a Hann
     window; 0 at rest.
     """
-    power_spectrum = np.abs(np.fft.rfft(v * np.hanning(len(v)))) ** 2
+    power_spectrum = np.abs(np.fft.rfft(velocities * np.hanning(len(velocities)))) ** 2
     if not power_spectrum.any():
         return 0.0, 0.0
-    frequency = np.fft.rfftfreq(len(v), 1 / rate)
+    frequency = np.fft.rfftfreq(len(velocities), 1 / rate)
     power_spectrum /= power_spectrum.sum()
     centre = float(power_spectrum @ frequency)
     return centre, float(np.sqrt(power_spectrum @ (frequency - centre) ** 2))
@@ -172,21 +180,21 @@ def _spectral_centre_and_width(v: Floats, rate: float) -> tuple[float, float]:
 
 def _reversal_samples(x: Floats) -> list[int]:
     """Samples at which a path reverses and then goes back by a part of its range."""
-    room = _REVERSAL_SHARE_MIN * float(np.ptp(x))
-    if not room:
+    threshold = _REVERSAL_SHARE_MIN * float(np.ptp(x))
+    if not threshold:
         return []
-    ends = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1
+    extremes = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1
     turn_samples: list[int] = []
     direction, low_sample, high_sample = 0, 0, 0  # direction; extreme samples since the last turn
-    for i in (*ends.tolist(), len(x) - 1):
+    for i in (*extremes.tolist(), len(x) - 1):
         low_sample, high_sample = (
             (i if x[i] < x[low_sample] else low_sample),
             (i if x[i] > x[high_sample] else high_sample),
         )
-        if direction >= 0 and x[i] < x[high_sample] - room:
+        if direction >= 0 and x[i] < x[high_sample] - threshold:
             turn_samples += [high_sample] if direction else []
             direction, low_sample, high_sample = -1, i, i
-        elif direction <= 0 and x[i] > x[low_sample] + room:
+        elif direction <= 0 and x[i] > x[low_sample] + threshold:
             turn_samples += [low_sample] if direction else []
             direction, low_sample, high_sample = 1, i, i
     return turn_samples

@@ -27,8 +27,8 @@ def read_root(path: Path) -> Element:
         raise TakeError(f"the file has more than {MAX_BYTES >> 20} MB", path)
     try:
         if score_bytes[:2] == b"PK":
-            score_bytes = _root_of_archive(score_bytes)
-        score_root = _root_of_bytes(score_bytes)
+            score_bytes = _archived_score(score_bytes)
+        score_root = _parse_root(score_bytes)
         if score_root.tag == "score-timewise":
             return _partwise_root(score_root)
     except XmlError as error:
@@ -38,11 +38,11 @@ def read_root(path: Path) -> Element:
     return score_root
 
 
-def _root_of_bytes(xml_bytes: bytes) -> Element:
+def _parse_root(xml_bytes: bytes) -> Element:
     return parse_xml(xml_bytes, bytes_max=2 * MAX_BYTES, elements_max=MAX_ELEMENTS, has_type=True)
 
 
-def _root_of_archive(data: bytes) -> bytes:
+def _archived_score(data: bytes) -> bytes:
     """The score in a compressed file. Raises XmlError."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as zip_file:
@@ -83,13 +83,13 @@ def _score_bytes(zip_file: zipfile.ZipFile) -> bytes:
 
 def _named_score(container: bytes) -> str | None:
     """The first score that a container names; beside it may stand a PDF of the same score."""
-    files = parse_xml(container, has_type=True).findall("rootfiles/rootfile")
-    scores = [file for file in files if "xml" in file.get("media-type", "xml")]
-    return next((file.get("full-path") for file in scores or files), None)
+    rootfiles = parse_xml(container, has_type=True).findall("rootfiles/rootfile")
+    scores = [file for file in rootfiles if "xml" in file.get("media-type", "xml")]
+    return next((file.get("full-path") for file in scores or rootfiles), None)
 
 
-def _entry_bytes(file: zipfile.ZipFile, entry_name: str) -> bytes:
-    with file.open(entry_name) as entry:
+def _entry_bytes(archive: zipfile.ZipFile, entry_name: str) -> bytes:
+    with archive.open(entry_name) as entry:
         file_bytes = entry.read(MAX_BYTES + 1)
     if len(file_bytes) > MAX_BYTES:
         raise XmlError(f"its {entry_name[:80]} has more than {MAX_BYTES >> 20} MB")

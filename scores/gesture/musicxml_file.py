@@ -17,7 +17,7 @@ from ergon.notation.clock.meter import MAX_BEATS, Meter, parse_meter
 from ergon.notation.clock.tempo import BPM_MAX, BPM_MIN
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
-from ergon.scores.gesture.file_meters import on_bar_lines
+from ergon.scores.gesture.file_meters import read_meters
 from ergon.scores.gesture.midi_file import MAX_NOTES, FileState, state_of
 from ergon.scores.gesture.musicxml_bytes import read_root
 from ergon.scores.gesture.musicxml_notes import (
@@ -40,7 +40,7 @@ class XmlNote(NamedTuple):
     word: str
     key: int  # nearest MIDI key
     strength: float | None
-    lasting: float
+    length: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class XmlPart:
 @dataclass(frozen=True, slots=True)
 class XmlScore:
     """What a file holds. Times are in quarter notes from the beginning of its first bar, which is
-    whole: before an upbeat there is a rest. `passed` counts what no part of ergon plays.
+    whole: before an upbeat there is a rest. `skipped_counts` counts what no part of ergon plays.
     """
 
     title: str
@@ -69,11 +69,11 @@ class XmlScore:
     parts: tuple[XmlPart, ...]
     tempos: tuple[tuple[float, float], ...]  # quarter, quarters a minute
     meters: tuple[tuple[float, str], ...]  # quarter, text
-    passed: Mapping[str, int]
+    skipped_counts: Mapping[str, int]
 
 
 @dataclass(slots=True)
-class _Column:
+class _MeasureColumn:
     """A measure in all parts, and its length in quarters."""
 
     measures: dict[str, Element] = field(default_factory=dict)
@@ -101,8 +101,10 @@ def _read(path: Path, _: FileState) -> XmlScore:
 
 
 def _score_of_root(score_root: Element) -> XmlScore:
-    ids = [part.get("id", "") for part in score_root.iterfind("part")]
-    if (repeated_id := next((name for name, n in Counter(ids).items() if n > 1), None)) is not None:
+    part_ids = [part.get("id", "") for part in score_root.iterfind("part")]
+    if (
+        repeated_id := next((part_id for part_id, n in Counter(part_ids).items() if n > 1), None)
+    ) is not None:
         raise ValueError(f"two of its parts have the id {repeated_id[:80]!r}")
     part_names = {
         score_part.get("id", ""): " ".join((score_part.findtext("part-name") or "").split())[:80]
@@ -112,18 +114,18 @@ def _score_of_root(score_root: Element) -> XmlScore:
     skipped_counts: Counter[str] = Counter()
     meters: list[tuple[int, str]] = []  # index of the measure, text
     measures = _read_measures(
-        measure_columns, {name: MeasureReader(skipped_counts) for name in ids}, meters
+        measure_columns, {part_id: MeasureReader(skipped_counts) for part_id in part_ids}, meters
     )
     played_order = playing_order(
         order_marks([list(column.measures.values()) for column in measure_columns])
     )
     measure_starts, end_quarter, placed_meters = _played_bars(measure_columns, played_order, meters)
-    voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
+    events_by_part: dict[str, list[tuple[Fraction, Event]]] = {part_id: [] for part_id in part_ids}
     tempos: list[tuple[Fraction, float]] = []
     n_notes = 0
     for start_quarter, index in zip(measure_starts, played_order, strict=True):
-        for name, part_events in measures[index].items():
-            voices[name] += ((start_quarter, event) for event in part_events)
+        for part_id, part_events in measures[index].items():
+            events_by_part[part_id] += ((start_quarter, event) for event in part_events)
             n_notes += sum(event.pitch is not None for event in part_events)
             tempos += (
                 (start_quarter + part_event.at, part_event.tempo)
@@ -141,8 +143,10 @@ def _score_of_root(score_root: Element) -> XmlScore:
         float(end_quarter),
         len(played_order),
         tuple(
-            XmlPart(name, part_names.get(name, ""), tuple(_played_notes(voices[name])))
-            for name in ids
+            XmlPart(
+                part_id, part_names.get(part_id, ""), tuple(_played_notes(events_by_part[part_id]))
+            )
+            for part_id in part_ids
         ),
         tuple((float(quarter), tempo) for quarter, tempo in tempo_changes.items()),
         tuple((float(quarter), meter) for quarter, meter in placed_meters),
@@ -150,19 +154,19 @@ def _score_of_root(score_root: Element) -> XmlScore:
     )
 
 
-def _measure_columns(root: Element) -> list[_Column]:
+def _measure_columns(root: Element) -> list[_MeasureColumn]:
     """The measures of all parts, by their places."""
-    measure_columns: list[_Column] = []
+    measure_columns: list[_MeasureColumn] = []
     for part_element in root.iterfind("part"):
         for measure_index, measure in enumerate(part_element.iterfind("measure")):
             if measure_index == len(measure_columns):
-                measure_columns.append(_Column())
+                measure_columns.append(_MeasureColumn())
             measure_columns[measure_index].measures[part_element.get("id", "")] = measure
     return measure_columns
 
 
 def _played_bars(
-    measure_columns: Sequence[_Column],
+    measure_columns: Sequence[_MeasureColumn],
     played_order: Sequence[int],
     meters: Sequence[tuple[int, str]],
 ) -> tuple[list[Fraction], Fraction, list[tuple[Fraction, str]]]:
@@ -172,15 +176,15 @@ def _played_bars(
     measure_start = Fraction(0)
     starts: list[Fraction] = []
     placed_meters: list[tuple[Fraction, str]] = []
-    for turn, index in enumerate(played_order):
+    for play_index, index in enumerate(played_order):
         measure_column, meter = measure_columns[index], _meter_of_measure(meters, index)
-        is_upbeat = turn == 0 and measure_column.is_upbeat
+        is_upbeat = play_index == 0 and measure_column.is_upbeat
         if is_upbeat:
             measure_start = _bar_quarters(meter) - measure_column.length
-        is_whole = is_upbeat or turn + 1 == len(played_order)
-        text = _meter_of_length(meter, Fraction(0) if is_whole else measure_column.length)
-        if not placed_meters or placed_meters[-1][1] != text:
-            placed_meters.append((measure_start if turn else Fraction(0), text))
+        is_edge_bar = is_upbeat or play_index + 1 == len(played_order)
+        bar_meter = _meter_of_length(meter, Fraction(0) if is_edge_bar else measure_column.length)
+        if not placed_meters or placed_meters[-1][1] != bar_meter:
+            placed_meters.append((measure_start if play_index else Fraction(0), bar_meter))
         starts.append(measure_start)
         measure_start += measure_column.length
         if measure_start.denominator > _COMMON_DENOMINATOR_MAX:
@@ -189,7 +193,7 @@ def _played_bars(
 
 
 def _read_measures(
-    measure_columns: Sequence[_Column],
+    measure_columns: Sequence[_MeasureColumn],
     readers: Mapping[str, MeasureReader],
     meters: list[tuple[int, str]],
 ) -> list[dict[str, list[Event]]]:
@@ -198,8 +202,8 @@ def _read_measures(
     meter = "4/4"
     for measure_index, measure_column in enumerate(measure_columns):
         content_by_part: dict[str, MeasureContent] = {}
-        for name, measure in measure_column.measures.items():
-            part_content = content_by_part[name] = readers[name].measure(measure)
+        for part_id, measure in measure_column.measures.items():
+            part_content = content_by_part[part_id] = readers[part_id].measure(measure)
             if (part_content.meter is not None and part_content.meter != meter) or (
                 part_content.meter and not meters
             ):
@@ -216,7 +220,9 @@ def _read_measures(
         measure_column.is_upbeat = (
             measure_index == 0 and is_implicit and measure_column.length < bar_length
         )
-        measure_events.append({name: content.events for name, content in content_by_part.items()})
+        measure_events.append(
+            {part_id: content.events for part_id, content in content_by_part.items()}
+        )
     return measure_events
 
 
@@ -227,7 +233,9 @@ def _measure_length(
     another part of a bar that counts as incomplete, do not lengthen it.
     """
     lengths = [content.length for content in part_contents if content.length]
-    sounding_length = max((content.sounding for content in part_contents), default=Fraction(0))
+    sounding_length = max(
+        (content.sounding_length for content in part_contents), default=Fraction(0)
+    )
     if is_implicit and lengths:
         return max(sounding_length, min(lengths))
     return (
@@ -269,7 +277,7 @@ def _played_notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[X
     for start_quarter, part_event in placed_events:
         if part_event.pitch is None:
             continue
-        begins, voice = start_quarter + part_event.at, part_event.voice
+        onset, voice = start_quarter + part_event.at, part_event.voice
         ties_of_pitch = open_ties.setdefault(part_event.pitch.word, {})
         if part_event.is_tied_from and voice not in ties_of_pitch:  # a tie into another voice
             voice = next(iter(ties_of_pitch), voice)
@@ -277,11 +285,11 @@ def _played_notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[X
         joined_index = ties_of_pitch.pop(voice, None)
         if (
             joined_index is not None
-            and joined_notes[joined_index][0] + joined_notes[joined_index][1] == begins
+            and joined_notes[joined_index][0] + joined_notes[joined_index][1] == onset
         ):
-            begin, note_length, note_pitch, strength = joined_notes[joined_index]
+            first_onset, note_length, note_pitch, strength = joined_notes[joined_index]
             joined_notes[joined_index] = (
-                begin,
+                first_onset,
                 note_length + part_event.length,
                 note_pitch,
                 strength,
@@ -289,15 +297,15 @@ def _played_notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[X
         else:
             joined_index = len(joined_notes)
             joined_notes.append(
-                (begins, part_event.length, part_event.pitch, loudness.strength(begins, part_event))
+                (onset, part_event.length, part_event.pitch, loudness.strength(onset, part_event))
             )
         if part_event.is_tied_to:
             ties_of_pitch[part_event.voice] = joined_index
-    for begins, note_length, note_pitch, strength in sorted(
+    for onset, note_length, note_pitch, strength in sorted(
         joined_notes, key=lambda note: (note[0], note[2].key)
     ):
         yield XmlNote(
-            float(max(begins, Fraction(0))),
+            float(max(onset, Fraction(0))),
             note_pitch.word,
             note_pitch.key,
             strength,
@@ -305,7 +313,7 @@ def _played_notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[X
         )
 
 
-def notes_of(path: Path, part_name: str | None) -> tuple[tuple[XmlNote, ...], float]:
+def part_notes(path: Path, part_name: str | None) -> tuple[tuple[XmlNote, ...], float]:
     """The notes of a part, by its id or name, or of all, and the length of the piece in quarters.
 
     Raises TakeError.
@@ -354,7 +362,7 @@ def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
     """The meters of a file: quarter notes from the beginning, and a meter. Raises TakeError for a
     meter that no score has, and for one that does not begin on a bar line.
     """
-    return on_bar_lines(path, read_score(path).meters, _meter)
+    return read_meters(path, read_score(path).meters, _meter)
 
 
 def _meter(meter_text: str) -> Meter:

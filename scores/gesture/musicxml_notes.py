@@ -76,11 +76,11 @@ class MeasureContent:
 
     events: list[Event] = field(default_factory=list)
     length: Fraction = Fraction(0)
-    sounding: Fraction = Fraction(0)
+    sounding_length: Fraction = Fraction(0)
     meter: str | None = None
 
 
-def number(text: str | None) -> Fraction | None:
+def parse_number(text: str | None) -> Fraction | None:
     """A number of a score; None if it is none."""
     match = _NUMBER.fullmatch(text or "")
     return None if match is None else Fraction(match[1])
@@ -89,12 +89,12 @@ def number(text: str | None) -> Fraction | None:
 class MeasureReader:
     """Reads the measures of one part in their order."""
 
-    def __init__(self, passed: Counter[str]) -> None:
-        """Start; what nothing plays is counted in `passed`."""
-        self._passed = UnplayedCounter(passed)
+    def __init__(self, unplayed_counts: Counter[str]) -> None:
+        """Start; what nothing plays is counted in `unplayed_counts`."""
+        self._unplayed = UnplayedCounter(unplayed_counts)
         self._divisions = Fraction(1)
-        self._multiple = 1
-        self._diatonic, self._chromatic = 0, Fraction(0)
+        self._divisions_lcm = 1
+        self._diatonic_shift, self._chromatic_shift = 0, Fraction(0)
         self._is_respelled = False
 
     def measure(self, measure: Element) -> MeasureContent:
@@ -113,44 +113,45 @@ class MeasureReader:
             elif element.tag == "direction" or element.tag == "sound":
                 measure_content.events += self._direction(element, cursor)
             elif element.tag != "note":
-                self._passed.measure(element)
+                self._unplayed.count_measure(element)
             else:
                 is_chord = element.find("chord") is not None
-                begin_beat = onset if is_chord else cursor
+                event_start = onset if is_chord else cursor
                 is_grace, note_length = element.find("grace") is not None, self._duration(element)
                 if not is_chord and not is_grace:
-                    measure_content.events += _grace_notes_before(grace_chords, begin_beat)
+                    measure_content.events += _grace_notes_before(grace_chords, event_start)
                     grace_chords = []
-                    onset, cursor = begin_beat, cursor + note_length
-                xml_note = self._note(
-                    element, begin_beat, _GRACE_QUARTERS if is_grace else note_length
+                    onset, cursor = event_start, cursor + note_length
+                note_event = self._note(
+                    element, event_start, _GRACE_QUARTERS if is_grace else note_length
                 )
                 if element.find("rest") is None:
-                    measure_content.sounding = max(measure_content.sounding, cursor)
+                    measure_content.sounding_length = max(measure_content.sounding_length, cursor)
                 measure_content.events += self._dynamics(
-                    element.iterfind("notations/dynamics"), begin_beat
+                    element.iterfind("notations/dynamics"), event_start
                 )
-                if xml_note is not None and not is_grace:
-                    measure_content.events.append(xml_note)
-                elif xml_note is not None:
+                if note_event is not None and not is_grace:
+                    measure_content.events.append(note_event)
+                elif note_event is not None:
                     grace_chords += [] if is_chord and grace_chords else [[]]
-                    grace_chords[-1].append(xml_note)
+                    grace_chords[-1].append(note_event)
             measure_content.length = max(measure_content.length, cursor)
         measure_content.events += _grace_notes_before(grace_chords, cursor)
         return measure_content
 
     def _duration(self, element: Element) -> Fraction:
         return (
-            max(Fraction(0), number(element.findtext("duration")) or Fraction(0)) / self._divisions
+            max(Fraction(0), parse_number(element.findtext("duration")) or Fraction(0))
+            / self._divisions
         )
 
     def _attributes(self, attributes: Element, measure_content: MeasureContent) -> None:
-        divisions = number(attributes.findtext("divisions"))
-        self._passed.attributes(attributes)
+        divisions = parse_number(attributes.findtext("divisions"))
+        self._unplayed.count_attributes(attributes)
         if divisions is not None and divisions > 0:
             self._divisions = divisions
-            self._multiple = math.lcm(self._multiple, divisions.numerator)
-            if self._multiple > _DIVISIONS_MAX:
+            self._divisions_lcm = math.lcm(self._divisions_lcm, divisions.numerator)
+            if self._divisions_lcm > _DIVISIONS_MAX:
                 raise ValueError("its divisions of a quarter fit no common grid")
         time = attributes.find("time")
         if time is not None and time.find("beats") is not None:
@@ -159,18 +160,18 @@ class MeasureReader:
                 ["/".join("".join((part.text or "").split()) for part in pair) for pair in pairs]
             )
             if measure_content.meter is None:
-                self._passed.counts["meter"] += 1
+                self._unplayed.counts["meter"] += 1
         transpose = attributes.find("transpose")
         if transpose is not None:
-            octaves = int(number(transpose.findtext("octave-change")) or 0)
-            diatonic = number(transpose.findtext("diatonic"))
+            octaves = int(parse_number(transpose.findtext("octave-change")) or 0)
+            diatonic = parse_number(transpose.findtext("diatonic"))
             self._is_respelled = diatonic is None
-            self._diatonic = int(diatonic or 0) + 7 * octaves
-            chromatic = number(transpose.findtext("chromatic")) or Fraction(0)
-            self._chromatic = chromatic + 12 * octaves
+            self._diatonic_shift = int(diatonic or 0) + 7 * octaves
+            chromatic = parse_number(transpose.findtext("chromatic")) or Fraction(0)
+            self._chromatic_shift = chromatic + 12 * octaves
 
     def _note(self, note: Element, cursor: Fraction, note_length: Fraction) -> Event | None:
-        self._passed.note(note)
+        self._unplayed.count_note(note)
         if note.find("rest") is not None:
             return None
         pitch_element = note.find("pitch")
@@ -179,13 +180,13 @@ class MeasureReader:
             noun = "unpitched note" if pitch_element is None else "unplayable note"
             if note_pitch is not None:
                 noun = "cue note" if note.find("cue") is not None else "durationless note"
-            self._passed.counts[noun] += 1
+            self._unplayed.counts[noun] += 1
             return None
         ties = {tie.get("type") for tie in note.iterfind("tie")}
         played_marks = {mark.tag for mark in note.iterfind("notations/articulations/*")}
         if played_marks & SHORT_ARTICULATIONS and not ties:
             note_length /= 2
-        dynamics_percent = number(note.get("dynamics"))
+        dynamics_percent = parse_number(note.get("dynamics"))
         return Event(
             cursor,
             note_pitch,
@@ -201,7 +202,7 @@ class MeasureReader:
         step_letter = (
             "" if pitch_element is None else (pitch_element.findtext("step") or "").strip()
         )
-        octave = None if pitch_element is None else number(pitch_element.findtext("octave"))
+        octave = None if pitch_element is None else parse_number(pitch_element.findtext("octave"))
         if (
             pitch_element is None
             or step_letter not in _SEMITONES_BY_LETTER
@@ -209,59 +210,63 @@ class MeasureReader:
             or not -1 <= octave <= 10
         ):
             return None
-        alteration = number(pitch_element.findtext("alter")) or Fraction(0)
-        place = _LETTERS.index(step_letter) + 7 * int(octave)
-        moved_place = place + self._diatonic
-        alteration += self._chromatic - (
-            _semitones_above_c0(moved_place) - _semitones_above_c0(place)
+        alteration = parse_number(pitch_element.findtext("alter")) or Fraction(0)
+        staff_step = _LETTERS.index(step_letter) + 7 * int(octave)
+        moved_step = staff_step + self._diatonic_shift
+        alteration += self._chromatic_shift - (
+            _semitones_above_c0(moved_step) - _semitones_above_c0(staff_step)
         )
-        midi_key = 12 + _semitones_above_c0(moved_place) + alteration
-        nearest = math.floor(midi_key + Fraction(1, 2))
-        if not 0 <= nearest <= 127:
+        midi_key = 12 + _semitones_above_c0(moved_step) + alteration
+        nearest_key = math.floor(midi_key + Fraction(1, 2))
+        if not 0 <= nearest_key <= 127:
             return None
         semitones = int(alteration)  # towards the natural note
         if self._is_respelled or abs(semitones) > 2:
-            note_name = notes.name(nearest)
-            cents = 100 * (midi_key - nearest)
+            note_name = notes.name(nearest_key)
+            cents = 100 * (midi_key - nearest_key)
         else:
-            note_name = f"{_LETTERS[moved_place % 7]}{_ACCIDENTALS[semitones]}{moved_place // 7}"
+            note_name = f"{_LETTERS[moved_step % 7]}{_ACCIDENTALS[semitones]}{moved_step // 7}"
             cents = 100 * (alteration - semitones)
-        return Pitch(f"{note_name}{float(cents):+g}cents" if cents else note_name, nearest)
+        return Pitch(f"{note_name}{float(cents):+g}cents" if cents else note_name, nearest_key)
 
     def _direction(self, direction: Element, cursor: Fraction) -> Iterator[Event]:
         event_start = cursor
-        if (offset := number(direction.findtext("offset"))) is not None:
+        if (offset := parse_number(direction.findtext("offset"))) is not None:
             event_start = max(Fraction(0), cursor + offset / self._divisions)
         sound_element = direction if direction.tag == "sound" else direction.find("sound")
-        self._passed.direction(direction)
+        self._unplayed.count_direction(direction)
         if sound_element is not None:
-            self._passed.sound(sound_element)
+            self._unplayed.count_sound(sound_element)
         marks = self._dynamics(direction.iterfind("direction-type/dynamics"), event_start)
         yield from marks
-        dynamics_percent = None if sound_element is None else number(sound_element.get("dynamics"))
+        dynamics_percent = (
+            None if sound_element is None else parse_number(sound_element.get("dynamics"))
+        )
         if not marks and dynamics_percent is not None:
             yield Event(event_start, level=_strength_of_percent(dynamics_percent))
         for wedge in direction.iterfind("direction-type/wedge"):
-            kinds = {"crescendo": 1, "diminuendo": -1, "stop": 0}
-            if (hairpin := kinds.get(wedge.get("type", ""))) is not None:
+            directions = {"crescendo": 1, "diminuendo": -1, "stop": 0}
+            if (hairpin := directions.get(wedge.get("type", ""))) is not None:
                 yield Event(event_start, hairpin=hairpin)
         yield from self._tempo(direction, sound_element, event_start)
 
     def _tempo(self, direction: Element, sound: Element | None, begin: Fraction) -> Iterator[Event]:
         stated_tempo = None if sound is None else sound.get("tempo")
         marks = direction.findall("direction-type/metronome")
-        tempo = number(stated_tempo) or next(filter(None, map(_quarters_per_minute, marks)), None)
+        tempo = parse_number(stated_tempo) or next(
+            filter(None, map(_quarters_per_minute, marks)), None
+        )
         if tempo is not None and tempo > 0:
             yield Event(begin, tempo=float(tempo))
         elif marks or stated_tempo is not None:
-            self._passed.counts["tempo"] += 1
+            self._unplayed.counts["tempo"] += 1
 
     def _dynamics(self, groups: Iterable[Element], begin: Fraction) -> list[Event]:
         """The mark of dynamics of a direction or of a note, or none."""
         words = [mark.tag for group in groups for mark in group]
         mark = next(filter(None, map(_dynamic_of_word, words)), None)
         if words and mark is None:
-            self._passed.counts["dynamic mark"] += 1
+            self._unplayed.counts["dynamic mark"] += 1
         return [] if mark is None else [replace(mark, at=begin)]
 
 
@@ -274,9 +279,9 @@ def _grace_notes_before(
             yield replace(grace_note, at=main_beat - (len(grace_chords) - index) * _GRACE_QUARTERS)
 
 
-def _semitones_above_c0(place: int) -> int:
+def _semitones_above_c0(staff_step: int) -> int:
     """Semitones of a natural note above C0."""
-    return 12 * (place // 7) + _SEMITONES_BY_LETTER[_LETTERS[place % 7]]
+    return 12 * (staff_step // 7) + _SEMITONES_BY_LETTER[_LETTERS[staff_step % 7]]
 
 
 def _strength_of_percent(percent: Fraction) -> float:
@@ -332,40 +337,42 @@ class Loudness:
     def __init__(self, marks: Sequence[tuple[Fraction, Event]]) -> None:
         """`marks` are instants with their events, in the order in which they are written."""
         marks = sorted(marks, key=lambda mark: mark[0])
-        self._strokes = {beat for beat, event in marks if event.pitch is None and event.is_accented}
+        self._accent_beats = {
+            beat for beat, event in marks if event.pitch is None and event.is_accented
+        }
         self._levels = [(beat, event) for beat, event in marks if event.level is not None]
         self._instants = [beat for beat, _ in self._levels]
-        self._swells: list[tuple[Fraction, Fraction, float, float]] = []
-        self._ends: list[Fraction] = []  # of these, one after the other
-        open_swell: tuple[Fraction, int] | None = None
+        self._hairpins: list[tuple[Fraction, Fraction, float, float]] = []
+        self._hairpin_ends: list[Fraction] = []  # of these, one after the other
+        open_hairpin: tuple[Fraction, int] | None = None
         for mark_beat, mark_event in marks:
             if mark_event.hairpin:
-                open_swell = mark_beat, mark_event.hairpin
-            elif mark_event.hairpin == 0 and open_swell is not None:
-                self._add(*open_swell, mark_beat)
-                open_swell = None
-        self._begins = [begin for begin, *_ in self._swells]
+                open_hairpin = mark_beat, mark_event.hairpin
+            elif mark_event.hairpin == 0 and open_hairpin is not None:
+                self._add_hairpin(*open_hairpin, mark_beat)
+                open_hairpin = None
+        self._hairpin_starts = [begin for begin, *_ in self._hairpins]
 
-    def _add(self, begin: Fraction, direction: int, end: Fraction) -> None:
+    def _add_hairpin(self, begin: Fraction, direction: int, end: Fraction) -> None:
         """A hairpin: up to the mark at its end or within a quarter of it, else by one word."""
         low_strength = self._level_from(begin)
         low_strength = _MEZZO_FORTE if low_strength is None else low_strength
-        mark_place = bisect_right(self._instants, end - Fraction(1, 1024))
+        mark_index = bisect_right(self._instants, end - Fraction(1, 1024))
         high_strength = min(1.0, max(0.0, low_strength + direction * _DYNAMIC_STEP))
-        if mark_place < len(self._levels) and self._instants[mark_place] <= end + 1:
-            high_strength = self._levels[mark_place][1].level or 0.0
+        if mark_index < len(self._levels) and self._instants[mark_index] <= end + 1:
+            high_strength = self._levels[mark_index][1].level or 0.0
         if end > begin:
-            self._swells.append((begin, end, low_strength, high_strength))
-            self._ends.append(end)
+            self._hairpins.append((begin, end, low_strength, high_strength))
+            self._hairpin_ends.append(end)
 
     def _level_from(self, event_beat: Fraction) -> float | None:
         """The strength without hairpins that go on at an instant."""
-        place = bisect_right(self._instants, event_beat)
-        mark = self._levels[place - 1] if place else None
-        n_over = bisect_right(self._ends, event_beat)
-        last_swell = self._swells[n_over - 1] if n_over else None
-        if mark is None or (last_swell is not None and last_swell[1] > mark[0]):
-            return None if last_swell is None else last_swell[3]
+        n_marks = bisect_right(self._instants, event_beat)
+        mark = self._levels[n_marks - 1] if n_marks else None
+        n_over = bisect_right(self._hairpin_ends, event_beat)
+        last_hairpin = self._hairpins[n_over - 1] if n_over else None
+        if mark is None or (last_hairpin is not None and last_hairpin[1] > mark[0]):
+            return None if last_hairpin is None else last_hairpin[3]
         instant, event = mark
         return (
             event.level if event.level_after is None or instant == event_beat else event.level_after
@@ -373,14 +380,14 @@ class Loudness:
 
     def strength(self, beat: Fraction, event: Event) -> float | None:
         """The strength of a note; None if nothing is said."""
-        begin_place = bisect_right(self._begins, beat)
+        n_begun = bisect_right(self._hairpin_starts, beat)
         note_strength = event.strength
         if note_strength is None:
             note_strength = self._level_from(beat)
-            if begin_place and beat < self._swells[begin_place - 1][1]:
-                begin, end, low, high = self._swells[begin_place - 1]
+            if n_begun and beat < self._hairpins[n_begun - 1][1]:
+                begin, end, low, high = self._hairpins[n_begun - 1]
                 note_strength = low + (high - low) * float((beat - begin) / (end - begin))
-        if event.is_accented or beat in self._strokes:
+        if event.is_accented or beat in self._accent_beats:
             note_strength = min(
                 1.0, (_MEZZO_FORTE if note_strength is None else note_strength) + _DYNAMIC_STEP
             )

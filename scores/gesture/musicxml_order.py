@@ -22,17 +22,17 @@ class TooLongError(TextError):
 
 @dataclass(slots=True)
 class MeasureOrderMarks:
-    """What a measure says of the order; `passes` is how often a repeat that ends here is played
+    """What a measure says of the order; `n_passes` is how often a repeat that ends here is played
     (0: none ends), `endings` the passes in which it is played (none: all).
     """
 
-    begins: bool = False
-    passes: int = 0
+    is_repeat_start: bool = False
+    n_passes: int = 0
     endings: frozenset[int] = frozenset()
-    jumps_to: str = ""  # the name of a segno, or "capo"
+    jump_target: str = ""  # the name of a segno, or "capo"
     segnos: set[str] = field(default_factory=set)
     codas: set[str] = field(default_factory=set)
-    to_coda: str = ""
+    coda_target: str = ""
     is_fine: bool = False
 
 
@@ -48,15 +48,15 @@ def order_marks(measure_columns: Sequence[Sequence[Element]]) -> list[MeasureOrd
         marks.endings = endings
         if is_closed:
             endings = frozenset()
-        if marks.passes == 1:  # a repeat without a number of times
+        if marks.n_passes == 1:  # a repeat without a number of times
             last_ending = max(marks.endings, default=1)
-            marks.passes = max(2, last_ending + _has_next_ending(measure_columns, measure_index))
+            marks.n_passes = max(2, last_ending + _has_next_ending(measure_columns, measure_index))
     return marks_by_measure
 
 
-def _has_next_ending(columns: Sequence[Sequence[Element]], number: int) -> bool:
+def _has_next_ending(columns: Sequence[Sequence[Element]], measure_index: int) -> bool:
     """Whether another ending begins in the next measure."""
-    next_column = columns[number + 1] if number + 1 < len(columns) else ()
+    next_column = columns[measure_index + 1] if measure_index + 1 < len(columns) else ()
     return any(
         mark.get("type") == "start" for m in next_column for mark in m.iterfind("barline/ending")
     )
@@ -76,11 +76,11 @@ def _read_marks(
                 is_closed = True
         for repeat in measure.iterfind("barline/repeat"):
             if repeat.get("direction") == "forward":
-                marks.begins = True
+                marks.is_repeat_start = True
                 continue
-            times = repeat.get("times", "")
-            n_times = int(times) if times.isdigit() and len(times) < 4 else 1
-            marks.passes = max(marks.passes, min(n_times, _PASSES_MAX))
+            times_text = repeat.get("times", "")
+            n_times = int(times_text) if times_text.isdigit() and len(times_text) < 4 else 1
+            marks.n_passes = max(marks.n_passes, min(n_times, _PASSES_MAX))
         for sound in (*measure.iterfind("sound"), *measure.iterfind("direction/sound")):
             _read_sound(sound, marks)
     return opened_endings, is_closed
@@ -94,9 +94,9 @@ def _pass_numbers(text: str) -> frozenset[int]:
 
 def _read_sound(sound_element: Element, marks: MeasureOrderMarks) -> None:
     if sound_element.get("dacapo") == "yes":
-        marks.jumps_to = "capo"
-    marks.jumps_to = sound_element.get("dalsegno") or marks.jumps_to
-    marks.to_coda = sound_element.get("tocoda") or marks.to_coda
+        marks.jump_target = "capo"
+    marks.jump_target = sound_element.get("dalsegno") or marks.jump_target
+    marks.coda_target = sound_element.get("tocoda") or marks.coda_target
     marks.is_fine |= bool(sound_element.get("fine"))
     marks.segnos |= {name for name in (sound_element.get("segno"),) if name}
     marks.codas |= {name for name in (sound_element.get("coda"),) if name}
@@ -105,12 +105,12 @@ def _read_sound(sound_element: Element, marks: MeasureOrderMarks) -> None:
 def playing_order(measures: Sequence[MeasureOrderMarks]) -> list[int]:
     """The indices of measures in the order in which they are played. Raises TooLongError."""
     played_measures: list[int] = []
-    for measure_number in _walk_measures(measures):
+    for measure_index in _walk_measures(measures):
         if len(played_measures) >= MAX_PLAYED_MEASURES:
             raise TooLongError(
                 f"it has more than {MAX_PLAYED_MEASURES:,} measures, with its repeats"
             )
-        played_measures.append(measure_number)
+        played_measures.append(measure_index)
     return played_measures
 
 
@@ -119,7 +119,7 @@ def _walk_measures(measures: Sequence[MeasureOrderMarks]) -> Iterator[int]:
     has_jumped = False
     while measure_index < len(measures):
         marks = measures[measure_index]
-        if marks.begins and measure_index != section_start:
+        if marks.is_repeat_start and measure_index != section_start:
             section_start, pass_number = measure_index, 1
         if marks.endings and not _is_in_pass(measures, measure_index, pass_number, has_jumped):
             measure_index += 1
@@ -127,27 +127,27 @@ def _walk_measures(measures: Sequence[MeasureOrderMarks]) -> Iterator[int]:
                 section_start, pass_number = measure_index, 1
             continue
         yield measure_index
-        if marks.passes and not has_jumped and pass_number < marks.passes:
+        if marks.n_passes and not has_jumped and pass_number < marks.n_passes:
             pass_number += 1
             measure_index = section_start
             continue
         if has_jumped and marks.is_fine:
             return
-        if has_jumped and marks.to_coda:
+        if has_jumped and marks.coda_target:
             target_index = next(
-                (i for i, measure in enumerate(measures) if marks.to_coda in measure.codas),
+                (i for i, measure in enumerate(measures) if marks.coda_target in measure.codas),
                 None,
             )
             if target_index is not None and target_index > measure_index:
                 measure_index = section_start = target_index
                 pass_number = 1
                 continue
-        if marks.jumps_to and not has_jumped:
+        if marks.jump_target and not has_jumped:
             segno_indices = (
-                i for i, measure in enumerate(measures) if marks.jumps_to in measure.segnos
+                i for i, measure in enumerate(measures) if marks.jump_target in measure.segnos
             )
             measure_index = section_start = (
-                0 if marks.jumps_to == "capo" else next(segno_indices, 0)
+                0 if marks.jump_target == "capo" else next(segno_indices, 0)
             )
             has_jumped, pass_number = True, 1
             continue
@@ -155,7 +155,7 @@ def _walk_measures(measures: Sequence[MeasureOrderMarks]) -> Iterator[int]:
         is_over = (
             measure_index < len(measures) and marks.endings and not measures[measure_index].endings
         )
-        if marks.passes or is_over:
+        if marks.n_passes or is_over:
             section_start, pass_number = measure_index, 1
 
 

@@ -58,7 +58,7 @@ class UnplayedCounter:
         """Count into `counts`."""
         self.counts = counts
 
-    def measure(self, element: Element) -> None:
+    def count_measure(self, element: Element) -> None:
         """An element of a measure that is neither a note nor a mark that is read."""
         if element.tag in _NOUN_BY_MEASURE_ELEMENT:
             self.counts[_NOUN_BY_MEASURE_ELEMENT[element.tag]] += 1
@@ -68,16 +68,16 @@ class UnplayedCounter:
                 repeat.get("after-jump") == "yes" for repeat in element.iterfind("repeat")
             )
         else:
-            self._unknown("measure", element)
+            self._count_unknown("measure", element)
 
-    def note(self, note: Element) -> None:
+    def count_note(self, note: Element) -> None:
         """What a note has beside its pitch and length."""
         self._count_paths(note, _NOUN_BY_NOTE_PATH)
         self.counts["time-only note"] += note.get("time-only") is not None
         for child in note:
-            self._unknown("note", child)
-        ties = note.find("tie") is not None
-        self.counts["drawn tie"] += not ties and any(
+            self._count_unknown("note", child)
+        has_tie = note.find("tie") is not None
+        self.counts["drawn tie"] += not has_tie and any(
             tied.get("type") == "start" for tied in note.iterfind("notations/tied")
         )
         for mark in note.iterfind("notations/articulations/*"):
@@ -85,21 +85,21 @@ class UnplayedCounter:
                 mark.tag not in SHORT_ARTICULATIONS | ACCENT_ARTICULATIONS
             )
 
-    def direction(self, direction: Element) -> None:
+    def count_direction(self, direction: Element) -> None:
         """What a direction has beside dynamics, hairpins and tempos."""
         for mark in direction.iterfind("direction-type/*"):
             if mark.tag in _NOUN_BY_DIRECTION:
                 self.counts[_NOUN_BY_DIRECTION[mark.tag]] += 1
         if direction.tag == "direction":
             for child in direction:
-                self._unknown("direction", child)
+                self._count_unknown("direction", child)
 
-    def sound(self, sound: Element) -> None:
+    def count_sound(self, sound: Element) -> None:
         """What a sound sets beside tempos, dynamics and jumps."""
         children = (child.tag for child in sound if child.tag != "offset")
         self.counts["sound setting"] += bool({*sound.keys(), *children} - _READ_SOUND_ATTRIBUTES)
 
-    def attributes(self, attributes: Element) -> None:
+    def count_attributes(self, attributes: Element) -> None:
         """What attributes have beside divisions, meters and transpositions."""
         self._count_paths(attributes, _NOUN_BY_ATTRIBUTE_PATH)
 
@@ -107,6 +107,6 @@ class UnplayedCounter:
         for path, noun in nouns.items():
             self.counts[noun] += element.find(path) is not None
 
-    def _unknown(self, parent: str, element: Element) -> None:
+    def _count_unknown(self, parent: str, element: Element) -> None:
         if element.tag not in _KNOWN_ELEMENTS[parent]:
             self.counts[f"<{element.tag[:40]}> element"] += 1

@@ -74,35 +74,37 @@ class _Group:
         self.beats = 0.0
         self.seconds = 0.0
 
-    def point(self, match: re.Match[str], curve: str, offset: int) -> None:
+    def add_point(self, match: re.Match[str], curve: str, offset: int) -> None:
         """Add the point of `match`. Raises TextError if it lies before the last."""
         point_word = match.group()
-        x, x_unit, plus, t, part, t_unit = match.groups()
+        x, x_unit, plus, t, denominator, t_unit = match.groups()
         x_metres = metres(x, x_unit, offset)
-        beats, seconds = instant(t, part, t_unit, offset + match.start(4))
+        beats, seconds = instant(t, denominator, t_unit, offset + match.start(4))
         if plus:
             beats += self.beats
             seconds += self.seconds
         self._advance(beats, seconds, offset + match.start(4), len(point_word) - match.start(4))
         self.events.append(_TimedEvent(beats, seconds, x_metres, curve, offset, len(point_word)))
 
-    def row(self, match: re.Match[str], default: str, offset: int) -> None:
+    def add_row(self, match: re.Match[str], default_curve: str, offset: int) -> None:
         """Add the point of a table row."""
-        t, part, t_unit, x, x_unit, curve_name = match.groups()
+        t, denominator, t_unit, x, x_unit, curve_name = match.groups()
         row_start = offset + match.start(1)
-        beats, seconds = instant(t, part, t_unit, row_start)
+        beats, seconds = instant(t, denominator, t_unit, row_start)
         x_metres = metres(x, x_unit, offset + match.start(4))
-        curve = default if curve_name is None else curve_word(curve_name, offset + match.start(6))
+        curve = (
+            default_curve if curve_name is None else curve_word(curve_name, offset + match.start(6))
+        )
         self._advance(beats, seconds, row_start, match.end(3) - match.start(1))
         stop = match.end(5) if curve_name is None else match.end(6)
         self.events.append(
             _TimedEvent(beats, seconds, x_metres, curve, row_start, stop - match.start(1))
         )
 
-    def bar_check(self, offset: int) -> None:
+    def add_bar_check(self, offset: int) -> None:
         self.events.append(_TimedEvent(self.beats, self.seconds, None, "", offset, 1))
 
-    def repeat(self, group: "_Group", count: int, offset: int) -> None:
+    def add_repeated(self, group: "_Group", count: int, offset: int) -> None:
         """Add the events of a closed group `count` times, each from the end of the one before."""
         if len(self.events) + count * len(group.events) > self.events_max:
             raise TextError(
@@ -168,9 +170,9 @@ def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) 
             _close_group(stack, token_match, count_text)
         elif bar_sign:
             _require_point(stack, token_match.start(4), bar_sign)
-            stack[-1].bar_check(token_match.start(4))
+            stack[-1].add_bar_check(token_match.start(4))
         elif point := POINT_PATTERN.fullmatch(curve_name):
-            stack[-1].point(point, first_curve, token_match.start(5))
+            stack[-1].add_point(point, first_curve, token_match.start(5))
             pending_curve = None
         else:
             word_offset = token_match.start(5)
@@ -197,18 +199,18 @@ def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) 
     characters at fault.
     """
     poll()
-    only_group = _Group(0)
+    group = _Group(0)
     line_offset = 0
     for table_line in text.split("\n"):
         row_match = ROW_PATTERN.fullmatch(table_line.rstrip("\r"))
         if row_match is None:
             raise row_error(table_line, line_offset)
         if row_match.group(1) is not None:
-            only_group.row(row_match, curve, line_offset)
-            if len(only_group.events) > events_max:
+            group.add_row(row_match, curve, line_offset)
+            if len(group.events) > events_max:
                 raise TextError(_too_many_error("this table has", events_max), offset=line_offset)
         line_offset += len(table_line) + 1
-    return _checked_points(only_group.events)
+    return _checked_points(group.events)
 
 
 def _require_point(stack: list[_Group], sign_offset: int, sign_word: str) -> None:
@@ -249,7 +251,7 @@ def _close_group(stack: list[_Group], token_match: re.Match[str], count_text: st
     closed_group = stack.pop()
     if all(event.x is None for event in closed_group.events):
         raise TextError("this group has no points", offset=closed_group.offset)
-    stack[-1].repeat(closed_group, int(count_text), closed_group.offset)
+    stack[-1].add_repeated(closed_group, int(count_text), closed_group.offset)
 
 
 def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
@@ -261,9 +263,9 @@ def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
     while notation_events:  # popped, to free memory: there may be a million
         next_event = notation_events.pop()
         x = next_event.x
-        check_time = Time(next_event.beats, next_event.seconds)
+        time = Time(next_event.beats, next_event.seconds)
         if x is None:
-            checks.append(BarCheck(check_time, next_event.offset))
+            checks.append(BarCheck(time, next_event.offset))
             continue
         if last_event is not None and last_event.x is not None:
             is_still = abs(x - last_event.x) <= ROUNDING_TOLERANCE
@@ -278,8 +280,8 @@ def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
             if next_event.curve == "hold":
                 x = joined_points[-1].x  # the engine compares them exactly
             if (
-                abs(check_time[0] - last_event.beats) <= ROUNDING_TOLERANCE
-                and abs(check_time[1] - last_event.seconds) <= ROUNDING_TOLERANCE
+                abs(time[0] - last_event.beats) <= ROUNDING_TOLERANCE
+                and abs(time[1] - last_event.seconds) <= ROUNDING_TOLERANCE
             ):
                 if is_still:
                     continue
@@ -288,9 +290,7 @@ def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
                     offset=next_event.offset,
                     length=next_event.length,
                 )
-        joined_points.append(
-            Point(check_time, x, next_event.curve, next_event.offset, next_event.length)
-        )
+        joined_points.append(Point(time, x, next_event.curve, next_event.offset, next_event.length))
         last_event = next_event
     if not joined_points:
         raise TextError("a gesture needs a point, such as 0mm@0")

@@ -23,14 +23,14 @@ def read_notes(path: Path, part_name: str | None = None) -> MidiNotes:
     """
     if not is_musicxml(path):
         return midi_file.read_notes(path, part_name)
-    notes, length = musicxml_file.notes_of(path, part_name)
+    notes, length = musicxml_file.part_notes(path, part_name)
     return MidiNotes(tuple(_note(note) for note in notes), length)
 
 
 def _note(note: musicxml_file.XmlNote) -> MidiNote:
     strength = MEZZO_FORTE.low if note.strength is None else note.strength
     velocity = max(1, round(127.0 * strength))
-    return MidiNote(note.at, note.key, velocity, note.lasting, note.word, note.strength)
+    return MidiNote(note.at, note.key, velocity, note.length, note.word, note.strength)
 
 
 def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:

@@ -95,8 +95,10 @@ class Npz:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # warnings of Python's parser mean a bad header
-                old = npy.read_magic(header_file) == (1, 0)
-                read_header = npy.read_array_header_1_0 if old else npy.read_array_header_2_0
+                is_version_1 = npy.read_magic(header_file) == (1, 0)
+                read_header = (
+                    npy.read_array_header_1_0 if is_version_1 else npy.read_array_header_2_0
+                )
                 array_shape, _, dtype = read_header(header_file)
         except Exception as error:  # numpy lets the tokenizer's own errors through
             raise TakeError(
@@ -108,9 +110,9 @@ class Npz:
             raise TakeError(
                 f"more than {MAX_SAMPLES:,} samples in '{member_name[:40]}'", self._path
             )
-        missing = header_file.tell() + array_shape[0] * dtype.itemsize - zip_member.file_size
-        if missing:
-            state = "cut short" if missing > 0 else "longer than its header says"
+        n_missing = header_file.tell() + array_shape[0] * dtype.itemsize - zip_member.file_size
+        if n_missing:
+            state = "cut short" if n_missing > 0 else "longer than its header says"
             raise TakeError(f"'{member_name[:40]}' is {state}", self._path)
         return Row(member_name, array_shape[0], dtype, header_file.tell(), zip_member)
 
@@ -133,10 +135,10 @@ class Npz:
 
     def array(self, array_row: Row) -> Floats:
         """All numbers of a row. Raises TakeError."""
-        array_numbers, first_row = np.empty(array_row.length), 0
+        array_numbers, n_read = np.empty(array_row.length), 0
         for block in self.blocks(array_row):
-            array_numbers[first_row : first_row + len(block)] = block
-            first_row += len(block)
+            array_numbers[n_read : n_read + len(block)] = block
+            n_read += len(block)
         return array_numbers
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from ergon.scores.gesture.motion import (
     Motion,
+    check_size,
     position_blocks,
-    positions,
-    size_checked,
+    row_positions,
     unique_names,
 )
 from ergon.scores.gesture.take_file import Floats, TakeError, content_lines, open_take, open_text
@@ -39,24 +39,24 @@ class _RowLayout:
     """
 
     path: Path
-    first: int
-    width: int
+    first_line: int
+    n_cells: int
     names: list[str]
-    starts: list[int]
+    point_columns: list[int]
 
-    def values(self, line: str, number: int) -> list[float]:
+    def read_positions(self, line: str, line_number: int) -> list[float]:
         """Positions of a frame; nan for empty cells. A comma may come last."""
         line_cells = line.split(",")
-        if len(line_cells) == self.width + 1 and not line_cells[-1].strip():
+        if len(line_cells) == self.n_cells + 1 and not line_cells[-1].strip():
             line_cells.pop()
-        if len(line_cells) != self.width:
+        if len(line_cells) != self.n_cells:
             raise TakeError(
                 f"the number of values in this line is {len(line_cells)}, but the header has "
-                f"{self.width} columns",
+                f"{self.n_cells} columns",
                 self.path,
-                number,
+                line_number,
             )
-        return positions(line_cells, self.starts, self.path, number)
+        return row_positions(line_cells, self.point_columns, self.path, line_number)
 
 
 def read(path: Path) -> Motion:
@@ -64,29 +64,29 @@ def read(path: Path) -> Motion:
 
     Raises TakeError and OSError.
     """
-    header, motion_rows = _read_header(path)
+    header, layout = _read_header(path)
 
     def blocks() -> Iterator[Floats]:
         return position_blocks(
             (
-                motion_rows.values(line, line_number)
-                for line, line_number in _position_rows(motion_rows)
+                layout.read_positions(line, line_number)
+                for line, line_number in _position_rows(layout)
             ),
-            n,
+            n_frames,
             path,
         )
 
     count_text = next((header[name] for name in _COUNT_FIELDS if header.get(name)), None)
-    n = (
-        sum(1 for _ in _position_rows(motion_rows))
+    n_frames = (
+        sum(1 for _ in _position_rows(layout))
         if count_text is None
         else _frame_count(count_text, path)
     )
     metres = _METRES_BY_UNIT.get(header.get("Length Units", "").lower())
-    return size_checked(
+    return check_size(
         Motion(
-            unique_names(motion_rows.names),
-            n,
+            unique_names(layout.names),
+            n_frames,
             _frame_rate(header, path),
             metres,
             blocks,
@@ -97,11 +97,11 @@ def read(path: Path) -> Motion:
     )
 
 
-def _position_rows(frame_rows: _RowLayout) -> Iterator[tuple[str, int]]:
-    with open_text(frame_rows.path) as file:
-        for number, line in content_lines(file, frame_rows.path):
-            if number >= frame_rows.first:
-                yield line, number
+def _position_rows(layout: _RowLayout) -> Iterator[tuple[str, int]]:
+    with open_text(layout.path) as file:
+        for line_number, line in content_lines(file, layout.path):
+            if line_number >= layout.first_line:
+                yield line, line_number
 
 
 def _read_header(path: Path) -> tuple[Mapping[str, str], _RowLayout]:

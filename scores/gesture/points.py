@@ -153,18 +153,18 @@ def row_error(line: str, line_offset: int) -> TextError:
         return TextError(
             "this row has a time and no position", offset=line_offset, length=first_word.end()
         )
-    second = word_matches[1]
-    if not _POSITION_REGEX.fullmatch(second.group()):
+    second_word = word_matches[1]
+    if not _POSITION_REGEX.fullmatch(second_word.group()):
         return TextError(
-            f"'{second.group()[:40]}' is not a position such as 6mm",
-            offset=line_offset + second.start(),
-            length=len(second.group()),
+            f"'{second_word.group()[:40]}' is not a position such as 6mm",
+            offset=line_offset + second_word.start(),
+            length=len(second_word.group()),
         )
-    third = word_matches[2].group() if len(word_matches) > 2 else ""
+    third_word = word_matches[2].group() if len(word_matches) > 2 else ""
     word_offset = word_matches[-1].start()
     return TextError(
-        f"unknown word '{third[:40]}'; curves are {', '.join(CURVES)}",
+        f"unknown word '{third_word[:40]}'; curves are {', '.join(CURVES)}",
         offset=line_offset + word_offset,
         length=len(word_matches[-1].group()),
-        suggestion=nearest(third, CURVES),
+        suggestion=nearest(third_word, CURVES),
     )

@@ -14,9 +14,9 @@ import numpy as np
 
 from ergon.scores.gesture.motion import (
     Motion,
+    check_size,
     position_blocks,
-    positions,
-    size_checked,
+    row_positions,
     unique_names,
 )
 from ergon.scores.gesture.take_file import Floats, TakeError, content_lines, open_take, open_text
@@ -41,24 +41,27 @@ class _RowLayout:
 
     path: Path
     names: list[str]
-    first: int
-    leading: int
-    columns: int
+    first_line: int
+    n_leading: int
+    point_columns: int
 
-    def values(self, line: str, number: int) -> list[float]:
+    def read_positions(self, line: str, line_number: int) -> list[float]:
         """Positions of a row; nan for empty cells. A tab may come last."""
-        line_cells, row_width = line.split("\t"), self.leading + self.columns * len(self.names)
+        line_cells, row_width = (
+            line.split("\t"),
+            self.n_leading + self.point_columns * len(self.names),
+        )
         if len(line_cells) == row_width + 1 and not line_cells[-1]:
             line_cells.pop()
         if len(line_cells) != row_width:
             raise TakeError(
                 f"the number of values in this line is {len(line_cells)}, but the "
-                f"{'markers' if self.columns == 3 else 'bodies'} need {row_width}",
+                f"{'markers' if self.point_columns == 3 else 'bodies'} need {row_width}",
                 self.path,
-                number,
+                line_number,
             )
-        return positions(
-            line_cells, range(self.leading, row_width, self.columns), self.path, number
+        return row_positions(
+            line_cells, range(self.n_leading, row_width, self.point_columns), self.path, line_number
         )
 
 
@@ -68,23 +71,23 @@ def read(path: Path) -> Motion:
     Raises TakeError and OSError.
     """
     header, layout = _read_header(path)
-    n = _frame_count(header.get("NO_OF_FRAMES", []), path)
+    n_frames = _frame_count(header.get("NO_OF_FRAMES", []), path)
 
     def blocks() -> Iterator[Floats]:
         with open_text(path) as file:
             numbered_lines = content_lines(file, path)
-            positions_read = (
-                layout.values(line, line_number)
+            position_rows = (
+                layout.read_positions(line, line_number)
                 for line_number, line in numbered_lines
-                if line_number >= layout.first
+                if line_number >= layout.first_line
             )
-            yield from map(_hidden_as_nan, position_blocks(positions_read, n, path))
+            yield from map(_hidden_as_nan, position_blocks(position_rows, n_frames, path))
 
     rate = _frame_rate(header.get("FREQUENCY", []), path)
-    return size_checked(
+    return check_size(
         Motion(
             unique_names(layout.names),
-            n,
+            n_frames,
             rate,
             1e-3,
             blocks,
@@ -98,13 +101,13 @@ def read(path: Path) -> Motion:
 def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     header: dict[str, list[str]] = {}
     with open_text(path) as file:
-        first_row = 0, ""
+        first_data_line = 0, ""
         for numbered_line in content_lines(file, path):
             label_word, *values = numbered_line[1].split("\t")
             if header.keys().isdisjoint(_COLUMNS_BY_NAMES_FIELD):
                 header[label_word.strip()] = values
             elif label_word not in _AFTER_NAMES:
-                first_row = numbered_line
+                first_data_line = numbered_line
                 break
     name_kind = next((kind for kind in _COLUMNS_BY_NAMES_FIELD if kind in header), "MARKER_NAMES")
     n_columns = _COLUMNS_BY_NAMES_FIELD[name_kind]
@@ -117,7 +120,7 @@ def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
             "header",
             path,
         )
-    row_number, cells = first_row[0], first_row[1].split("\t")
+    row_number, cells = first_data_line[0], first_data_line[1].split("\t")
     # Column titles may come first. Every line may end in a tab; then the line of names does too.
     has_titles = any(cell[:1].isalpha() for cell in cells)
     is_tabbed = not header[name_kind][-1].strip()
@@ -127,18 +130,18 @@ def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     return header, _RowLayout(path, marker_names, row_number + has_titles, leading, n_columns)
 
 
-def _frame_count(values: list[str], path: Path) -> int:
-    if not values or not values[0].strip().isdecimal() or len(values[0]) > 9:
+def _frame_count(cells: list[str], path: Path) -> int:
+    if not cells or not cells[0].strip().isdecimal() or len(cells[0]) > 9:
         raise TakeError("NO_OF_FRAMES in this file of QTM is not a number", path)
-    return int(values[0])
+    return int(cells[0])
 
 
-def _frame_rate(cell_values: list[str], path: Path) -> float | None:
+def _frame_rate(cells: list[str], path: Path) -> float | None:
     """The frame rate [Hz]; None if an external clock drives the cameras."""
-    if cell_values[:1] == ["EXT"]:
+    if cells[:1] == ["EXT"]:
         return None
     try:
-        rate = float(cell_values[0])
+        rate = float(cells[0])
     except (ValueError, IndexError):
         rate = 0.0
     if not 0 < rate <= 1e6:

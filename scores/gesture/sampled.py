@@ -36,17 +36,17 @@ def sampled_positions(
     positions = [point.x for point in gesture_points]
     if instants[-1] * rate >= MAX_SAMPLES:
         message = f"this gesture has more than {MAX_SAMPLES:,} samples at {rate:g} Hz"
-        raise _raise_at_point(gesture_points, len(gesture_points) - 1, message)
+        raise _point_error(gesture_points, len(gesture_points) - 1, message)
     try:
         timeline.gesture(hand_key, instants, positions, curves, touch="tracked")  # type: ignore[arg-type]
         simulation = Simulation(network, timeline)
     except EngineError as error:
-        raise _raise_at_point(gesture_points, error.index or 0, error.sentence) from None
+        raise _point_error(gesture_points, error.index or 0, error.sentence) from None
     n_samples = int(instants[-1] * rate + 0.5) + 1
-    path = np.empty(n_samples)
+    samples = np.empty(n_samples)
     no_samples = np.empty((1, 0))
     for i in range(n_samples):
-        path[i] = simulation.positions()[hand_mass]
+        samples[i] = simulation.positions()[hand_mass]
         try:
             simulation.process(no_samples)
         except DivergedError:
@@ -55,10 +55,10 @@ def sampled_positions(
                 len(instants) - 1,
             )
             message = "the path to this point, or on from it, is too fast for any mass"
-            raise _raise_at_point(gesture_points, index, message) from None
-    return path
+            raise _point_error(gesture_points, index, message) from None
+    return samples
 
 
-def _raise_at_point(points: Sequence[Point], index: int, message: str) -> TextError:
+def _point_error(points: Sequence[Point], index: int, message: str) -> TextError:
     point = points[min(index, len(points) - 1)]
     return TextError(message, offset=point.offset, length=point.length, code="E308")

@@ -58,11 +58,11 @@ class Column:
     x: array[float]
 
 
-def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Column]:
-    """All columns of a file by name; what is not a column is counted in `passed_over`. Raises
+def columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]:
+    """All columns of a file by name; what is not a column is counted in `unread`. Raises
     TakeError, also if there are more than a take may have.
     """
-    skipped_counts = Counter[str]() if passed_over is None else passed_over
+    skipped_counts = Counter[str]() if unread is None else unread
     columns_by_key: dict[_Key, Column] = {}
     declared_columns: dict[bytes, list[str]] = {}
     n_values = 0
@@ -72,15 +72,15 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
             raise TakeError(_TOO_MANY, path)
         if n_values > MAX_SAMPLES:
             raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
-        for row, values in enumerate(matrix.tolist()):
-            for column, column_value in enumerate(values):
-                column_key = matrix_name, stream, row, column
-                if (known_column := columns_by_key.get(column_key)) is None:
+        for row_index, values in enumerate(matrix.tolist()):
+            for column_index, column_value in enumerate(values):
+                column_key = matrix_name, stream, row_index, column_index
+                if (column := columns_by_key.get(column_key)) is None:
                     if len(columns_by_key) == MAX_CHANNELS:
                         raise TakeError(_TOO_MANY, path)
-                    known_column = columns_by_key[column_key] = Column(array("d"), array("d"))
-                known_column.t.append(t)
-                known_column.x.append(column_value)
+                    column = columns_by_key[column_key] = Column(array("d"), array("d"))
+                column.t.append(t)
+                column.x.append(column_value)
     if not columns_by_key:
         raise TakeError("the file has no matrices of numbers", path)
     return _columns_by_name(columns_by_key, declared_columns)
@@ -113,27 +113,27 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
 def _columns_by_name(
     columns_by_key: dict[_Key, Column], declared_columns: dict[bytes, list[str]]
 ) -> dict[str, Column]:
-    streams = {(name, row, column): set[int]() for name, _, row, column in columns_by_key}
+    streams_by_cell = {(name, row, column): set[int]() for name, _, row, column in columns_by_key}
     rows_by_column = {
         (name, stream, column): set[int]() for name, stream, _, column in columns_by_key
     }
     for matrix_name, stream, row_index, column_index in columns_by_key:
-        streams[matrix_name, row_index, column_index].add(stream)
+        streams_by_cell[matrix_name, row_index, column_index].add(stream)
         rows_by_column[matrix_name, stream, column_index].add(row_index)
     columns_by_name = {}
     for key, column_of in columns_by_key.items():
         matrix_name, stream, row_index, column_index = key
         titles = declared_columns.get(matrix_name, [])
         title = titles[column_index] if column_index < len(titles) else str(column_index + 1)
-        column_word = f"{matrix_name.decode('latin-1')}.{title}"
-        if len(streams[matrix_name, row_index, column_index]) > 1:
-            column_word += f" stream {stream}"
+        column_name = f"{matrix_name.decode('latin-1')}.{title}"
+        if len(streams_by_cell[matrix_name, row_index, column_index]) > 1:
+            column_name += f" stream {stream}"
         if len(rows_by_column[matrix_name, stream, column_index]) > 1:
-            column_word += f" row {row_index + 1}"
+            column_name += f" row {row_index + 1}"
         columns_by_name[
-            column_word
-            if column_word not in columns_by_name
-            else f"{column_word} ({column_index + 1})"
+            column_name
+            if column_name not in columns_by_name
+            else f"{column_name} ({column_index + 1})"
         ] = column_of
     return columns_by_name
 
@@ -150,14 +150,14 @@ def _matrices(
             raise TakeError("this is not an SDIF file", path)
         open_file.seek(4)
         _frame_content(open_file, file_size, path)
-        while frame_header := open_file.read(4):
+        while signature := open_file.read(4):
             frame_bytes = _frame_content(open_file, file_size, path)
-            if frame_header == b"1TYP":
+            if signature == b"1TYP":
                 _read_declarations(frame_bytes, declared_columns)
                 continue
-            if frame_header in _TEXT_CHUNKS or len(frame_bytes) < _FRAME_HEADER.size:
+            if signature in _TEXT_CHUNKS or len(frame_bytes) < _FRAME_HEADER.size:
                 _count_skipped(
-                    skipped_counts, f"frame {_printable_name(frame_header)} without columns"
+                    skipped_counts, f"frame {_printable_name(signature)} without columns"
                 )
                 continue
             instant, stream, n_matrices = _FRAME_HEADER.unpack_from(frame_bytes)
@@ -165,7 +165,7 @@ def _matrices(
                 math.isfinite(instant) and abs(instant) <= _INSTANT_SECONDS_MAX
             ):  # it applies to the whole file
                 _count_skipped(
-                    skipped_counts, f"frame {_printable_name(frame_header)} without an instant"
+                    skipped_counts, f"frame {_printable_name(signature)} without an instant"
                 )
                 continue
             if n_matrices < 0:
@@ -221,16 +221,16 @@ def _frame_matrices(
             frame_bytes, matrix_offset
         )
         matrix_offset += _MATRIX_HEADER.size
-        matrix_bytes = n_rows * n_columns * (matrix_type & 0xFF)
-        if matrix_offset + matrix_bytes > len(frame_bytes):
+        matrix_size = n_rows * n_columns * (matrix_type & 0xFF)
+        if matrix_offset + matrix_size > len(frame_bytes):
             raise TakeError("the file has a matrix that is longer than its frame", path)
-        if matrix_type in _DTYPE_BY_CODE and matrix_bytes:
+        if matrix_type in _DTYPE_BY_CODE and matrix_size:
             cell_values = np.frombuffer(
                 frame_bytes, _DTYPE_BY_CODE[matrix_type], n_rows * n_columns, matrix_offset
             )
             yield matrix_name, cell_values.astype(np.float64).reshape(n_rows, n_columns)
         else:
             _count_skipped(skipped_counts, f"matrix {_printable_name(matrix_name)} without numbers")
-        matrix_offset += matrix_bytes + -matrix_bytes % 8  # padded
+        matrix_offset += matrix_size + -matrix_size % 8  # padded
     if len(frame_bytes) - matrix_offset >= _MATRIX_HEADER.size:
         _count_skipped(skipped_counts, "rest of a frame behind the matrices that it counts")

@@ -28,7 +28,7 @@ class _Brackets(NamedTuple):
 
     start: int
     stop: int
-    parts: tuple[tuple[int, str], ...]
+    positions: tuple[tuple[int, str], ...]
 
 
 class _PositionInText(NamedTuple):
@@ -39,13 +39,13 @@ class _PositionInText(NamedTuple):
     length: int
 
 
-def axes(text: str) -> int:
+def axis_count(text: str) -> int:
     """The number of positions that each point of a notation has; 1 if it is not a path in space."""
     match = _POSITIONS.search(text)
     return 1 if match is None else match[1].count(",") + 1
 
 
-def played(gesture_name: str, gesture_names: Container[str]) -> tuple[str, ...]:
+def played_names(gesture_name: str, gesture_names: Container[str]) -> tuple[str, ...]:
     """The names by which a gesture is played: its own, or, for a path, those of its axes, such as
     `pour.x`.
     """
@@ -64,7 +64,7 @@ def parse(
     Raises TextError with the characters at fault.
     """
     bracket_points = [_bracketed_positions(match) for match in _POSITIONS.finditer(path_text)]
-    n_axes = axes(path_text)
+    n_axes = axis_count(path_text)
     _check_positions(path_text, bracket_points, n_axes)
     return tuple(
         _axis_notation(path_text, bracket_points, axis, curve, events_max // n_axes)
@@ -73,11 +73,11 @@ def parse(
 
 
 def _bracketed_positions(bracket_match: re.Match[str]) -> _Brackets:
-    position_parts, part_offset_here = [], bracket_match.start(1)
+    positions, part_offset = [], bracket_match.start(1)
     for part in bracket_match[1].split(","):
-        position_parts.append((part_offset_here + len(part) - len(part.lstrip()), part.strip()))
-        part_offset_here += len(part) + 1
-    return _Brackets(bracket_match.start(), bracket_match.end(), tuple(position_parts))
+        positions.append((part_offset + len(part) - len(part.lstrip()), part.strip()))
+        part_offset += len(part) + 1
+    return _Brackets(bracket_match.start(), bracket_match.end(), tuple(positions))
 
 
 def _check_positions(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
@@ -93,14 +93,11 @@ def _check_positions(path_text: str, points: Sequence[_Brackets], n_axes: int) -
         if path_text[bracket_stop : bracket_stop + 1] != "@":
             message = f"'{point_text[:40]}' has no time; write {point_text[:40]}@1/4"
             raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
-    for alone_match in _POSITION_WITHOUT_BRACKETS.finditer(path_text):
-        if (
-            path_text[alone_match.start() - 1 : alone_match.start()] != ")"
-            or alone_match[0][0] != "@"
-        ):
+    for bare_match in _POSITION_WITHOUT_BRACKETS.finditer(path_text):
+        if path_text[bare_match.start() - 1 : bare_match.start()] != ")" or bare_match[0][0] != "@":
             example = ", ".join(("0mm",) * n_axes)
             message = f"this point has one position; write one for each axis: ({example})@…"
-            raise TextError(message, offset=alone_match.start(), length=len(alone_match[0]))
+            raise TextError(message, offset=bare_match.start(), length=len(bare_match[0]))
 
 
 def _axis_notation(
@@ -110,31 +107,34 @@ def _axis_notation(
     pieces: list[str] = []
     piece_end = 0
     # By the offset of a position in the text that is parsed: where it is in the text as written.
-    begins: dict[int, _PositionInText] = {}
-    for bracket_start, bracket_stop, parts in bracket_points:
-        part_offset, axis_text = parts[axis]
+    positions_by_offset: dict[int, _PositionInText] = {}
+    for bracket_start, bracket_stop, positions in bracket_points:
+        part_offset, axis_text = positions[axis]
         # The replacement has the same length, with the position next to its time, so that other
         # offsets stay.
         pieces += (
             path_text[piece_end:bracket_start],
             axis_text.rjust(bracket_stop - bracket_start),
         )
-        begins[bracket_stop - len(axis_text)] = _PositionInText(
+        positions_by_offset[bracket_stop - len(axis_text)] = _PositionInText(
             bracket_start, part_offset, len(axis_text)
         )
         piece_end = bracket_stop
     try:
         axis_notation = notation.parse("".join((*pieces, path_text[piece_end:])), curve, events_max)
     except TextError as error:
-        begin = max(
-            (begin_offset for begin_offset in begins if begin_offset <= error.offset), default=-1
+        text_offset = max(
+            (begin_offset for begin_offset in positions_by_offset if begin_offset <= error.offset),
+            default=-1,
         )
-        if begin >= 0 and error.offset <= begin + max(0, begins[begin].length - 1):
-            error.offset += begins[begin].text_start - begin
+        if text_offset >= 0 and error.offset <= text_offset + max(
+            0, positions_by_offset[text_offset].length - 1
+        ):
+            error.offset += positions_by_offset[text_offset].text_start - text_offset
         raise
-    points_placed = []
+    placed_points = []
     for axis_point in axis_notation.points:
-        bracket_start = begins[axis_point.offset].start
+        bracket_start = positions_by_offset[axis_point.offset].start
         length = axis_point.offset + axis_point.length - bracket_start
-        points_placed.append(replace(axis_point, offset=bracket_start, length=length))
-    return replace(axis_notation, points=tuple(points_placed))
+        placed_points.append(replace(axis_point, offset=bracket_start, length=length))
+    return replace(axis_notation, points=tuple(placed_points))

@@ -20,8 +20,8 @@ from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     Floats,
     TakeError,
-    number_in,
     open_text,
+    parse_cell,
     time_order_error,
 )
 
@@ -77,11 +77,11 @@ class Table:
     n_rows: int
     columns: tuple[Column, ...]
     note: str | None = None
-    passed_over: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
     has_hidden: bool = False  # whether a value that is missing is a point that no camera saw
 
 
-_BLOCK = 4096  # rows
+_BLOCK_NUMBERS = 4096  # rows
 _UNREAD_SEPARATOR = re.compile(r"[ |:]")
 
 
@@ -104,16 +104,16 @@ def _read_table(path: Path) -> Table:
             time = next((i for i, column in enumerate(columns) if column.is_time), None)
             block: list[list[float]] = []
             n_rows, last_instant = 0, -math.inf
-            for number, cells in table.rows:
-                block.append(values := _row_numbers(table.names, cells, path, number))
+            for line_number, cells in table.rows:
+                block.append(values := _row_numbers(table.names, cells, path, line_number))
                 if not all(map(math.isfinite, values)):
-                    _note_missing_line(columns, values, number)
+                    _note_missing_line(columns, values, line_number)
                 if time is not None:
-                    instant = number_in(cells[time], path, number)
+                    instant = parse_cell(cells[time], path, line_number)
                     if not instant > last_instant:
-                        raise time_order_error(instant, last_instant, path, number)
+                        raise time_order_error(instant, last_instant, path, line_number)
                     last_instant = instant
-                if len(block) * len(columns) >= _BLOCK:
+                if len(block) * len(columns) >= _BLOCK_NUMBERS:
                     n_rows += _add_rows(columns, block)
             n_rows += _add_rows(columns, block)
         except UnicodeDecodeError:
@@ -178,13 +178,13 @@ def _add_rows(columns: Sequence[Column], block: list[list[float]]) -> int:
 
 def _summarise_npz(path: Path) -> Table:
     """The number arrays of an npz file; other arrays cannot be played and are left out."""
-    columns, passed_over = [], []
+    columns, unread = [], []
     n_rows = 0
     with open_npz(path) as arrays:
         for index in range(len(arrays.names)):
             row = arrays.row(index)
             if row is None or not row.length:
-                passed_over.append(f"array {arrays.names[index]}, which is not a row of numbers")
+                unread.append(f"array {arrays.names[index]}, which is not a row of numbers")
                 continue
             column = Column(row.name)
             for block in arrays.blocks(row):
@@ -193,7 +193,7 @@ def _summarise_npz(path: Path) -> Table:
                 column.add(block)
             columns.append(column)
             n_rows = max(n_rows, row.length)
-    return Table(n_rows, tuple(columns), _playing_mistake(columns), tuple(passed_over))
+    return Table(n_rows, tuple(columns), _playing_mistake(columns), tuple(unread))
 
 
 def _summarise_tsv(path: Path) -> Table:
@@ -205,22 +205,22 @@ def _summarise_csv(path: Path) -> Table:
     return _points_summariser(optitrack_file.read)(path) if is_motive else _read_table(path)
 
 
-def _points_summariser(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
+def _points_summariser(read_motion: Callable[[Path], Motion]) -> Callable[[Path], Table]:
     """A reader that summarises moving points: three columns each, in metres if the file tells a
     unit.
     """
 
-    def points(path: Path) -> Table:
-        motion = opening(path)
-        unit = " [m]" if motion.metres else ""
+    def summarise(path: Path) -> Table:
+        motion = read_motion(path)
+        unit = " [m]" if motion.unit_metres else ""
         names = [f"{point}.{axis}{unit}" for point in motion.points for axis in AXES[:3]]
         columns = tuple(Column(name) for name in names)
         for block in motion.blocks():
-            values = block.reshape(len(block), -1).T * (motion.metres or 1.0)
+            values = block.reshape(len(block), -1).T * (motion.unit_metres or 1.0)
             for column, values_of_column in zip(columns, values, strict=True):
                 column.add(values_of_column)
         if not motion.rate:
-            return Table(motion.n_frames, columns, motion.note, motion.passed_over, has_hidden=True)
+            return Table(motion.n_frames, columns, motion.note, motion.unread, has_hidden=True)
         time = Column(
             "t [s]",
             0.0,
@@ -229,9 +229,9 @@ def _points_summariser(opening: Callable[[Path], Motion]) -> Callable[[Path], Ta
             (motion.n_frames - 1) / motion.rate,
         )
         columns = (time, *columns)
-        return Table(motion.n_frames, columns, motion.note, motion.passed_over, has_hidden=True)
+        return Table(motion.n_frames, columns, motion.note, motion.unread, has_hidden=True)
 
-    return points
+    return summarise
 
 
 def _summarise_sdif(path: Path) -> Table:
@@ -240,9 +240,9 @@ def _summarise_sdif(path: Path) -> Table:
     """
     columns, times = [], Column("t [s]")
     n_rows = 0
-    passed_over = Counter[str]()
+    unread = Counter[str]()
     note = None
-    for name, column in sdif_file.columns(path, passed_over).items():
+    for name, column in sdif_file.columns(path, unread).items():
         if note is None and not (np.diff(np.frombuffer(column.t)) > 0.0).all():
             note = f"the instants of {name[:40]!r} do not rise: a take of it is refused"
         columns.append(Column(name))
@@ -250,11 +250,10 @@ def _summarise_sdif(path: Path) -> Table:
         if len(column.t) > n_rows:
             n_rows, times = len(column.t), Column("t [s]")
             times.add(np.frombuffer(column.t))
-    passed = (
-        f"{matrix_type}, {n} times" if n > 1 else matrix_type
-        for matrix_type, n in passed_over.items()
+    unread_names = (
+        f"{matrix_type}, {n} times" if n > 1 else matrix_type for matrix_type, n in unread.items()
     )
-    return Table(n_rows, (times, *columns), note, tuple(passed))
+    return Table(n_rows, (times, *columns), note, tuple(unread_names))
 
 
 _SUMMARIES: dict[str, Callable[[Path], Table]] = {

@@ -77,9 +77,11 @@ def _separator(header: str) -> str:
 def _units_of_row(column_names: list[str], cells: list[str]) -> list[str] | None:
     """The units of a row that has nothing else, below names without units."""
     units = [cell.strip().strip("[]()") for cell in cells]
-    is_row = any(units) and all(unit in _UNITS for unit in units if unit)
+    is_unit_row = any(units) and all(unit in _UNITS for unit in units if unit)
     return (
-        units if is_row and not any(map(_NAME_WITH_UNIT_PATTERN.fullmatch, column_names)) else None
+        units
+        if is_unit_row and not any(map(_NAME_WITH_UNIT_PATTERN.fullmatch, column_names))
+        else None
     )
 
 
@@ -94,9 +96,9 @@ def _names_with_units(column_names: list[str]) -> list[str]:
         named_columns.append((name_text, unit_text))
     words = [word.casefold() for word, _ in named_columns]
     if "t" not in [word for word, _ in named_columns]:
-        times = [i for i, word in enumerate(words) if word in ("t", "time")]
-        if len(times) == 1:
-            named_columns[times[0]] = ("t", named_columns[times[0]][1])
+        time_columns = [i for i, word in enumerate(words) if word in ("t", "time")]
+        if len(time_columns) == 1:
+            named_columns[time_columns[0]] = ("t", named_columns[time_columns[0]][1])
     return [word if unit is None else f"{word} [{unit}]" for word, unit in named_columns]
 
 

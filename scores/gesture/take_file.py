@@ -120,14 +120,14 @@ def content_lines(open_file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
             yield line_number, text
 
 
-def number_in(cell_text: str, path: Path, line_number: int) -> float:
+def parse_cell(cell_text: str, path: Path, line_number: int) -> float:
     """The number in a cell of a table. Raises TakeError."""
     try:
-        read_value = float(cell_text)
+        number = float(cell_text)
     except ValueError:
-        read_value = math.nan
-    if not abs(read_value) <= 1e15 or "_" in cell_text:  # also refuses nan
+        number = math.nan
+    if not abs(number) <= 1e15 or "_" in cell_text:  # also refuses nan
         raise TakeError(
             f"'{cell_text.strip()[:40]}' is not a number that a take can hold", path, line_number
         )
-    return read_value
+    return number

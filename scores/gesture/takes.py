@@ -44,8 +44,8 @@ from ergon.scores.gesture.take_file import (
     MAX_SAMPLES,
     Floats,
     TakeError,
-    number_in,
     open_text,
+    parse_cell,
     time_order_error,
 )
 
@@ -69,11 +69,7 @@ class Samples(NamedTuple):
 
 
 def read(
-    path: Path,
-    channel: str | None = None,
-    *,
-    rate: float | None = None,
-    unit: float | None = None,
+    path: Path, channel: str | None = None, *, rate: float | None = None, unit: float | None = None
 ) -> Samples:
     """Read one channel of a captured movement; `channel` may be left out if the file has only one.
 
@@ -113,33 +109,35 @@ def _read_table(
             take_table = sheet(file, path)
             table_columns = _columns(take_table.names, path, take_table.line)
             value_column, x_unit = _chosen_column(table_columns, channel, path)
-            divisor = _column_values(take_table, value_column, x_unit, metre_unit, path)
+            divisor = _column_divisor(take_table, value_column, x_unit, metre_unit, path)
             has_times = "t" in table_columns
-            t, t_unit = table_columns.get("t", (value_column, "s"))
+            time_column, t_unit = table_columns.get("t", (value_column, "s"))
             _check_rate(has_times, rate, path)
-            ts, xs = array("d"), array("d")
+            instants, positions = array("d"), array("d")
             for line_number, cells in take_table.rows:
-                x = number_in(cells[value_column], path, line_number)
+                x = parse_cell(cells[value_column], path, line_number)
                 if has_times:
-                    row_instant = number_in(cells[t], path, line_number)
-                    if ts and not row_instant > ts[-1]:
-                        raise time_order_error(row_instant, ts[-1], path, line_number)
-                    ts.append(row_instant)
-                if len(xs) == MAX_SAMPLES:
+                    row_instant = parse_cell(cells[time_column], path, line_number)
+                    if instants and not row_instant > instants[-1]:
+                        raise time_order_error(row_instant, instants[-1], path, line_number)
+                    instants.append(row_instant)
+                if len(positions) == MAX_SAMPLES:
                     raise TakeError(
                         f"the file has more than {MAX_SAMPLES:,} samples", path, line_number
                     )
-                xs.append(x)
+                positions.append(x)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
     if has_times:
-        times = np.frombuffer(ts) / _unit_divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
+        times = np.frombuffer(instants) / _unit_divisor(
+            t_unit or "s", UNITS_PER_SECOND, "time", path
+        )
     else:
-        times = np.arange(len(xs)) / (rate or 1.0)
-    return _checked_samples(times, np.frombuffer(xs) / divisor, path)
+        times = np.arange(len(positions)) / (rate or 1.0)
+    return _checked_samples(times, np.frombuffer(positions) / divisor, path)
 
 
-def _column_values(
+def _column_divisor(
     take_table: Sheet,
     column_index: int,
     stated_unit: str | None,
@@ -240,8 +238,10 @@ def _checked_samples(t: Floats, x: Floats, path: Path) -> Samples:
     if not (is_rising := steps > 0.0).all():
         raise TakeError(f"times must rise: sample {int(is_rising.argmin()) + 2} does not", path)
     if not (is_step_valid := steps > 0.9 / MAX_RATE).all():
-        number = int(is_step_valid.argmin()) + 2
-        raise TakeError(f"sample {number} follows the one before in less than a microsecond", path)
+        sample_number = int(is_step_valid.argmin()) + 2
+        raise TakeError(
+            f"sample {sample_number} follows the one before in less than a microsecond", path
+        )
     if x.size and float(np.abs(x).max()) > MAX_POSITION:
         raise TakeError(f"the file has positions of more than {MAX_POSITION:,.0f} m", path)
     return Samples(t, x)
@@ -306,9 +306,9 @@ class _PatchedFile:
         start_offset = self._file.tell()
         file_bytes = bytearray(self._file.read(size))
         for offset, patch in self._patches.items():
-            for place, value in enumerate(patch, offset - start_offset):
-                if 0 <= place < len(file_bytes):
-                    file_bytes[place] = value
+            for byte_index, value in enumerate(patch, offset - start_offset):
+                if 0 <= byte_index < len(file_bytes):
+                    file_bytes[byte_index] = value
         return bytes(file_bytes)
 
 
@@ -325,7 +325,7 @@ def _wav_patches(path: Path) -> dict[int, bytes]:
         byte_order = _WAV_ORDER.get(header[:4])
         if byte_order is None or header[8:] != b"WAVE":
             raise TakeError("this is not a WAV file", path)
-        tag = None
+        format_tag = None
         while len(chunk := raw_file.read(8)) == 8:
             chunk_name, chunk_length, chunk_start = (
                 chunk[:4],
@@ -334,12 +334,14 @@ def _wav_patches(path: Path) -> dict[int, bytes]:
             )
             if chunk_name == b"fmt ":
                 chunk_content = raw_file.read(min(chunk_length, 40))
-                tag = int.from_bytes(chunk_content[:2], byte_order)
-                if tag == _EXTENSIBLE_FORMAT:
-                    tag = int.from_bytes(chunk_content[24:26], byte_order)
-                if tag not in (_PCM_FORMAT, _FLOAT_FORMAT):
-                    raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
-            elif chunk_name == b"data" and tag is not None:
+                format_tag = int.from_bytes(chunk_content[:2], byte_order)
+                if format_tag == _EXTENSIBLE_FORMAT:
+                    format_tag = int.from_bytes(chunk_content[24:26], byte_order)
+                if format_tag not in (_PCM_FORMAT, _FLOAT_FORMAT):
+                    raise TakeError(
+                        f"this WAV file is coded (format {format_tag}); PCM is read", path
+                    )
+            elif chunk_name == b"data" and format_tag is not None:
                 patches = {0: b"RF64"} if header[:4] == b"BW64" else {}
                 # Programs that stream leave 0 or 0xFFFFFFFF as the size.
                 if not chunk_length and int.from_bytes(header[4:8], byte_order) + 8 != file_size:
@@ -355,9 +357,12 @@ def _wav_patches(path: Path) -> dict[int, bytes]:
 
 def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     _check_unit(unit, path)
-    column_headers = {"t": "t [s]"}
+    default_headers = {"t": "t [s]"}
     with open_npz(path) as arrays:
-        headers = [n if "[" in n else column_headers.get(n, f"{n} [m]") for n in arrays.names]
+        headers = [
+            name if "[" in name else default_headers.get(name, f"{name} [m]")
+            for name in arrays.names
+        ]
         columns_by_name = _columns(headers, path, None)
         column_index, x_unit = _chosen_column(columns_by_name, channel, path)
         has_instants = "t" in columns_by_name
@@ -435,13 +440,13 @@ def _read_sdif(path: Path, channel: str | None, rate: float | None, unit: float 
     return _checked_samples(*sdif_file.track(path, channel, unit), path)
 
 
-def _capture_reader(opening: Callable[[Path], motion.Motion]) -> _Reader:
+def _capture_reader(read_motion: Callable[[Path], motion.Motion]) -> _Reader:
     """A reader of a format of motion capture."""
 
     def read_points(
         path: Path, channel: str | None, rate: float | None, unit: float | None
     ) -> Samples:
-        t, x, damage = motion.track(opening(path), channel, rate, unit, path)
+        t, x, damage = motion.track(read_motion(path), channel, rate, unit, path)
         return _checked_samples(t, x, path)._replace(damage=damage)
 
     return read_points

@@ -56,34 +56,34 @@ class Transform:
     length: int = 1
 
     @property
-    def lengthening(self) -> float:
+    def time_factor(self) -> float:
         """How many times as long a gesture becomes."""
         if self.word == "fast":
             return 1.0 / self.amount
         return self.amount if self.word in ("stretch", "slow") else 1.0
 
     @property
-    def spacing(self) -> float:
+    def period_factor(self) -> float:
         """How many times as long the time between repetitions becomes."""
-        return self.lengthening if self.word in ("fast", "slow") else 1.0
+        return self.time_factor if self.word in ("fast", "slow") else 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class TakeTransform:
     """The sum of transformations of a take: x·scale at t·stretch, moved by `shift`.
 
-    `front` and `back` [s] of the take, as it was captured, are left out.
+    `front_cut` and `back_cut` [s] of the take, as it was captured, are left out.
     """
 
     scale: float = 1.0
     stretch: float = 1.0
     reverse: bool = False
     shift: Time = NO_TIME
-    front: float = 0.0
-    back: float = 0.0
+    front_cut: float = 0.0
+    back_cut: float = 0.0
 
 
-class _TransformResult(NamedTuple):
+class _Transformed(NamedTuple):
     points: tuple[Point, ...]
     note: str | None = None
 
@@ -138,30 +138,27 @@ def parse_transform(
             offset=error_offset,
             length=error_length,
         )
-    read_fields: dict[str, float | Time] = {}
-    for (argument, place), (name, read_argument) in zip(
+    fields: dict[str, float | Time] = {}
+    for (argument, word_offset), (name, read_argument) in zip(
         verb_arguments, verb.arguments, strict=True
     ):
-        read_fields[name] = read_argument(argument, place, verb.example)
+        fields[name] = read_argument(argument, word_offset, verb.example)
     end = placed_words[-1][1] + len(placed_words[-1][0])
-    return Transform(verb_word, offset=verb_offset, length=end - verb_offset, **read_fields)  # type: ignore[arg-type]
+    return Transform(verb_word, offset=verb_offset, length=end - verb_offset, **fields)  # type: ignore[arg-type]
 
 
 def parse_chain(written_text: str) -> tuple[Transform, ...]:
     """Read transformations separated by commas: `scale 0.5, mirror`. Raises TextError."""
-    chain = []
+    transforms = []
     chain_start = 0
     for part in written_text.split(","):
-        chain.append(parse_transform(part, chain_start))
+        transforms.append(parse_transform(part, chain_start))
         chain_start += len(part) + 1
-    return tuple(chain)
+    return tuple(transforms)
 
 
 def apply(
-    points: Sequence[Point],
-    transforms: Sequence[Transform],
-    chance: Chance,
-    beat: float = 1.0,
+    points: Sequence[Point], transforms: Sequence[Transform], chance: Chance, beat: float = 1.0
 ) -> tuple[tuple[Point, ...], tuple[str, ...]]:
     """Transform `points` left to right; also return a sentence for each loss of points.
 
@@ -182,7 +179,7 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
     `beat` is the duration [s] of a beat at the start of the occurrence.
     """
     scale, stretch, reverse, shift = 1.0, 1.0, False, Time()
-    omitted_durations = [0.0, 0.0]  # in front and at the back
+    cuts = [0.0, 0.0]  # in front and at the back
     for transform in transforms:
         if transform.word in ("jitter", "quantise"):
             raise TextError(
@@ -192,7 +189,7 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
             )
         amount, transform_time = transform.amount, transform.time
         scale *= {"scale": amount, "mirror": -1.0}.get(transform.word, 1.0)
-        time_factor = transform.lengthening
+        time_factor = transform.time_factor
         stretch *= time_factor
         shift = Time(shift.beats * time_factor, shift.seconds * time_factor)
         reverse ^= transform.word in ("reverse", "rev")
@@ -200,36 +197,32 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
             cut_duration = (
                 (transform_time.beats - shift.beats) * beat + transform_time.seconds - shift.seconds
             )
-            omitted_durations[reverse] += max(0.0, cut_duration) / stretch
+            cuts[reverse] += max(0.0, cut_duration) / stretch
             shift = Time(0.0, max(0.0, -cut_duration))
             continue
         shift = Time(shift.beats + transform_time.beats, shift.seconds + transform_time.seconds)
-    return TakeTransform(scale, stretch, reverse, shift, *omitted_durations)
+    return TakeTransform(scale, stretch, reverse, shift, *cuts)
 
 
-def _scale(
-    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
-) -> _TransformResult:
-    return _TransformResult(tuple(_moved_point(p, p.at, p.x * transform.amount) for p in points))
+def _scale(points: tuple[Point, ...], transform: Transform, _: Chance, __: float) -> _Transformed:
+    return _Transformed(tuple(_moved_point(p, p.at, p.x * transform.amount) for p in points))
 
 
-def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
-    return _TransformResult(tuple(_moved_point(p, p.at, 0.0 - p.x) for p in points))
+def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Transformed:
+    return _Transformed(tuple(_moved_point(p, p.at, 0.0 - p.x) for p in points))
 
 
-def _stretch(
-    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
-) -> _TransformResult:
-    s = transform.lengthening
-    return _TransformResult(
-        tuple(_moved_point(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in points)
+def _stretch(points: tuple[Point, ...], transform: Transform, _: Chance, __: float) -> _Transformed:
+    factor = transform.time_factor
+    return _Transformed(
+        tuple(
+            _moved_point(p, Time(p.at.beats * factor, p.at.seconds * factor), p.x) for p in points
+        )
     )
 
 
-def _shift(
-    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
-) -> _TransformResult:
-    return _TransformResult(
+def _shift(points: tuple[Point, ...], transform: Transform, _: Chance, __: float) -> _Transformed:
+    return _Transformed(
         tuple(
             _moved_point(
                 p,
@@ -243,7 +236,7 @@ def _shift(
 
 def _start_from(
     points: tuple[Point, ...], transform: Transform, _: Chance, beat_duration: float
-) -> _TransformResult:
+) -> _Transformed:
     """Leave out the points before an instant, which becomes the start; the last point stays.
 
     The first point that is left gets the curve of the gesture's first point.
@@ -257,7 +250,7 @@ def _start_from(
     first_index = next(later_indices, None)
     if first_index is None:
         end = _moved_point(points[-1], NO_TIME, points[-1].x)
-        return _TransformResult(
+        return _Transformed(
             (end,), "from: the start lies after the last point, so only the last position remains"
         )
     times = [
@@ -268,29 +261,20 @@ def _start_from(
         _moved_point(p, new_time, p.x)
         for p, new_time in zip(points[first_index:], times, strict=True)
     ]
-    return _TransformResult((replace(moved_points[0], curve=points[0].curve), *moved_points[1:]))
+    return _Transformed((replace(moved_points[0], curve=points[0].curve), *moved_points[1:]))
 
 
-def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
+def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Transformed:
     """Play the points backward, between the first and the last point's instants.
 
     The curve that led into point i now leads into point i-1.
     """
     first_time, last_time = points[0].at, points[-1].at
-    beats, seconds = (
-        first_time.beats + last_time.beats,
-        first_time.seconds + last_time.seconds,
-    )
+    beats, seconds = (first_time.beats + last_time.beats, first_time.seconds + last_time.seconds)
     curves = [points[0].curve, *(p.curve for p in reversed(points[1:]))]
-    return _TransformResult(
+    return _Transformed(
         tuple(
-            Point(
-                Time(beats - p.at.beats, seconds - p.at.seconds),
-                p.x,
-                curve,
-                p.offset,
-                p.length,
-            )
+            Point(Time(beats - p.at.beats, seconds - p.at.seconds), p.x, curve, p.offset, p.length)
             for p, curve in zip(reversed(points), curves, strict=True)
         )
     )
@@ -298,7 +282,7 @@ def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) ->
 
 def _jitter(
     points: tuple[Point, ...], transform: Transform, chance: Chance, beat_duration: float
-) -> _TransformResult:
+) -> _Transformed:
     """Move every point but the first by a draw in time, then one in position.
 
     A point moves at most JITTER_RATIO_MAX of the way to a neighbour, so that a tenth of the way
@@ -316,12 +300,12 @@ def _jitter(
             dt = min(dt, JITTER_RATIO_MAX * (instants[i + 1] - instants[i]))
         x = moved_points[-1].x if point.curve == "hold" else point.x + dx
         moved_points.append(_moved_point(point, Time(point.at.beats, point.at.seconds + dt), x))
-    return _TransformResult(tuple(moved_points))
+    return _Transformed(tuple(moved_points))
 
 
 def _quantise(
     points: tuple[Point, ...], transform: Transform, _: Chance, beat_duration: float
-) -> _TransformResult:
+) -> _Transformed:
     """Move points to the nearest multiple of q beats, halves later; merge those that meet.
 
     The merged point has the position of the last; its curve is the last that is not a hold.
@@ -330,21 +314,20 @@ def _quantise(
     merged_points: list[Point] = []
     for point in points:
         rounded_time = Time(
-            floor((point.at.beats + point.at.seconds / beat_duration) / grid + 0.5) * grid,
-            0.0,
+            floor((point.at.beats + point.at.seconds / beat_duration) / grid + 0.5) * grid, 0.0
         )
         curve = point.curve
         if merged_points and rounded_time.beats <= merged_points[-1].at.beats:
-            previous = merged_points.pop()
-            rounded_time, curve = previous.at, previous.curve if curve == "hold" else curve
+            last_point = merged_points.pop()
+            rounded_time, curve = last_point.at, last_point.curve if curve == "hold" else curve
         merged_points.append(Point(rounded_time, point.x, curve, point.offset, point.length))
     n_lost = len(points) - len(merged_points)
     if not n_lost:
-        return _TransformResult(tuple(merged_points))
-    points_fall = "points fall" if n_lost > 1 else "point falls"
-    return _TransformResult(
+        return _Transformed(tuple(merged_points))
+    count_text = "points fall" if n_lost > 1 else "point falls"
+    return _Transformed(
         tuple(merged_points),
-        f"quantise {grid:g}: {n_lost} {points_fall} on the time of the next point",
+        f"quantise {grid:g}: {n_lost} {count_text} on the time of the next point",
     )
 
 
@@ -383,7 +366,7 @@ def _signed_span(word: str, offset: int, example: str) -> Time:
     return Time(-time.beats, -time.seconds) if sign == "-" else time
 
 
-def _read_reach(word: str, offset: int, example: str) -> float:
+def _read_distance(word: str, offset: int, example: str) -> float:
     match = _POSITION.fullmatch(word)
     if match is None:
         raise _misread_error(word, offset, "a distance", example)
@@ -398,7 +381,7 @@ def _misread_error(read_word: str, word_offset: int, kind: str, example: str) ->
     )
 
 
-_ApplyTransform = Callable[[tuple[Point, ...], Transform, Chance, float], _TransformResult]
+_ApplyTransform = Callable[[tuple[Point, ...], Transform, Chance, float], _Transformed]
 _ReadArgument = Callable[[str, int, str], float | Time]
 
 
@@ -416,7 +399,7 @@ _VERBS = {
     "stretch": _Verb("stretch 2", (("amount", _read_positive_time),), _stretch),
     "mirror": _Verb("mirror", (), _mirror),
     "reverse": _Verb("reverse", (), _reverse),
-    "jitter": _Verb("jitter 4ms 0.2mm", (("time", _read_span), ("x", _read_reach)), _jitter),
+    "jitter": _Verb("jitter 4ms 0.2mm", (("time", _read_span), ("x", _read_distance)), _jitter),
     "shift": _Verb("shift 1/8", (("time", _signed_span),), _shift),
     "quantise": _Verb("quantise 1/8", (("amount", _read_positive_time),), _quantise),
     "rev": _Verb("rev", (), _reverse),

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from ergon.scores.gesture.motion import (
     Motion,
+    check_size,
     metres_of,
     position_blocks,
-    positions,
-    size_checked,
+    row_positions,
     unique_names,
 )
 from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, content_lines, open_text
@@ -32,7 +32,7 @@ _RATE_TOLERANCE = (
 
 
 @dataclass(frozen=True, slots=True)
-class _FileHead:
+class _FileHeader:
     """The fields of the head, the names of the markers, and the line before the frames."""
 
     fields: dict[str, str]
@@ -45,8 +45,8 @@ def read(path: Path) -> Motion:
 
     Raises TakeError and OSError.
     """
-    header = _read_head(path)
-    n, n_markers = (_frame_count(header, name, path) for name in ("NumFrames", "NumMarkers"))
+    header = _read_header(path)
+    n_frames, n_markers = (_frame_count(header, name, path) for name in ("NumFrames", "NumMarkers"))
     if n_markers != len(header.names):
         message = f"its head says {n_markers:,} markers, and names {len(header.names):,}"
         raise TakeError(message, path, header.line)
@@ -55,18 +55,20 @@ def read(path: Path) -> Motion:
 
     def blocks() -> Iterator[Floats]:
         return position_blocks(
-            (_cell_numbers(cells, path, line) for line, cells in _frame_rows(header, path)), n, path
+            (_cell_numbers(cells, path, line) for line, cells in _frame_rows(header, path)),
+            n_frames,
+            path,
         )
 
     names = unique_names(header.names)
-    return size_checked(Motion(names, n, rate, metres, blocks), path)
+    return check_size(Motion(names, n_frames, rate, metres, blocks), path)
 
 
-def _read_head(path: Path) -> _FileHead:
+def _read_header(path: Path) -> _FileHeader:
     with _file_text(path) as file:
-        numbered = content_lines(file, path)
+        numbered_lines = content_lines(file, path)
         first_number, header_fields, header_values, markers, axis_fields = (
-            next(numbered, (0, "")) for _ in range(5)
+            next(numbered_lines, (0, "")) for _ in range(5)
         )
     marker_names = [
         name.strip() for name in markers[1].split("\t")[_LEADING_COLUMNS:] if name.strip()
@@ -84,12 +86,12 @@ def _read_head(path: Path) -> _FileHead:
         raise TakeError(f"the file has more than {MAX_CHANNELS:,} points", path)
     cells = (text.split("\t") for _, text in (header_fields, header_values))
     pairs = zip(*cells, strict=False)
-    return _FileHead(
+    return _FileHeader(
         {name.strip(): value.strip() for name, value in pairs}, marker_names, axis_fields[0]
     )
 
 
-def _frame_rows(header: _FileHead, path: Path) -> Iterator[tuple[int, list[str]]]:
+def _frame_rows(header: _FileHeader, path: Path) -> Iterator[tuple[int, list[str]]]:
     """The cells of each frame, with their line. Raises TakeError."""
     row_width = _LEADING_COLUMNS + 3 * len(header.names)
     with _file_text(path) as file:
@@ -115,21 +117,21 @@ def _frame_rows(header: _FileHead, path: Path) -> Iterator[tuple[int, list[str]]
 
 
 def _cell_numbers(cells: list[str], path: Path, line: int) -> list[float]:
-    return positions(cells, range(_LEADING_COLUMNS, len(cells), 3), path, line)
+    return row_positions(cells, range(_LEADING_COLUMNS, len(cells), 3), path, line)
 
 
 def _file_text(path: Path) -> TextIOWrapper:
     return open_text(path)
 
 
-def _frame_count(header: _FileHead, field_name: str, path: Path) -> int:
+def _frame_count(header: _FileHeader, field_name: str, path: Path) -> int:
     field_text = header.fields.get(field_name, "")
     if not field_text.isdecimal() or len(field_text) > 9:
         raise TakeError(f"{field_name} in the head of this file is not a number", path)
     return int(field_text)
 
 
-def _frame_rate(header: _FileHead, path: Path) -> float:
+def _frame_rate(header: _FileHeader, path: Path) -> float:
     """The frame rate [Hz], which the instants of the first two frames must have. Raises
     TakeError.
     """

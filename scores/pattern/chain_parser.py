@@ -26,85 +26,88 @@ class ChainParser(ABC, Generic[T]):
         """Take a text; offsets of mistakes count from `start` before it."""
         self.text = text
         self.start = start
-        self.place = place
+        self.cursor = place
 
     @abstractmethod
-    def transform(self) -> T:
+    def read_transform(self) -> T:
         """One transformation, with what it takes. Raises TextError."""
 
     @abstractmethod
     def example(self, transform: T) -> tuple[str, str]:
         """The word of a transformation, and an example of it."""
 
-    def chain(self, open_offset: int | None = None) -> tuple[T, ...]:
+    def read_chain(self, open_offset: int | None = None) -> tuple[T, ...]:
         """Transformations up to the end, or to the parenthesis that closes the one at
         `open_offset`.
         """
-        transforms = [self.transform()]
+        transforms = [self.read_transform()]
         while self.peek() == ",":
-            self.place += 1
-            transforms.append(self.transform())
+            self.cursor += 1
+            transforms.append(self.read_transform())
         next_sign = self.peek()
         if next_sign == ")" and open_offset is not None:
-            self.place += 1
+            self.cursor += 1
         elif next_sign == ")":
-            raise self.mistake("')' has no '(' before it: every 4 (rev, fast 2)", self.place)
+            raise self.mistake("')' has no '(' before it: every 4 (rev, fast 2)", self.cursor)
         elif next_sign:
             previous_transform = transforms[-1]
-            extra_word, (word, example) = self.word() or next_sign, self.example(previous_transform)
+            extra_word, (word, example) = (
+                self.next_word() or next_sign,
+                self.example(previous_transform),
+            )
             message = f"{quote(extra_word)} does not belong to '{word}', which is written for "
             message += f"instance {example}; a comma divides transformations"
-            raise self.mistake(message, self.place, len(extra_word))
+            raise self.mistake(message, self.cursor, len(extra_word))
         elif open_offset is not None:
             message = "this '(' is not closed: every 4 (rev, fast 2)"
             raise self.mistake(message, open_offset)
         return tuple(transforms)
 
-    def values(self, form: Form, begin: int, word: str) -> tuple[Any, ...]:
+    def read_values(self, form: Form, begin: int, word: str) -> tuple[Any, ...]:
         """The values of the arguments of a transformation."""
         argument_words: list[tuple[str, int]] = []
         while len(argument_words) < len(form.arguments[-1]):
             self.peek()
-            argument_word = self.word()
+            argument_word = self.next_word()
             # A word that is not like a value is read as one only where a value must follow.
             may_end = form.takes_change or any(
                 len(argument_readers) == len(argument_words) for argument_readers in form.arguments
             )
             if not argument_word or (may_end and not _VALUE.fullmatch(argument_word)):
                 break
-            argument_words.append((argument_word, self.place))
-            self.place += len(argument_word)
-        counts = {len(readers): readers for readers in form.arguments}
-        readers = counts.get(len(argument_words))
+            argument_words.append((argument_word, self.cursor))
+            self.cursor += len(argument_word)
+        readers_by_count = {len(readers): readers for readers in form.arguments}
+        readers = readers_by_count.get(len(argument_words))
         if readers is None:
-            argument_name = form.arguments[0][len(argument_words)].what
+            argument_name = form.arguments[0][len(argument_words)].description
             message = f"'{word}' needs {argument_name}; write for instance {form.example}"
             raise self.mistake(message, begin, len(word))
         return tuple(
-            reader.argument(value, self.start + place, form.example)
+            reader.read_argument(value, self.start + place, form.example)
             for reader, (value, place) in zip(readers, argument_words, strict=True)
         )
 
-    def inner(self, form: Form, begin: int, word: str) -> tuple[T, ...]:
+    def read_inner(self, form: Form, begin: int, word: str) -> tuple[T, ...]:
         """The transformation that another takes, or several in parentheses."""
         next_sign = self.peek()
         if next_sign == "(":
-            self.place += 1
-            return self.chain(self.place - 1)
+            self.cursor += 1
+            return self.read_chain(self.cursor - 1)
         if next_sign in ("", ",", ")"):
             message = f"'{word}' needs a transformation after it; write for instance {form.example}"
             raise self.mistake(message, begin, len(word))
-        return (self.transform(),)
+        return (self.read_transform(),)
 
     def peek(self) -> str:
         """The next character that is not white space; empty at the end."""
-        while self.text[self.place : self.place + 1].isspace():
-            self.place += 1
-        return self.text[self.place : self.place + 1]
+        while self.text[self.cursor : self.cursor + 1].isspace():
+            self.cursor += 1
+        return self.text[self.cursor : self.cursor + 1]
 
-    def word(self) -> str:
+    def next_word(self) -> str:
         """The word that begins here; empty if none does."""
-        match = _WORD.match(self.text, self.place)
+        match = _WORD.match(self.text, self.cursor)
         return match.group() if match else ""
 
     def mistake(

@@ -10,7 +10,7 @@ from math import log2
 
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
-from ergon.scores.pattern.cycle_operations import having
+from ergon.scores.pattern.cycle_operations import filter_values
 from ergon.scores.pattern.cycles import Cycles
 from ergon.scores.pattern.phrasing import ORDERS
 from ergon.scores.pattern.rhythm import MAX_STEPS
@@ -41,26 +41,26 @@ _BEAT_BY_WORD: Mapping[str, bool] = {
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """How an argument is read: `what` it is, for messages, and a function of its word.
+    """How an argument is read: `description` it is, for messages, and a function of its word.
 
-    The function returns None for a word that is no such argument. `known` are the words that
+    The function returns None for a word that is no such argument. `known_words` are the words that
     are suggested.
     """
 
-    what: str
-    read: Callable[[str], Argument | None]
-    known: tuple[str, ...] = ()
+    description: str
+    parse_word: Callable[[str], Argument | None]
+    known_words: tuple[str, ...] = ()
 
-    def argument(self, typed_word: str, word_offset: int, example: str) -> Argument:
+    def read_argument(self, typed_word: str, word_offset: int, example: str) -> Argument:
         """Read a word at an offset. Raises TextError."""
-        read_value = self.read(typed_word)
-        if read_value is None:
-            message = f"{quote(typed_word)} is not {self.what}; write for instance {example}"
-            suggestion = nearest(typed_word.strip("\"'"), self.known)
+        value = self.parse_word(typed_word)
+        if value is None:
+            message = f"{quote(typed_word)} is not {self.description}; write for instance {example}"
+            suggestion = nearest(typed_word.strip("\"'"), self.known_words)
             raise TextError(
                 message, offset=word_offset, length=max(1, len(typed_word)), suggestion=suggestion
             )
-        return read_value
+        return value
 
 
 def ratio(word: str) -> Fraction | None:
@@ -99,9 +99,9 @@ def _read_semitones(typed_word: str) -> float | None:
     semitones: float
     if interval_match := _INTERVAL.fullmatch(typed_word):
         amount = Fraction(interval_match[1])
-        is_whole = interval_match[2] == "st" and amount.denominator == 1
+        is_integer = interval_match[2] == "st" and amount.denominator == 1
         semitones = (
-            int(amount) if is_whole else float(amount / (1 if interval_match[2] == "st" else 100))
+            int(amount) if is_integer else float(amount / (1 if interval_match[2] == "st" else 100))
         )
     else:
         factor = (
@@ -131,25 +131,25 @@ def _read_repeats(typed_word: str) -> int | Repeats | None:
 
 def _read_seconds(typed_word: str) -> float | None:
     """`20ms` or `-0.02s`, up to a second either way, and not nothing."""
-    second_units = 1000 if typed_word.endswith("ms") else 1
-    read_value = ratio(typed_word.removeprefix("-").removesuffix("s").removesuffix("m"))
-    if not typed_word.endswith("s") or read_value is None or not 0 < read_value <= second_units:
+    units_per_second = 1000 if typed_word.endswith("ms") else 1
+    number = ratio(typed_word.removeprefix("-").removesuffix("s").removesuffix("m"))
+    if not typed_word.endswith("s") or number is None or not 0 < number <= units_per_second:
         return None
-    return float(-read_value / second_units if typed_word[0] == "-" else read_value / second_units)
+    return float(-number / units_per_second if typed_word[0] == "-" else number / units_per_second)
 
 
 def _read_signed_share(typed_word: str) -> Fraction | None:
     """A share from -1 to 1, and not nothing."""
-    read_value = ratio(typed_word.removeprefix("-"))
-    if read_value is None or not 0 < read_value <= 1:
+    share = ratio(typed_word.removeprefix("-"))
+    if share is None or not 0 < share <= 1:
         return None
-    return -read_value if typed_word[0] == "-" else read_value
+    return -share if typed_word[0] == "-" else share
 
 
 _FACTOR_MIN = Fraction(1, MAX_NUMBER)
 
 COUNT = Reader(f"a number from 1 to {MAX_NUMBER:,}", _count_reader(1, MAX_NUMBER))
-FROM_ZERO = Reader(f"a number from 0 to {MAX_NUMBER:,}", _count_reader(0, MAX_NUMBER))
+COUNT_FROM_ZERO = Reader(f"a number from 0 to {MAX_NUMBER:,}", _count_reader(0, MAX_NUMBER))
 COPIES = Reader(f"a number of copies from 1 to {MAX_COPIES}", _count_reader(1, MAX_COPIES))
 STEPS = Reader(f"a number of steps from 1 to {MAX_STEPS}", _count_reader(1, MAX_STEPS))
 SPEED = Reader(
@@ -171,7 +171,7 @@ SWELL = Reader(
     f"a factor from 1/{MAX_NUMBER} to {MAX_FACTOR}", _ratio_reader(_FACTOR_MIN, MAX_FACTOR)
 )
 SECONDS = Reader("a time up to a second, such as 20ms or -20ms", _read_seconds)
-PART = Reader("a share of the length from -1 to 1 without 0", _read_signed_share)
+SIGNED_SHARE = Reader("a share of the length from -1 to 1 without 0", _read_signed_share)
 ORDER = Reader(
     f"an order of notes: {', '.join(ORDERS)}",
     lambda word: word if word in ORDERS else None,
@@ -184,15 +184,15 @@ SEMITONES = Reader(
 
 def parse_beats(text: str, start: int, first_number: int) -> Cycles[bool]:
     """Read a rhythm of `t` and `f`; only the beats that are true are events. Raises TextError."""
-    return having(bool, parse(text, _read_beat, start, first_number))
+    return filter_values(bool, parse(text, _read_beat, start, first_number))
 
 
 def _read_beat(typed_word: str, word_offset: int) -> bool:
-    named_beat = _BEAT_BY_WORD.get(typed_word)
-    if named_beat is None:
+    beat = _BEAT_BY_WORD.get(typed_word)
+    if beat is None:
         message = (
             f"{quote(typed_word)} is not a beat; write t for a beat, and ~ or f for a rest: t ~ t t"
         )
         suggestion = nearest(typed_word, _BEAT_BY_WORD)
         raise TextError(message, offset=word_offset, length=len(typed_word), suggestion=suggestion)
-    return named_beat
+    return beat

@@ -20,9 +20,9 @@ _DEFAULT_SWING_SHARE = Fraction(1, 3)  # default delay of `swing`, in slices: th
 # --- what each does -----------------------------------------------------------------------------
 
 
-def _swing(t: CycleTransform, part: Pattern) -> Pattern:
+def _swing(t: CycleTransform, pattern: Pattern) -> Pattern:
     *amount, slices = t.values
-    return act.swing(amount[0] if amount else _DEFAULT_SWING_SHARE, slices, part)
+    return act.swing(amount[0] if amount else _DEFAULT_SWING_SHARE, slices, pattern)
 
 
 def _check_euclid(pulses: int, steps: int, _: int = 0) -> str | None:
@@ -31,36 +31,36 @@ def _check_euclid(pulses: int, steps: int, _: int = 0) -> str | None:
     return None
 
 
-def _euclid(t: CycleTransform, part: Pattern) -> Pattern:
+def _euclid(t: CycleTransform, pattern: Pattern) -> Pattern:
     pulses, steps, *turns = t.values
-    return act.euclid(Euclid(pulses, steps, sum(turns) % steps), part)
+    return act.euclid(Euclid(pulses, steps, sum(turns) % steps), pattern)
 
 
-def _echo(t: CycleTransform, changed_pattern: Pattern) -> Pattern:
+def _echo(t: CycleTransform, pattern: Pattern) -> Pattern:
     echo_count, time, factor = t.values
 
     def fade(struck: Struck, turn: int) -> Struck:
         return replace(struck, factor=struck.factor * factor**turn)
 
-    return act.echo(echo_count, time, fade, changed_pattern)
+    return act.echo(echo_count, time, fade, pattern)
 
 
-def _transpose(t: CycleTransform, part: Pattern) -> Pattern:
+def _transpose(t: CycleTransform, pattern: Pattern) -> Pattern:
     interval = t.value
-    return mapped(lambda struck: replace(struck, semitones=struck.semitones + interval), part)
+    return mapped(lambda struck: replace(struck, semitones=struck.semitones + interval), pattern)
 
 
-def _scale(t: CycleTransform, part: Pattern) -> Pattern:
+def _scale(t: CycleTransform, pattern: Pattern) -> Pattern:
     factor = t.value
-    return mapped(lambda struck: replace(struck, factor=struck.factor * factor), part)
+    return mapped(lambda struck: replace(struck, factor=struck.factor * factor), pattern)
 
 
 def _sometimes(amount: float | None) -> Callable[[CycleTransform, Pattern], Pattern]:
     """A change of events with a probability; None: that of the argument."""
 
-    def change(t: CycleTransform, part: Pattern) -> Pattern:
+    def change(t: CycleTransform, pattern: Pattern) -> Pattern:
         probability = t.value if amount is None else amount
-        return act.sometimes(t.number, probability, t.change, part)
+        return act.sometimes(t.number, probability, t.change, pattern)
 
     return change
 
@@ -127,7 +127,7 @@ FORM_BY_WORD: Mapping[str, Form] = {
         "a change of those of every so many cycles that have at least a number, from 0",
         "whenmod 4 3 fast 2",
         lambda t, p: act.whenmod(t.values[0], t.values[1], t.change, p),
-        ((read.COUNT, read.FROM_ZERO),),
+        ((read.COUNT, read.COUNT_FROM_ZERO),),
         True,
     ),
     "sometimes": Form(
@@ -184,7 +184,7 @@ FORM_BY_WORD: Mapping[str, Form] = {
         "all of a cycle within each pulse of a Euclidean rhythm",
         "euclid 3 8",
         _euclid,
-        ((read.STEPS, read.STEPS), (read.STEPS, read.STEPS, read.FROM_ZERO)),
+        ((read.STEPS, read.STEPS), (read.STEPS, read.STEPS, read.COUNT_FROM_ZERO)),
         check=_check_euclid,
     ),
     "echo": Form(

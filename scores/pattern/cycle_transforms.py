@@ -60,7 +60,7 @@ def parse_transforms(transforms_text: str, text_start: int = 0) -> tuple[CycleTr
         raise TextError(
             message, offset=text_start + MAX_TEXT, length=len(transforms_text) - MAX_TEXT
         )
-    return _Parser(transforms_text, text_start).chain()
+    return _Parser(transforms_text, text_start).read_chain()
 
 
 _OPENING_BRACKETS, _CLOSING_BRACKETS = "([{<", ")]}>"
@@ -77,26 +77,28 @@ class _Parser(ChainParser[CycleTransform]):
         """The word of a transformation, and an example of it."""
         return transform.word, transform.form.example
 
-    def transform(self) -> CycleTransform:
+    def read_transform(self) -> CycleTransform:
         """One transformation, with what it takes."""
         self.peek()
-        begin_place, typed_word = self.place, self.word()
+        begin_place, typed_word = self.cursor, self.next_word()
         transform_form = FORM_BY_WORD.get(typed_word)
         if transform_form is None:
-            raise self.unknown(typed_word)
+            raise self.unknown_word_error(typed_word)
         self.count += 1
         if self.count > MAX_TRANSFORMS:
             message = f"a pattern has at most {MAX_TRANSFORMS} transformations; remove some"
             raise self.mistake(message, begin_place, len(typed_word))
         first_number = self.count * _OPERATOR_NUMBERS_PER_TRANSFORM
-        self.place += len(typed_word)
-        transform_values = self.values(transform_form, begin_place, typed_word)
+        self.cursor += len(typed_word)
+        transform_values = self.read_values(transform_form, begin_place, typed_word)
         if transform_form.takes_rhythm:
-            transform_values = (self.rhythm(transform_form, begin_place, typed_word, first_number),)
+            transform_values = (
+                self.read_rhythm(transform_form, begin_place, typed_word, first_number),
+            )
         inner_transforms: tuple[CycleTransform, ...] = ()
         if transform_form.takes_change:
-            inner_transforms = self.inner(transform_form, begin_place, typed_word)
-        transform_length = len(self.text[begin_place : self.place].rstrip())
+            inner_transforms = self.read_inner(transform_form, begin_place, typed_word)
+        transform_length = len(self.text[begin_place : self.cursor].rstrip())
         mistake = transform_form.check(*transform_values)
         if mistake is not None:
             raise self.mistake(mistake, begin_place, transform_length)
@@ -110,34 +112,34 @@ class _Parser(ChainParser[CycleTransform]):
             transform_length,
         )
 
-    def rhythm(self, form: Form, begin: int, word: str, number: int) -> Cycles[bool]:
+    def read_rhythm(self, form: Form, begin: int, word: str, number: int) -> Cycles[bool]:
         """The rhythm up to the next comma or parenthesis that is in no brackets of its text."""
         self.peek()
-        first_place, depth = self.place, 0
-        while next_sign := self.text[self.place : self.place + 1]:
+        start_place, depth = self.cursor, 0
+        while next_sign := self.text[self.cursor : self.cursor + 1]:
             if depth == 0 and next_sign in ",)":
                 break
             depth += (next_sign in _OPENING_BRACKETS) - (
                 next_sign in _CLOSING_BRACKETS and depth > 0
             )
-            self.place += 1
-        if first_place == self.place:
+            self.cursor += 1
+        if start_place == self.cursor:
             message = f"'{word}' needs a rhythm; write for instance {form.example}"
             raise self.mistake(message, begin, len(word))
         return read.parse_beats(
-            self.text[first_place : self.place], self.start + first_place, number
+            self.text[start_place : self.cursor], self.start + start_place, number
         )
 
-    def unknown(self, word: str) -> TextError:
+    def unknown_word_error(self, word: str) -> TextError:
         """The mistake of a word that is no transformation."""
         verb_names = ", ".join(FORM_BY_WORD)
         if not word:
             message = f"a transformation is missing here; known are {verb_names}"
-            last_offset = len(self.text[: self.place].rstrip()) - 1
-            return self.mistake(message, self.place if self.peek() else max(0, last_offset))
+            last_offset = len(self.text[: self.cursor].rstrip()) - 1
+            return self.mistake(message, self.cursor if self.peek() else max(0, last_offset))
         if word in _REASON_BY_REFUSED_WORD:
             message = f"{quote(word)} is not a transformation here: {_REASON_BY_REFUSED_WORD[word]}"
-            return self.mistake(message, self.place, len(word))
+            return self.mistake(message, self.cursor, len(word))
         message = f"unknown transformation {quote(word)}; known are {verb_names}"
         suggestion = _SUGGESTED_WORDS.get(word) or nearest(word, FORM_BY_WORD)
-        return self.mistake(message, self.place, len(word), suggestion)
+        return self.mistake(message, self.cursor, len(word), suggestion)

@@ -111,7 +111,7 @@ def combined(query: Query[V], patterns: Sequence[Cycles[V]], cost: int) -> Cycle
     return Cycles(query, cost, depth, tuple(leaves))
 
 
-def by_cycle(begin: Fraction, end: Fraction) -> Iterator[tuple[int, Fraction, Fraction]]:
+def split_by_cycle(begin: Fraction, end: Fraction) -> Iterator[tuple[int, Fraction, Fraction]]:
     """The cycles between two instants, each with the part of it that lies between them."""
     cycle = begin.numerator // begin.denominator
     if end.denominator == 1 and end.numerator == cycle + 1:  # arithmetic of fractions is slow
@@ -123,7 +123,7 @@ def by_cycle(begin: Fraction, end: Fraction) -> Iterator[tuple[int, Fraction, Fr
         begin, cycle = cycle_end, cycle + 1
 
 
-def into_cycle(instant: Fraction) -> Fraction:
+def cycle_fraction(instant: Fraction) -> Fraction:
     """How far an instant lies after the beginning of its cycle."""
     return instant - instant.numerator // instant.denominator
 
@@ -132,14 +132,14 @@ def moved(
     fragments: Iterable[Fragment[V]], factor: Fraction | int, shift: Fraction | int
 ) -> list[Fragment[V]]:
     """Fragments with each instant t at t·factor + shift, for a factor above zero."""
-    result = []
+    moved_fragments = []
     for begin, end, start, stop, value in fragments:
         low, high = begin * factor + shift, end * factor + shift
         # Few fragments are cut.
         first = low if start is begin else start * factor + shift
         last = high if stop is end else stop * factor + shift
-        result.append(Fragment(low, high, first, last, value))
-    return result
+        moved_fragments.append(Fragment(low, high, first, last, value))
+    return moved_fragments
 
 
 def clipped(fragment: Fragment[V], begin: Fraction, end: Fraction) -> Fragment[V] | None:
@@ -162,12 +162,12 @@ def pure(value: V) -> Cycles[V]:
     """One event a cycle, which lasts the cycle."""
 
     def query(begin: Fraction, end: Fraction, _: Chance) -> list[Fragment[V]]:
-        fragments_made = []
-        for cycle, fragment_start, fragment_stop in by_cycle(begin, end):
+        fragments = []
+        for cycle, fragment_start, fragment_stop in split_by_cycle(begin, end):
             low = fragment_start if fragment_start.denominator == 1 else Fraction(cycle)
             high = fragment_stop if fragment_stop.denominator == 1 else Fraction(cycle + 1)
-            fragments_made.append(Fragment(low, high, fragment_start, fragment_stop, value))
-        return fragments_made
+            fragments.append(Fragment(low, high, fragment_start, fragment_stop, value))
+        return fragments
 
     return Cycles(query, leaves=(value,))
 
@@ -185,16 +185,16 @@ def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
     bounds = list(accumulate(widths, initial=Fraction(0)))
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        fragments_made: list[Fragment[V]] = []
-        for cycle, first_instant, last_instant in by_cycle(begin, end):
+        fragments: list[Fragment[V]] = []
+        for cycle, first_instant, last_instant in split_by_cycle(begin, end):
             is_cut = first_instant.denominator != 1 or last_instant.denominator != 1
             low_bound, high_bound = (
                 (first_instant - cycle, last_instant - cycle) if is_cut else (bounds[0], bounds[-1])
             )
-            cycle_begins, cycle_ends = Fraction(cycle), Fraction(cycle + 1)
+            cycle_begin, cycle_end = Fraction(cycle), Fraction(cycle + 1)
             for step_index in range(bisect_right(bounds, low_bound) - 1, len(patterns)):
                 left_bound, step_width = bounds[step_index], widths[step_index]
-                part_start, part_stop = cycle_begins, cycle_ends
+                part_start, part_stop = cycle_begin, cycle_end
                 if is_cut:
                     if left_bound >= high_bound:
                         break
@@ -204,10 +204,10 @@ def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
                         part_stop -= (bounds[step_index + 1] - high_bound) / step_width
                 inner_fragments = patterns[step_index].query(part_start, part_stop, chance)
                 if inner_fragments:
-                    fragments_made += moved(
+                    fragments += moved(
                         inner_fragments, step_width, left_bound + cycle * (1 - step_width)
                     )
-        return fragments_made
+        return fragments
 
     return combined(query, patterns, sum(part.cost for part in patterns))
 
@@ -232,11 +232,11 @@ def choose(operator_number: int, patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     """One of the patterns in each cycle, by chance."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        fragments_made: list[Fragment[V]] = []
-        for cycle, first, last in by_cycle(begin, end):
-            draw = int(chance(operator_number, Fraction(cycle)) * len(patterns))
-            fragments_made += patterns[min(draw, len(patterns) - 1)].query(first, last, chance)
-        return fragments_made
+        fragments: list[Fragment[V]] = []
+        for cycle, first, last in split_by_cycle(begin, end):
+            drawn_index = int(chance(operator_number, Fraction(cycle)) * len(patterns))
+            fragments += patterns[min(drawn_index, len(patterns) - 1)].query(first, last, chance)
+        return fragments
 
     # The sum, though one is played: what is written out in a text is bounded by the cost.
     return combined(query, patterns, sum(part.cost for part in patterns))
@@ -261,9 +261,9 @@ def fast(factor: Fraction | int, pattern: Cycles[V]) -> Cycles[V]:
     return combined(query, (pattern,), faster_cost)
 
 
-def slow(factor: Fraction | int, part: Cycles[V]) -> Cycles[V]:
+def slow(factor: Fraction | int, pattern: Cycles[V]) -> Cycles[V]:
     """The pattern `factor` times as slow."""
-    return fast(1 / Fraction(factor), part)
+    return fast(1 / Fraction(factor), pattern)
 
 
 def late(delay: Fraction, pattern: Cycles[V]) -> Cycles[V]:
@@ -277,9 +277,9 @@ def late(delay: Fraction, pattern: Cycles[V]) -> Cycles[V]:
     return combined(query, (pattern,), pattern.cost)
 
 
-def early(time: Fraction, part: Cycles[V]) -> Cycles[V]:
+def early(time: Fraction, pattern: Cycles[V]) -> Cycles[V]:
     """The pattern, begun some time earlier."""
-    return late(-time, part)
+    return late(-time, pattern)
 
 
 # --- values and choice ---------------------------------------------------------------------------

@@ -20,10 +20,10 @@ _WALK_LOCK = Lock()
 
 @dataclass(frozen=True, slots=True)
 class Draws:
-    """Draws of one line of a score: `who` plays it, and the text of its pattern."""
+    """Draws of one line of a score: `owner` plays it, and the text of its pattern."""
 
     seed: int
-    who: str
+    owner: str
 
     def choose(self, site: int, turn: int, count: int) -> int:
         """One of `count` items."""
@@ -47,13 +47,13 @@ class Draws:
         """
         if n_items == 1:
             return 0
-        path = _drawn_walk(self.seed, self.who, site, n_items)
+        positions = _drawn_walk(self.seed, self.owner, site, n_items)
         with _WALK_LOCK:
-            while len(path) <= turn_index:
-                step = _drawn_index(self._chance("walk", site, len(path)), 3) - 1
-                position = path[-1] + step
-                path.append(position if 0 <= position < n_items else path[-1] - step)
-        return path[turn_index]
+            while len(positions) <= turn_index:
+                step = _drawn_index(self._chance("walk", site, len(positions)), 3) - 1
+                position = positions[-1] + step
+                positions.append(position if 0 <= position < n_items else positions[-1] - step)
+        return positions[turn_index]
 
     def happens(self, probability: float, place: int, member: int = 0) -> bool:
         """Whether an event with a given probability happens."""
@@ -68,7 +68,7 @@ class Draws:
         return self._chance("do", 0, place)
 
     def _chance(self, kind: str, member: int, occurrence: int) -> _core.Chance:
-        return _core.Chance(self.seed, f"pattern {kind}", self.who, member, occurrence)
+        return _core.Chance(self.seed, f"pattern {kind}", self.owner, member, occurrence)
 
 
 def _drawn_index(chance: _core.Chance, count: int) -> int:

@@ -84,17 +84,17 @@ class _OpenBracket(NamedTuple):
     items: list[tuple[Leaf | _OpenBracket, int | None, int]]
 
 
-def parse(pattern_text: str, name_at: ReadName | None = None) -> Group:
-    """Read a pattern; `name_at` returns the name or names that a word at an offset stands for.
+def parse(pattern_text: str, read_name: ReadName | None = None) -> Group:
+    """Read a pattern; `read_name` returns the name or names that a word at an offset stands for.
 
-    Without `name_at` words are names of gestures and takes. Raises TextError with the characters
+    Without `read_name` words are names of gestures and takes. Raises TextError with the characters
     at fault.
     """
-    name_at = name_at or name_of
+    read_name = read_name or name_of
     stripped_text = pattern_text.strip()
     if stripped_text in CHOICE_WORDS:  # the name of a gesture
-        called_name = name_at(stripped_text, pattern_text.index(stripped_text))
-        return single_name_pattern(called_name if isinstance(called_name, str) else stripped_text)
+        name = read_name(stripped_text, pattern_text.index(stripped_text))
+        return single_name_pattern(name if isinstance(name, str) else stripped_text)
     stack = [_OpenBracket(0, ["in turn"], [])]
     for token_match in _TOKEN.finditer(pattern_text):
         opened, typed_word, item_count, star = token_match.groups()
@@ -117,7 +117,7 @@ def parse(pattern_text: str, name_at: ReadName | None = None) -> Group:
                 open_group.way[:] = [choice]
                 continue
             word_offset = token_match.start(2)
-            leaves = _leaves_of_word(typed_word, word_offset, name_at)
+            leaves = _leaves_of_word(typed_word, word_offset, read_name)
             if (n_repeats or 1) * len(leaves) > MAX_PLACES:
                 raise TextError(_TOO_MANY_MESSAGE, offset=word_offset, length=len(typed_word))
             for _ in range(n_repeats or 1):  # several names of one word are repeated together
@@ -130,7 +130,7 @@ def parse(pattern_text: str, name_at: ReadName | None = None) -> Group:
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )", offset=stack[-1].offset)
     _check_not_empty(stack[0], len(pattern_text))
-    return _GroupBuilder().group(stack[0], 1)
+    return _GroupBuilder().build_group(stack[0], 1)
 
 
 def single_name_pattern(name: str) -> Group:
@@ -139,7 +139,7 @@ def single_name_pattern(name: str) -> Group:
 
 
 def _choice_of_sign(word: str) -> Choice | None:
-    return next((order_word for order_word in CHOICE_WORDS if order_word == word), None)
+    return next((choice_word for choice_word in CHOICE_WORDS if choice_word == word), None)
 
 
 def _leaves_of_word(typed_word: str, word_offset: int, name_reader: ReadName) -> list[Leaf]:
@@ -151,8 +151,8 @@ def _leaves_of_word(typed_word: str, word_offset: int, name_reader: ReadName) ->
             "lean)"
         )
         raise TextError(message, offset=word_offset, length=len(typed_word))
-    leaf = name_reader(typed_word, word_offset)
-    return [Leaf(leaf)] if isinstance(leaf, str) else [Leaf(name) for name in leaf]
+    names = name_reader(typed_word, word_offset)
+    return [Leaf(names)] if isinstance(names, str) else [Leaf(name) for name in names]
 
 
 def name_of(leaf_word: str, word_offset: int) -> str:
@@ -173,36 +173,36 @@ def _repetition_count(count_text: str, word_offset: int) -> int:
     return int(count_text)
 
 
-def _check_not_empty(empty_group: _OpenBracket, group_length: int = 1) -> None:
-    if not empty_group.items:
-        choice = empty_group.way[0]
+def _check_not_empty(group: _OpenBracket, group_length: int = 1) -> None:
+    if not group.items:
+        choice = group.way[0]
         subject = "this group" if choice == "in turn" else f"'{choice}'"
         message = f"{subject} has no names; write for instance {choice} knock lean"
         if choice == "in turn":
             message = f"{subject} has no names; write for instance (knock lean)"
-        raise TextError(message, offset=empty_group.offset, length=max(1, group_length))
+        raise TextError(message, offset=group.offset, length=max(1, group_length))
 
 
 class _GroupBuilder:
     """Expands repetition counts, and numbers the groups."""
 
     def __init__(self) -> None:
-        self.sites = 0
-        self.places = 0
+        self.n_sites = 0
+        self.n_places = 0
 
-    def group(self, open_group: _OpenBracket, span: int | None) -> Group:
+    def build_group(self, open_group: _OpenBracket, span: int | None) -> Group:
         """A group that takes `span` steps; None: as many as it has."""
-        group_choice, site = open_group.way[0], self.sites
-        self.sites += 1
+        group_choice, site = open_group.way[0], self.n_sites
+        self.n_sites += 1
         group_items: list[Leaf | Group] = []
         for open_item, item_count, word_offset in open_group.items:
             for _ in range(item_count or 1):
                 if isinstance(open_item, Leaf):
                     group_items.append(open_item)
-                    self.places += 1
+                    self.n_places += 1
                 else:
-                    group_items.append(self.group(open_item, None if item_count else 1))
-                if self.places > MAX_PLACES:
+                    group_items.append(self.build_group(open_item, None if item_count else 1))
+                if self.n_places > MAX_PLACES:
                     raise TextError(_TOO_MANY_MESSAGE, offset=word_offset)
         if group_choice in ("choose", "walk"):
             steps, places = 1, max(item.places for item in group_items)

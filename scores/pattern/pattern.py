@@ -11,8 +11,8 @@ from typing import NamedTuple
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.order import Group, Leaf
-from ergon.scores.pattern.rhythm import EVEN_SWING, Euclid, swung
-from ergon.scores.pattern.turns import Occasion, Turn, iterations, transforms_due
+from ergon.scores.pattern.rhythm import EVEN_SWING, Euclid, swung_position
+from ergon.scores.pattern.turns import Occasion, Turn, due_transforms, iterations
 
 _ROUNDS_CACHED = 1024  # kept for each line
 
@@ -48,7 +48,7 @@ class Pattern:
 def iteration_mistake(pattern: Pattern) -> str | None:
     """What is wrong with `iter` of a pattern; None if nothing is, or it is not written."""
     pattern_order = pattern.order
-    for round_shares in iterations(pattern.turns):
+    for n_shares in iterations(pattern.turns):
         if pattern.euclid is not None:
             return "with `euclid` names go on from pulse to pulse by themselves; remove `iter`"
         if pattern_order.way != "in turn" or any(
@@ -57,10 +57,9 @@ def iteration_mistake(pattern: Pattern) -> str | None:
             return "`iter` takes names and rests one after another, without groups and choices"
         if pattern_order.places == 1:
             return "`iter` needs several names, such as knock lean"
-        if pattern_order.places % round_shares:
+        if pattern_order.places % n_shares:
             message = (
-                f"`iter {round_shares}` divides the names into {round_shares} equal shares, and "
-                "there "
+                f"`iter {n_shares}` divides the names into {n_shares} equal shares, and there "
             )
             return f"{message}are {pattern_order.places}; write iter {pattern_order.places}"
     return None
@@ -85,15 +84,15 @@ class PlaceSequence:
         """Take the pattern, and the draws of its line."""
         self.pattern = pattern
         self.draws = draws
-        self._round = lru_cache(_ROUNDS_CACHED)(self._places_of_round)
+        self._round_places = lru_cache(_ROUNDS_CACHED)(self._places_of_round)
         self._names = lru_cache(_ROUNDS_CACHED)(self._names_of_round)
         pattern_order = pattern.order
         self._steps = lru_cache(_ROUNDS_CACHED)(self._steps_of_round)
         # By how many names each round begins later than the round before.
-        self.n_later_places = sum(
+        self.n_shifted_places = sum(
             pattern_order.places // shares for shares in iterations(pattern.turns)
         )
-        self._steady = (
+        self._steady_steps = (
             _steps_of_places(_places_of_order(pattern_order, None, 0))
             if pattern_order.is_steady
             else None
@@ -101,23 +100,25 @@ class PlaceSequence:
 
     def step(self, place: int) -> tuple[int, float]:
         """The step of the line in which a place is, and how far into the step."""
-        turn, number = divmod(place + self.pattern.skip, self.pattern.order.places)
-        steady_steps = self._steady
-        step, share_into = (
-            steady_steps[number] if steady_steps is not None else self._steps(turn)[number]
+        round_index, place_in_round = divmod(place + self.pattern.skip, self.pattern.order.places)
+        steady_steps = self._steady_steps
+        step, step_fraction = (
+            steady_steps[place_in_round]
+            if steady_steps is not None
+            else self._steps(round_index)[place_in_round]
         )
-        return turn * self.pattern.order.steps + step, share_into
+        return round_index * self.pattern.order.steps + step, step_fraction
 
     def position(self, place: int) -> float:
         """Where a place begins, in steps from the beginning of the pattern, swing included."""
-        pattern_step, share_into = self.step(place)
+        pattern_step, step_fraction = self.step(place)
         euclid = self.pattern.euclid
         if euclid is not None:
             cycle, pulse = divmod(pattern_step, euclid.pulses)
             pattern_step = cycle * euclid.steps + euclid.positions()[pulse]
-        return swung(pattern_step, share_into, self.pattern.swing)
+        return swung_position(pattern_step, step_fraction, self.pattern.swing)
 
-    def round(self, place_index: int) -> int:
+    def round_index(self, place_index: int) -> int:
         """The round in which a place is: of the Euclidean rhythm if there is one, else of the
         names.
         """
@@ -130,11 +131,13 @@ class PlaceSequence:
         pattern_order, euclid = self.pattern.order, self.pattern.euclid
         if euclid is None:
             return rounds * pattern_order.places - self.pattern.skip
-        turns, further_steps = divmod(rounds * euclid.pulses, pattern_order.steps)
+        n_rounds, remaining_steps = divmod(rounds * euclid.pulses, pattern_order.steps)
         places_in_part = (
-            sum(place.at < further_steps for place in self._round(turns)) if further_steps else 0
+            sum(place.at < remaining_steps for place in self._round_places(n_rounds))
+            if remaining_steps
+            else 0
         )
-        return turns * pattern_order.places + places_in_part - self.pattern.skip
+        return n_rounds * pattern_order.places + places_in_part - self.pattern.skip
 
     def played_name(self, place: int) -> str | None:
         """The name that is played in a place; None for a rest."""
@@ -142,24 +145,24 @@ class PlaceSequence:
         chance = self.pattern.chance
         if played_name is None or (chance is not None and not self.draws.happens(chance, number)):
             return None
-        return None if None in self.transforms_due(place, self.pattern.turns) else played_name
+        return None if None in self.due_transforms(place, self.pattern.turns) else played_name
 
     def name_in_place(self, place: int) -> str | None:
         """The name in a place, whether chance lets it be played or not; None for a rest."""
-        turn, place_in_round = divmod(place + self.pattern.skip, self.pattern.order.places)
-        return self._names(turn)[
-            (place_in_round + turn * self.n_later_places) % self.pattern.order.places
+        round_index, place_in_round = divmod(place + self.pattern.skip, self.pattern.order.places)
+        return self._names(round_index)[
+            (place_in_round + round_index * self.n_shifted_places) % self.pattern.order.places
         ]
 
     def transforms(self, place: int) -> tuple[Transform, ...]:
         """The transformations of a place, besides those of the whole line."""
         return tuple(
             transform
-            for transform in self.transforms_due(place, self.pattern.turns)
+            for transform in self.due_transforms(place, self.pattern.turns)
             if transform is not None
         )
 
-    def transforms_due(self, place: int, turns: tuple[Turn, ...]) -> tuple[Transform | None, ...]:
+    def due_transforms(self, place: int, turns: tuple[Turn, ...]) -> tuple[Transform | None, ...]:
         """What turns do in a place; None where one leaves it out."""
         if not turns:
             return ()
@@ -169,25 +172,27 @@ class PlaceSequence:
             return self.draws.changes(probability, draw_number, rule)
 
         return tuple(
-            transforms_due(turns, Occasion(self.round(place), self._share_of_round(place), draw))
+            due_transforms(
+                turns, Occasion(self.round_index(place), self._share_of_round(place), draw)
+            )
         )
 
     def _share_of_round(self, place: int) -> float:
         """How much of its round is over where a place begins, from 0 to 1."""
-        pattern_step, share_into = self.step(place)
+        pattern_step, step_fraction = self.step(place)
         euclid = self.pattern.euclid
         if euclid is not None:
             return euclid.positions()[pattern_step % euclid.pulses] / euclid.steps
-        return (pattern_step % self.pattern.order.steps + share_into) / self.pattern.order.steps
+        return (pattern_step % self.pattern.order.steps + step_fraction) / self.pattern.order.steps
 
-    def _names_of_round(self, turn: int) -> Sequence[str | None]:
-        return tuple(_names(self.pattern.order, self.draws, turn))
+    def _names_of_round(self, round_index: int) -> Sequence[str | None]:
+        return tuple(_names(self.pattern.order, self.draws, round_index))
 
-    def _steps_of_round(self, turn: int) -> Sequence[tuple[int, float]]:
-        return _steps_of_places(self._round(turn))
+    def _steps_of_round(self, round_index: int) -> Sequence[tuple[int, float]]:
+        return _steps_of_places(self._round_places(round_index))
 
-    def _places_of_round(self, turn: int) -> Sequence[Place]:
-        return tuple(_places_of_order(self.pattern.order, self.draws, turn))
+    def _places_of_round(self, round_index: int) -> Sequence[Place]:
+        return tuple(_places_of_order(self.pattern.order, self.draws, round_index))
 
 
 def _steps_of_places(places: Iterable[Place]) -> Sequence[tuple[int, float]]:
@@ -195,7 +200,7 @@ def _steps_of_places(places: Iterable[Place]) -> Sequence[tuple[int, float]]:
     return tuple((int(place.at), float(place.at - int(place.at))) for place in places)
 
 
-def _names(order_item: Leaf | Group, draws: Draws, turn_index: int) -> Iterator[str | None]:
+def _names(order_item: Leaf | Group, draws: Draws, round_index: int) -> Iterator[str | None]:
     """The names of a round, in the order of its places."""
     if isinstance(order_item, Leaf):
         yield order_item.name
@@ -203,20 +208,20 @@ def _names(order_item: Leaf | Group, draws: Draws, turn_index: int) -> Iterator[
     n_choices = len(order_item.items)
     if order_item.way in ("choose", "walk"):
         draw = draws.choose if order_item.way == "choose" else draws.walk_position
-        chosen = order_item.items[draw(order_item.site, turn_index, n_choices)]
-        yield from _names(chosen, draws, turn_index)
+        chosen = order_item.items[draw(order_item.site, round_index, n_choices)]
+        yield from _names(chosen, draws, round_index)
         yield from (None for _ in range(order_item.places - chosen.places))
         return
     is_drawn = order_item.way == "shuffle"
     for item_index in (
-        draws.shuffle(order_item.site, turn_index, n_choices) if is_drawn else range(n_choices)
+        draws.shuffle(order_item.site, round_index, n_choices) if is_drawn else range(n_choices)
     ):
-        yield from _names(order_item.items[item_index], draws, turn_index)
+        yield from _names(order_item.items[item_index], draws, round_index)
 
 
-def _places_of_order(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
+def _places_of_order(order: Group, draws: Draws | None, round_index: int) -> Iterator[Place]:
     """Every place of a round; without draws only the instants are valid, not the names."""
-    return _places_of_item(order, Fraction(0), Fraction(order.steps), draws, turn)
+    return _places_of_item(order, Fraction(0), Fraction(order.steps), draws, round_index)
 
 
 def _places_of_item(
@@ -224,7 +229,7 @@ def _places_of_item(
     begin_step: Fraction,
     width: Fraction,
     draws: Draws | None,
-    turn_index: int,
+    round_index: int,
 ) -> Iterator[Place]:
     """The places of an item that begins at step `begin_step` and lasts for `width` steps."""
     if isinstance(order_item, Leaf):
@@ -234,10 +239,10 @@ def _places_of_item(
         choice_index = 0
         if draws is not None:
             draw = draws.choose if order_item.way == "choose" else draws.walk_position
-            choice_index = draw(order_item.site, turn_index, len(order_item.items))
+            choice_index = draw(order_item.site, round_index, len(order_item.items))
         last_start = begin_step
         chosen = order_item.items[choice_index]
-        for place in _places_of_item(chosen, begin_step, width, draws, turn_index):
+        for place in _places_of_item(chosen, begin_step, width, draws, round_index):
             last_start = place.at
             yield place
         # Every round has the same number of places: those that a longer item would need are rests.
@@ -246,12 +251,12 @@ def _places_of_item(
     members = range(len(order_item.items))
     if order_item.way == "shuffle" and draws is not None:
         item_order: Sequence[int] = draws.shuffle(
-            order_item.site, turn_index, len(order_item.items)
+            order_item.site, round_index, len(order_item.items)
         )
     else:
         item_order = members
     step_width = width / order_item.steps
     for choice_index in item_order:
         child = order_item.items[choice_index]
-        yield from _places_of_item(child, begin_step, step_width * child.span, draws, turn_index)
+        yield from _places_of_item(child, begin_step, step_width * child.span, draws, round_index)
         begin_step += step_width * child.span

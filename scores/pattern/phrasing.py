@@ -45,17 +45,15 @@ def legato(ratio: Fraction, pattern: Pattern) -> Pattern:
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
         fragments = []
         for fragment in pattern.query(begin, end, chance):
-            begin_of_stroke, end_of_stroke, line = fragment.begin, fragment.end, fragment.value.line
-            next_begin = begin_of_stroke + NEXT_STROKE_CYCLES_MAX
-            for cycle in range(
-                begin_of_stroke // 1, begin_of_stroke // 1 + NEXT_STROKE_CYCLES_MAX + 1
-            ):
+            stroke_begin, stroke_end, line = fragment.begin, fragment.end, fragment.value.line
+            next_begin = stroke_begin + NEXT_STROKE_CYCLES_MAX
+            for cycle in range(stroke_begin // 1, stroke_begin // 1 + NEXT_STROKE_CYCLES_MAX + 1):
                 instants = onsets(cycle, chance).get(line, ())
-                number = bisect_right(instants, begin_of_stroke)
-                if number < len(instants):
-                    next_begin = min(next_begin, instants[number])
+                index = bisect_right(instants, stroke_begin)
+                if index < len(instants):
+                    next_begin = min(next_begin, instants[index])
                     break
-            length = ratio * (next_begin - begin_of_stroke) / (end_of_stroke - begin_of_stroke)
+            length = ratio * (next_begin - stroke_begin) / (stroke_end - stroke_begin)
             if fragment.value.repeats is not None:
                 length = ratio
             fragments.append(fragment._replace(value=replace(fragment.value, length=length)))
@@ -64,12 +62,10 @@ def legato(ratio: Fraction, pattern: Pattern) -> Pattern:
     return combined(query, (pattern,), pattern.cost * _CYCLES_SEARCHED)
 
 
-def _onsets(
-    changed_pattern: Pattern, cycle: int, chance: Chance
-) -> Mapping[int, Sequence[Fraction]]:
+def _onsets(pattern: Pattern, cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:
     """The instants at which strokes begin in a cycle, in order, by line."""
     begins_by_line: dict[int, list[Fraction]] = {}
-    for event in changed_pattern.onsets(cycle, chance):
+    for event in pattern.onsets(cycle, chance):
         begins_by_line.setdefault(event.value.line, []).append(event.begin)
     return begins_by_line
 
@@ -93,9 +89,9 @@ def tremolo(
     return ply(n_strokes, pattern, change)
 
 
-def repeated(repeats: Repeats, part: Pattern) -> Pattern:
+def repeated(repeats: Repeats, pattern: Pattern) -> Pattern:
     """Each stroke again and again within its span, which is done where its seconds are known."""
-    return mapped(lambda struck: replace(struck, repeats=repeats), part)
+    return mapped(lambda struck: replace(struck, repeats=repeats), pattern)
 
 
 def swell(first: float, last: float, share: float) -> float:
@@ -135,12 +131,7 @@ def grace(duration: Fraction, semitones: float, factor: float, pattern: Pattern)
         return fragments
 
     leaves = tuple(dict.fromkeys(map(grace_note, pattern.leaves)))
-    return stack(
-        [
-            pattern,
-            Cycles(query, 2 * pattern.cost, 1 + pattern.depth, leaves),
-        ]
-    )
+    return stack([pattern, Cycles(query, 2 * pattern.cost, 1 + pattern.depth, leaves)])
 
 
 # --- chords -------------------------------------------------------------------------------------
@@ -162,27 +153,27 @@ def _with_chords_spread(
         chords: dict[tuple[Fraction, Fraction], list[Fragment[Struck]]] = {}
         for fragment in pattern.query(query_begin, end, chance):
             chords.setdefault((fragment.begin, fragment.end), []).append(fragment)
-        fragments_made = []
-        for (first_instant, last_instant), chord_parts in chords.items():
+        fragments = []
+        for (first_instant, last_instant), chord_fragments in chords.items():
             # Of a chord that another pattern cuts only this much is seen.
             chord_start, chord_stop = (
-                min(f.part_start for f in chord_parts),
-                max(f.part_stop for f in chord_parts),
+                min(f.part_start for f in chord_fragments),
+                max(f.part_stop for f in chord_fragments),
             )
             if first_instant < query_begin:
-                chord_parts = pattern.query(
+                chord_fragments = pattern.query(
                     first_instant, min(last_instant, first_instant + _INSTANT_CYCLES), chance
                 )
             chord_notes = [
                 f.value
-                for f in chord_parts
+                for f in chord_fragments
                 if f.part_start == f.begin == first_instant and f.end == last_instant
             ]
             for low_instant, high_instant, struck_note in spread(
                 sorted_by_pitch(chord_notes), first_instant, last_instant, chord_start, chord_stop
             ):
                 if low_instant < chord_stop and high_instant > chord_start:
-                    fragments_made.append(
+                    fragments.append(
                         Fragment(
                             low_instant,
                             high_instant,
@@ -191,7 +182,7 @@ def _with_chords_spread(
                             struck_note,
                         )
                     )
-        return fragments_made
+        return fragments
 
     return Cycles(query, cost, 1 + pattern.depth, tuple(dict.fromkeys(leaves)))
 
@@ -230,8 +221,8 @@ def arp(note_order: str, step: Fraction | None, pattern: Pattern) -> Pattern:
             turn, low_instant = turn + 1, low_instant + width
 
     # So many turns of the chord that the order has each note.
-    times = ceil(len(ORDERS[note_order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX)
-    n_steps = times * _largest_chord(pattern) if step is None else ceil(1 / step)
+    n_passes = ceil(len(ORDERS[note_order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX)
+    n_steps = n_passes * _largest_chord(pattern) if step is None else ceil(1 / step)
     return _with_chords_spread(
         spread, pattern, pattern.cost * (1 + n_steps), _single_notes(pattern)
     )
@@ -251,13 +242,10 @@ def rolled(span_ratio: Fraction, pattern: Pattern) -> Pattern:
             low = first_instant + turn * abs(span_ratio) * (last_instant - first_instant) / len(
                 notes
             )
-            yield low, last_instant, _joined(note, turn)
+            yield low, last_instant, _attached_note(note, turn)
 
     return _with_chords_spread(
-        spread,
-        pattern,
-        pattern.cost * (1 + _largest_chord(pattern)),
-        _single_notes(pattern),
+        spread, pattern, pattern.cost * (1 + _largest_chord(pattern)), _single_notes(pattern)
     )
 
 
@@ -269,7 +257,11 @@ def strum(step: float, pattern: Pattern) -> Pattern:
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
         for turn, note in enumerate(chord if step > 0 else chord[::-1]):
             onset_delay = note.delay + turn * abs(step)
-            yield first_instant, last_instant, _joined(replace(note, delay=onset_delay), turn)
+            yield (
+                first_instant,
+                last_instant,
+                _attached_note(replace(note, delay=onset_delay), turn),
+            )
 
     leaves = [*_single_notes(pattern)]
     delay_max = max((leaf.delay for leaf in leaves), default=0.0) + abs(step) * (len(leaves) - 1)
@@ -277,14 +269,11 @@ def strum(step: float, pattern: Pattern) -> Pattern:
         replace(leaf, delay=delay_max) for leaf in leaves
     ]  # a bound of what chords will have
     return _with_chords_spread(
-        spread,
-        pattern,
-        pattern.cost * (1 + _largest_chord(pattern)),
-        delayed_leaves,
+        spread, pattern, pattern.cost * (1 + _largest_chord(pattern)), delayed_leaves
     )
 
 
-def _joined(note: Struck, turn: int) -> Struck:
+def _attached_note(note: Struck, turn: int) -> Struck:
     return replace(note, part_of="before") if turn and note.part_of is None else note
 
 

@@ -67,11 +67,7 @@ PHRASING: Mapping[str, Form] = {
         "before each stroke a short and softer one, by an interval higher",
         "grace 1/32 -1st",
         _grace,
-        (
-            (read.STEP,),
-            (read.STEP, read.SEMITONES),
-            (read.STEP, read.SEMITONES, read.FACTOR),
-        ),
+        ((read.STEP,), (read.STEP, read.SEMITONES), (read.STEP, read.SEMITONES, read.FACTOR)),
     ),
     "arp": Form(
         "the notes of each chord one after another, in an order; a second value is their step",
@@ -83,7 +79,7 @@ PHRASING: Mapping[str, Form] = {
         "the notes of each chord begin one after another in a quarter of its time, or a share",
         "rolled 1/8",
         lambda t, p: act.rolled(t.values[0] if t.values else _DEFAULT_ROLL_SHARE, p),
-        ((), (read.PART,)),
+        ((), (read.SIGNED_SHARE,)),
     ),
     "strum": Form(
         "the notes of each chord a short time after one another, from the lowest; -20ms from "

@@ -13,7 +13,7 @@ from ergon.notation.text.numbers import stripped
 MAX_STEPS = 256  # steps of a Euclidean rhythm
 EVEN_SWING = 0.5  # the share of the first of two steps that are not swung
 _EUCLID = re.compile(r"([0-9]{1,4})\s+([0-9]{1,4})(?:\s+rotate\s+([0-9]{1,4}))?")
-_LEVEL_MIN, _LEVEL_MAX = 0.25, 0.9
+_SWING_MIN, _SWING_MAX = 0.25, 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,17 +32,17 @@ class Euclid:
 def parse_euclid(text: str) -> Euclid:
     """Read `3 8` or `3 8 rotate 2`. Raises TextError."""
     trimmed_word, text_start = stripped(text)
-    sign_match = _EUCLID.fullmatch(trimmed_word)
-    if sign_match is None:
+    match = _EUCLID.fullmatch(trimmed_word)
+    if match is None:
         message = f"'{trimmed_word[:40]}' is not a Euclidean rhythm such as 3 8 or 3 8 rotate 2"
         raise TextError(message, offset=text_start, length=max(1, len(trimmed_word)))
-    pulses, n_steps, rotate = int(sign_match[1]), int(sign_match[2]), int(sign_match[3] or 0)
+    pulses, n_steps, rotate = int(match[1]), int(match[2]), int(match[3] or 0)
     if not 1 <= n_steps <= MAX_STEPS:
         message = f"a Euclidean rhythm has 1 to {MAX_STEPS} steps"
-        raise TextError(message, offset=text_start + sign_match.start(2), length=len(sign_match[2]))
+        raise TextError(message, offset=text_start + match.start(2), length=len(match[2]))
     if not 1 <= pulses <= n_steps:
         message = f"a rhythm of {n_steps} steps has 1 to {n_steps} pulses"
-        raise TextError(message, offset=text_start, length=len(sign_match[1]))
+        raise TextError(message, offset=text_start, length=len(match[1]))
     return Euclid(pulses, n_steps, rotate % n_steps)
 
 
@@ -52,26 +52,26 @@ def parse_swing(swing_text: str) -> float:
     Raises TextError.
     """
     ratio = q.quantity(swing_text, q.CHANCE)
-    if not _LEVEL_MIN <= ratio <= _LEVEL_MAX:
+    if not _SWING_MIN <= ratio <= _SWING_MAX:
         message = (
             f"'{swing_text.strip()}' is not a swing: the first of two steps takes "
-            f"from {_LEVEL_MIN:g} to {_LEVEL_MAX:g}"
+            f"from {_SWING_MIN:g} to {_SWING_MAX:g}"
             " of both, 0.5 is even, 2/3 is a triplet"
         )
         raise TextError(message, length=max(1, len(swing_text)), code="E202")
     return ratio
 
 
-def swung(step_index: int, share_into: float, swing_ratio: float) -> float:
+def swung_position(step_index: int, step_fraction: float, swing_ratio: float) -> float:
     """Where a point of a step is, if the first of every two steps takes the share `swing_ratio` of
     both.
     """
     if swing_ratio == EVEN_SWING:
-        return step_index + share_into
+        return step_index + step_fraction
     pair_start = step_index - step_index % 2
     if step_index % 2:
-        return pair_start + 2.0 * swing_ratio + share_into * (2.0 - 2.0 * swing_ratio)
-    return pair_start + share_into * 2.0 * swing_ratio
+        return pair_start + 2.0 * swing_ratio + step_fraction * (2.0 - 2.0 * swing_ratio)
+    return pair_start + step_fraction * 2.0 * swing_ratio
 
 
 @lru_cache(maxsize=64)

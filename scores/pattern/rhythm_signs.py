@@ -26,36 +26,35 @@ _EXAMPLE_BY_SIGN = {
 
 
 class Scanner:
-    """Reads a text from left to right; `place` is the next character."""
+    """Reads a text from left to right; `cursor` is the next character."""
 
     def __init__(self, text: str, start: int) -> None:
         """Begin at the first character; mistakes have places in the text plus `start`."""
         self.text = text
         self.start = start
-        self.place = 0
+        self.cursor = 0
 
     def peek(self, skips: bool = True) -> str:
         """The next character, after white space if that is skipped; empty at the end."""
-        while skips and self.text[self.place : self.place + 1].isspace():
-            self.place += 1
-        return self.text[self.place : self.place + 1]
+        while skips and self.text[self.cursor : self.cursor + 1].isspace():
+            self.cursor += 1
+        return self.text[self.cursor : self.cursor + 1]
 
-    def amount(self, sign: str) -> Fraction:
+    def read_amount(self, sign: str) -> Fraction:
         """Read the number after a sign."""
-        number_begin = self.place
-        sign_match = NUMBER.match(self.text, number_begin)
-        if sign_match is None:
+        number_begin = self.cursor
+        match = NUMBER.match(self.text, number_begin)
+        if match is None:
             message = f"'{sign}' needs a plain number directly after it: {_EXAMPLE_BY_SIGN[sign]}"
             raise self.mistake(message, number_begin - 1)
-        self.place = sign_match.end()
-        sign_length = self.place - number_begin
-        if re.match(r"[\w.]", self.text[self.place : self.place + 1]):
+        self.cursor = match.end()
+        sign_length = self.cursor - number_begin
+        if re.match(r"[\w.]", self.text[self.cursor : self.cursor + 1]):
             message = (
-                f"a space must follow the number {quote(sign_match.group())}: "
-                f"{_EXAMPLE_BY_SIGN[sign]}"
+                f"a space must follow the number {quote(match.group())}: {_EXAMPLE_BY_SIGN[sign]}"
             )
-            raise self.mistake(message, self.place)
-        sign_value = Fraction(sign_match.group())
+            raise self.mistake(message, self.cursor)
+        sign_value = Fraction(match.group())
         if sign_length > MAX_DIGITS:
             message = f"this number is too long; it has at most {MAX_DIGITS} characters"
         elif sign == "?" and sign_value > 1:
@@ -70,38 +69,38 @@ class Scanner:
             return sign_value
         raise self.mistake(message, number_begin, sign_length)
 
-    def euclid(self) -> Euclid:
+    def read_euclid(self) -> Euclid:
         """Read `(3,8)` or `(3,8,2)`."""
-        begin_place = self.place
-        sign_match = _EUCLID.match(self.text, begin_place)
-        if sign_match is None:
+        begin_place = self.cursor
+        match = _EUCLID.match(self.text, begin_place)
+        if match is None:
             stop = self.text.find(")", begin_place) + 1 or len(self.text)
             message = "'(' needs plain numbers of pulses and steps: kick(3,8), kick(3,8,2)"
             raise self.mistake(message, begin_place, stop - begin_place)
-        self.place = sign_match.end()
-        pulses, steps, turn = sign_match.groups("0")
+        self.cursor = match.end()
+        pulses, steps, turn = match.groups("0")
         try:
             return parse_euclid(f"{pulses} {steps} rotate {turn}")
         except TextError as error:
-            raise self.mistake(error.message, begin_place, self.place - begin_place) from error
+            raise self.mistake(error.message, begin_place, self.cursor - begin_place) from error
 
-    def unknown(self, sign: str) -> TextError:
+    def unknown_sign_error(self, sign: str) -> TextError:
         """The mistake of a sign that does not begin a step."""
         if sign == "%":
             message = f"'%' follows braces without a space: {_EXAMPLE_BY_SIGN[sign]}"
-            return self.mistake(message, self.place)
+            return self.mistake(message, self.cursor)
         if sign in _EXAMPLE_BY_SIGN:
             message = f"'{sign}' follows a step without a space: {_EXAMPLE_BY_SIGN[sign]}"
-            return self.mistake(message, self.place)
+            return self.mistake(message, self.cursor)
         if sign == ")":
             message = "')' has no '(' before it; steps are grouped by [ … ], ( ) is for kick(3,8)"
-            return self.mistake(message, self.place)
+            return self.mistake(message, self.cursor)
         if sign == ":":
             message = "':' and a strength follow the word of a step, before the signs that change "
-            return self.mistake(message + "it: hat:p(7,16), kick:f*4", self.place)
+            return self.mistake(message + "it: hat:p(7,16), kick:f*4", self.cursor)
         message = f"{quote(sign)} does not begin a step; words begin with a letter or a digit, "
         message += "and the signs are ~ [ ] < > { } * / ! @ ? | , . _"
-        return self.mistake(message, self.place, suggestion="~" if sign == "-" else None)
+        return self.mistake(message, self.cursor, suggestion="~" if sign == "-" else None)
 
     def mistake(
         self, message: str, place: int, length: int = 1, suggestion: str | None = None

@@ -67,28 +67,29 @@ def parse(
     return _Parser(rhythm_text, read_word, text_start, first_number).read_text("")
 
 
-def line_begins(rhythm_text: str) -> list[int]:
+def line_offsets(rhythm_text: str) -> list[int]:
     """Where the lines of a rhythm text begin that commas outside all brackets divide."""
-    begins, depth = [0], 0
+    offsets, depth = [0], 0
     for sign_place, sign in enumerate(rhythm_text):
         depth += (sign in "[<{(") - (sign in "]>})")
         if sign == "," and depth == 0:
-            begins.append(sign_place + 1)
-    return begins
+            offsets.append(sign_place + 1)
+    return offsets
 
 
 @dataclass(slots=True)
 class _Step(Generic[V]):
-    """A step of a sequence: a pattern whose operators are numbered from `first` to `stop`.
+    """A step of a sequence: a pattern whose operators are numbered from `first_operator` to
+    `stop_operator`.
 
-    A repetition has them `shift` higher, so that it draws its own chances.
+    A repetition has them `operator_shift` higher, so that it draws its own chances.
     """
 
-    base: Cycles[V]
-    first: int
-    stop: int
+    pattern: Cycles[V]
+    first_operator: int
+    stop_operator: int
     weight: Fraction = Fraction(1)
-    shift: int = 0
+    operator_shift: int = 0
 
 
 class _Parser(Scanner, Generic[V]):
@@ -98,21 +99,21 @@ class _Parser(Scanner, Generic[V]):
         self, text: str, read: Callable[[str, int], V], start: int, first_operator: int
     ) -> None:
         super().__init__(text, start)
-        self.read = read
-        self.number = first_operator  # number of the next operator that draws chances
-        self.open: list[int] = []  # where brackets begin that are not closed yet
+        self.read_word = read
+        self.operator_number = first_operator  # number of the next operator that draws chances
+        self.open_places: list[int] = []  # where brackets begin that are not closed yet
 
     # --- brackets -------------------------------------------------------------------------------
 
     def read_text(self, open_sign: str) -> Cycles[V]:
         """Read the text in brackets that begin with `open_sign`, or all of it, and its end."""
-        bracket_begin = max(0, self.place - 1)
+        bracket_begin = max(0, self.cursor - 1)
         step_lines = [self.read_line()]
         separator = ""
         while self.peek() in (",", "|"):
             self.check_separator(separator, open_sign)
-            separator = self.text[self.place]
-            self.place += 1
+            separator = self.text[self.cursor]
+            self.cursor += 1
             step_lines.append(self.read_line())
         self.read_end()
         line_lengths = [sum((step.weight for step in line), Fraction(0)) for line in step_lines]
@@ -124,32 +125,32 @@ class _Parser(Scanner, Generic[V]):
         elif open_sign == "{":
             steps = line_lengths[0]
             if self.peek(skips=False) == "%":
-                self.place += 1
-                steps = self.amount("%")
+                self.cursor += 1
+                steps = self.read_amount("%")
             line_patterns = [
                 fast(steps / length, line_pattern)
                 for length, line_pattern in zip(line_lengths, line_patterns, strict=True)
             ]
         if separator != "|":
-            return self.checked_size(stack(line_patterns), bracket_begin)
-        self.number += 1
+            return self.check_size(stack(line_patterns), bracket_begin)
+        self.operator_number += 1
         draw = walk if open_sign == "<" else choose
-        return self.checked_size(draw(self.number - 1, line_patterns), bracket_begin)
+        return self.check_size(draw(self.operator_number - 1, line_patterns), bracket_begin)
 
-    def check_separator(self, text_before: str, separator_sign: str) -> None:
+    def check_separator(self, previous_separator: str, open_sign: str) -> None:
         """Refuse a separator that is not the one before it, or not of these brackets."""
-        separator = self.text[self.place]
-        if text_before not in ("", separator):
+        separator = self.text[self.cursor]
+        if previous_separator not in ("", separator):
             message = "',' (together) and '|' (one in each cycle) are divided by brackets: "
-            raise self.mistake(message + "kick, [snare | hat]", self.place)
-        if separator == "|" and separator_sign == "{":
+            raise self.mistake(message + "kick, [snare | hat]", self.cursor)
+        if separator == "|" and open_sign == "{":
             message = "'|' is written in square brackets: {[kick | snare] hat}"
-            raise self.mistake(message, self.place)
+            raise self.mistake(message, self.cursor)
 
     def read_end(self) -> None:
         """Read the end of the last bracket that is open, or of the text."""
         end_sign = self.peek()
-        open_sign = self.text[self.open[-1]] if self.open else ""
+        open_sign = self.text[self.open_places[-1]] if self.open_places else ""
         if not end_sign and not open_sign:
             return
         if not end_sign:
@@ -157,20 +158,20 @@ class _Parser(Scanner, Generic[V]):
                 f"this '{open_sign}' is not closed; write {open_sign} … "
                 f"{_CLOSING_BY_OPENING[open_sign]}"
             )
-            raise self.mistake(message, self.open[-1])
+            raise self.mistake(message, self.open_places[-1])
         if not open_sign:
             message = f"'{end_sign}' has no '{_OPENING_BY_CLOSING[end_sign]}' before it; "
             raise self.mistake(
-                f"{message}write {_OPENING_BY_CLOSING[end_sign]} … {end_sign}", self.place
+                f"{message}write {_OPENING_BY_CLOSING[end_sign]} … {end_sign}", self.cursor
             )
         if end_sign != _CLOSING_BY_OPENING[open_sign]:
             closing_sign = _CLOSING_BY_OPENING[open_sign]
             message = (
                 f"'{end_sign}' does not close the '{open_sign}' before it; write {closing_sign}"
             )
-            raise self.mistake(message, self.place, suggestion=closing_sign)
-        self.open.pop()
-        self.place += 1
+            raise self.mistake(message, self.cursor, suggestion=closing_sign)
+        self.open_places.pop()
+        self.cursor += 1
 
     # --- steps ----------------------------------------------------------------------------------
 
@@ -179,22 +180,22 @@ class _Parser(Scanner, Generic[V]):
         step_groups: list[list[_Step[V]]] = [[]]
         line_cost = 0
         while (next_sign := self.peek()) and next_sign not in ",|]>}":
-            line_steps, end_place = step_groups[-1], self.place
+            line_steps, end_place = step_groups[-1], self.cursor
             if next_sign == ".":
                 self.read_dot(line_steps)
                 step_groups.append([])
             elif next_sign == "_" and not WORD.match(self.text, end_place + 1):
-                self.last_step(line_steps).weight += 1
-                self.place += 1
+                self.require_step(line_steps).weight += 1
+                self.cursor += 1
             elif next_sign == "!":
                 line_cost += self.read_repetition(line_steps, line_cost)
             else:
                 line_steps.append(self.read_step())
-                line_cost += line_steps[-1].base.cost
+                line_cost += line_steps[-1].pattern.cost
         if not step_groups[-1]:
-            if not self.peek() and self.open:
+            if not self.peek() and self.open_places:
                 self.read_end()
-            end_place = len(self.text[: self.place].rstrip())
+            end_place = len(self.text[: self.cursor].rstrip())
             message = "there is no step here; a rest is written ~"
             raise self.mistake(message, max(0, end_place - 1))
         if len(step_groups) == 1:
@@ -203,109 +204,113 @@ class _Parser(Scanner, Generic[V]):
 
     def read_dot(self, steps: list[_Step[V]]) -> None:
         """Read a dot that groups steps."""
-        characters_around = self.text[max(0, self.place - 1) : self.place + 2]
+        characters_around = self.text[max(0, self.cursor - 1) : self.cursor + 2]
         if not steps or len(characters_around) < 3 or characters_around.strip() != ".":
             message = "a dot that groups has steps and a space on each side: kick hat . snare hat"
             if _HITS_AND_DOTS.fullmatch(self.text):
                 message = "a hit is the name of an instrument, and a rest is ~: kick ~ kick kick"
-            raise self.mistake(message, self.place)
-        self.place += 1
+            raise self.mistake(message, self.cursor)
+        self.cursor += 1
 
-    def last_step(self, line_steps: list[_Step[V]]) -> _Step[V]:
+    def require_step(self, line_steps: list[_Step[V]]) -> _Step[V]:
         """The step that the next sign repeats or lengthens."""
         if not line_steps:
             message = "'_' lengthens the step before it, and there is none here: kick _ snare"
-            if self.text[self.place] == "!":
+            if self.text[self.cursor] == "!":
                 message = "'!' repeats the step before it, and there is none here: kick ! snare"
-            raise self.mistake(message, self.place)
+            raise self.mistake(message, self.cursor)
         return line_steps[-1]
 
     def read_repetition(self, steps: list[_Step[V]], cost: int) -> int:
         """Read `!` or `!3`, and return what the repetitions cost; `cost` is that of the line."""
-        sign_begin = self.place
-        last_step = self.last_step(steps)
-        self.place += 1
+        sign_begin = self.cursor
+        last_step = self.require_step(steps)
+        self.cursor += 1
         repeat_count = Fraction(2)
-        if NUMBER.match(self.text, self.place):
+        if NUMBER.match(self.text, self.cursor):
             if self.text[sign_begin - 1].isspace():
                 raise self.mistake("'!' follows its step without a space: kick!3", sign_begin)
-            repeat_count = self.amount("!")
+            repeat_count = self.read_amount("!")
         if repeat_count.denominator != 1:
             message = "'!' repeats a step as often as a number without a fraction says: kick!3"
-            raise self.mistake(message, sign_begin, self.place - sign_begin)
-        added_cost = (int(repeat_count) - 1) * last_step.base.cost
+            raise self.mistake(message, sign_begin, self.cursor - sign_begin)
+        added_cost = (int(repeat_count) - 1) * last_step.pattern.cost
         if cost + added_cost > MAX_EVENTS:
             message = f"these steps would be more than {MAX_EVENTS:,} in a cycle; repeat less often"
-            raise self.mistake(message, sign_begin, self.place - sign_begin)
+            raise self.mistake(message, sign_begin, self.cursor - sign_begin)
         for _ in range(int(repeat_count) - 1):
-            steps.append(replace(last_step, shift=self.number - last_step.first))
-            self.number += last_step.stop - last_step.first
+            steps.append(
+                replace(last_step, operator_shift=self.operator_number - last_step.first_operator)
+            )
+            self.operator_number += last_step.stop_operator - last_step.first_operator
         return added_cost
 
     def read_step(self) -> _Step[V]:
         """Read a word, a rest or brackets, with what changes them."""
-        first_number, step_begin = self.number, self.place
+        first_number, step_begin = self.operator_number, self.cursor
         first_sign = self.text[step_begin]
         word_match = WORD.match(self.text, step_begin)
         cycles: Cycles[V] = silence()
         if word_match:
-            self.place = word_match.end()
-            cycles = pure(self.read(word_match.group(), self.start + step_begin))
+            self.cursor = word_match.end()
+            cycles = pure(self.read_word(word_match.group(), self.start + step_begin))
         elif first_sign == "~":
-            self.place += 1
+            self.cursor += 1
         elif first_sign in _CLOSING_BY_OPENING:
-            if len(self.open) == MAX_BRACKETS:
+            if len(self.open_places) == MAX_BRACKETS:
                 message = f"at most {MAX_BRACKETS} brackets are inside one another; remove some"
                 raise self.mistake(message, step_begin)
-            self.open.append(step_begin)
-            self.place += 1
+            self.open_places.append(step_begin)
+            self.cursor += 1
             cycles = self.read_text(first_sign)
         else:
-            raise self.unknown(first_sign)
-        read_step = _Step(cycles, first_number, first_number)
+            raise self.unknown_sign_error(first_sign)
+        step = _Step(cycles, first_number, first_number)
         while (change := self.peek(skips=False)) and change in "*/?@(":
-            self.read_change(read_step, change)
-        read_step.stop = self.number
-        return read_step
+            self.read_change(step, change)
+        step.stop_operator = self.operator_number
+        return step
 
     def read_change(self, step: _Step[V], sign: str) -> None:
         """Read one change of a step."""
-        change_begin = self.place
+        change_begin = self.cursor
         if sign == "(":
-            rhythm = self.euclid()
-            operator_count = self.number - step.first
-            self.number += operator_count * (rhythm.pulses - 1)
-            step.base = euclid(rhythm, step.base, operator_count)
+            rhythm = self.read_euclid()
+            operator_count = self.operator_number - step.first_operator
+            self.operator_number += operator_count * (rhythm.pulses - 1)
+            step.pattern = euclid(rhythm, step.pattern, operator_count)
         else:
-            self.place += 1
-            has_number = sign != "?" or NUMBER.match(self.text, self.place)
-            amount = self.amount(sign) if has_number else Fraction(1, 2)
+            self.cursor += 1
+            has_number = sign != "?" or NUMBER.match(self.text, self.cursor)
+            amount = self.read_amount(sign) if has_number else Fraction(1, 2)
             if sign == "@":
                 step.weight = amount
             elif sign == "?":
-                step.base = degrade(self.number, float(amount), step.base)
-                self.number += 1
+                step.pattern = degrade(self.operator_number, float(amount), step.pattern)
+                self.operator_number += 1
             else:
-                step.base = fast(amount if sign == "*" else 1 / amount, step.base)
-        self.checked_size(step.base, change_begin)
+                step.pattern = fast(amount if sign == "*" else 1 / amount, step.pattern)
+        self.check_size(step.pattern, change_begin)
 
-    def checked_size(self, cycles: Cycles[V], begin: int) -> Cycles[V]:
+    def check_size(self, cycles: Cycles[V], begin: int) -> Cycles[V]:
         """The pattern that is written from `begin` to here, unless it is too large."""
         excess = cycles.excess()
         if excess is not None:
             message = f"{excess}; repeat less often, or remove brackets"
-            raise self.mistake(message, begin, self.place - begin)
+            raise self.mistake(message, begin, self.cursor - begin)
         return cycles
 
 
 def _sequence_of_steps(steps: Sequence[_Step[V]]) -> Cycles[V]:
-    return sequence([(renumbered(step.shift, step.base), step.weight) for step in steps])
+    return sequence(
+        [(renumbered(step.operator_shift, step.pattern), step.weight) for step in steps]
+    )
 
 
 def _step_of_group(steps: Sequence[_Step[V]]) -> _Step[V]:
     first_step, last_step = steps[0], steps[-1]
     return _Step(
         _sequence_of_steps(steps),
-        first_step.first + first_step.shift,
-        last_step.stop + last_step.shift,
+        first_step.first_operator + first_step.operator_shift,
+        last_step.stop_operator + last_step.operator_shift,
     )

@@ -29,34 +29,34 @@ class Steps(Sequence[float]):
 
     def __init__(
         self,
-        course: PlaceSequence,
+        places: PlaceSequence,
         beat: Callable[[int], float],
         count: int,
-        again: Callable[[PlaceSequence], Steps],
+        make_steps: Callable[[PlaceSequence], Steps],
     ) -> None:
         """Take `count` places, each on the beat that `beat` gives; `last` becomes the beat of the
         last one.
 
-        `again` makes the steps of another course.
+        `make_steps` makes the steps of another course.
         """
-        self.places = course
+        self.places = places
         self.beat = beat
         self.last = beat(count - 1) if count else -inf
         self._count = count
-        self._again = again
+        self._make_steps = make_steps
 
     def with_seed(self, seed: int) -> Steps:
         """The same line with all chance derived from another seed."""
         places = self.places
         if places.draws.seed == seed:
             return self
-        return self._again(PlaceSequence(places.pattern, replace(places.draws, seed=seed)))
+        return self._make_steps(PlaceSequence(places.pattern, replace(places.draws, seed=seed)))
 
     def __len__(self) -> int:
         """How many places there are."""
         return self._count
 
-    def from_place(
+    def excerpt_fields(
         self, first_place: int, stop_place: int, position_text: Callable[[float], str]
     ) -> dict[str, str | None]:
         """Fields of a line that has only the places from `first_place` to before `stop_place`, at
@@ -65,16 +65,16 @@ class Steps(Sequence[float]):
         `position_text` writes a beat.
         """
         pattern = self.places.pattern
-        part_fields = {
+        fields = {
             "at": position_text(self[first_place]),
             "until": position_text(self.beat(stop_place)),
             "times": None,
         }
-        skipped, euclid = pattern.skip + first_place, pattern.euclid
-        if not skipped and euclid is not None:  # its first pulse may be later than its beginning
+        n_skipped, euclid = pattern.skip + first_place, pattern.euclid
+        if not n_skipped and euclid is not None:  # its first pulse may be later than its beginning
             rotate = (euclid.rotate + euclid.positions()[0]) % euclid.steps
-            part_fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
-        return {**part_fields, "skip": str(skipped) if skipped else None}
+            fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
+        return {**fields, "skip": str(n_skipped) if n_skipped else None}
 
     @overload
     def __getitem__(self, index: int) -> float: ...
@@ -128,11 +128,11 @@ def line_steps(
     if count_max > room:
         raise TextError(_TOO_MANY_MESSAGE)
 
-    def again(other_course: PlaceSequence) -> Steps:
+    def make_steps(other_places: PlaceSequence) -> Steps:
         return line_steps(
             tempo,
             begin_beat,
-            other_course,
+            other_places,
             step_length=step_length,
             times=times,
             end_beat=end_beat,
@@ -140,7 +140,7 @@ def line_steps(
             room=room,
         )
 
-    return Steps(places, beat_of_place, count_max, again)
+    return Steps(places, beat_of_place, count_max, make_steps)
 
 
 def _even_steps(
@@ -169,20 +169,19 @@ def _consecutive_steps(
     pattern_order = places.pattern.order
     place_lengths = []
     for item in pattern_order.items:
-        length_found = (
+        gesture_length = (
             length_of_name(item.name) if isinstance(item, Leaf) and item.name is not None else None
         )
         is_mixed = (
             pattern_order.way != "in turn"
-            or places.n_later_places
+            or places.n_shifted_places
             or places.pattern.swing != EVEN_SWING
         )
-        if is_mixed or length_found is None:
+        if is_mixed or gesture_length is None:
             raise TextError(
-                "the length of a step is missing; write `every`, for instance every 1",
-                code="E103",
+                "the length of a step is missing; write `every`, for instance every 1", code="E103"
             )
-        place_lengths.append(length_found)
+        place_lengths.append(gesture_length)
     if not any(length.is_some for length in place_lengths):
         raise TextError("the gestures have no duration; write `every`, for instance every 1")
     place_beats = [begin_beat]
@@ -191,6 +190,6 @@ def _consecutive_steps(
             break
         if not place_index % 1024:
             poll()
-        number = (place_index + places.pattern.skip) % len(place_lengths)
-        place_beats.append(tempo.after(place_beats[-1], place_lengths[number]))
+        length_index = (place_index + places.pattern.skip) % len(place_lengths)
+        place_beats.append(tempo.after(place_beats[-1], place_lengths[length_index]))
     return lambda place: place_beats[place] if place < len(place_beats) else inf

@@ -92,7 +92,7 @@ _EXAMPLE_BY_WORD = {word: form.example for word, form in TURN_FORMS.items()}
 
 def parse_chain(text: str) -> tuple[Change, ...]:
     """Read transformations separated by commas. Raises TextError."""
-    return _Parser(text).chain()
+    return _Parser(text).read_chain()
 
 
 def parse_change(change_text: str) -> Change:
@@ -113,8 +113,8 @@ def parse_first(
     `other_words`, which are no values. Raises TextError.
     """
     parser = _Parser(pattern_text, text_start, text_place, other_words)
-    change = parser.transform()
-    return change, len(pattern_text[: parser.place].rstrip())
+    change = parser.read_transform()
+    return change, len(pattern_text[: parser.cursor].rstrip())
 
 
 def is_turn(text: str) -> bool:
@@ -156,61 +156,62 @@ def split_chain(chain_text: str) -> tuple[str, ...]:
 class _Parser(ChainParser[Change]):
     """Reads the changes of a chain.
 
-    Among `others`, the words of a line, a transformation takes no more words than it has values.
+    Among `other_words`, the words of a line, a transformation takes no more words than it has
+    values.
     """
 
     def __init__(
         self, text: str, start: int = 0, place: int = 0, other_words: Container[str] | None = None
     ) -> None:
         super().__init__(text, start, place)
-        self.others = other_words
+        self.other_words = other_words
         self.count = 0
 
-    def transform(self) -> Change:
+    def read_transform(self) -> Change:
         """One transformation, with what it takes."""
         self.peek()
-        begin_place, typed_word = self.place, self.word()
+        begin_place, typed_word = self.cursor, self.next_word()
         change_form = TURN_FORMS.get(typed_word)
         if change_form is None:
-            return self.gesture_transform()
+            return self.read_gesture_transform()
         self.count += 1
         if self.count > MAX_TRANSFORMS:
             message = f"a line has at most {MAX_TRANSFORMS} transformations of rounds; remove some"
             raise self.mistake(message, begin_place, len(typed_word))
         form_with_example = replace(FORM_BY_WORD[typed_word], example=change_form.example)
-        self.place += len(typed_word)
-        rule = change_form.rule(*self.values(form_with_example, begin_place, typed_word))
+        self.cursor += len(typed_word)
+        rule = change_form.rule(*self.read_values(form_with_example, begin_place, typed_word))
         inner_change = (
             _TRANSFORMS_BY_WORD[typed_word]
             if typed_word in _TRANSFORMS_BY_WORD
-            else self.inner(form_with_example, begin_place, typed_word)
+            else self.read_inner(form_with_example, begin_place, typed_word)
         )
         if any(True for _ in iterations(turn for turn in inner_change if isinstance(turn, Turn))):
             message = f"'iter' changes the order of all rounds; write it before '{typed_word}': "
             raise self.mistake(
                 f"{message}iter 4, {change_form.example}", begin_place, len(typed_word)
             )
-        length = len(self.text[begin_place : self.place].rstrip())
+        length = len(self.text[begin_place : self.cursor].rstrip())
         is_rest = typed_word == "degrade"
         return Turn(1, inner_change, rule, is_rest, self.start + begin_place, length)
 
-    def gesture_transform(self) -> Transform:
+    def read_gesture_transform(self) -> Transform:
         """A transformation of a gesture itself."""
-        match = _SEGMENT.match(self.text, self.place)
+        match = _SEGMENT.match(self.text, self.cursor)
         transform_text = match.group() if match else ""
-        if self.others is not None:
+        if self.other_words is not None:
             word_matches = [*_WORD.finditer(transform_text)]
             count = 1 + ARGUMENT_COUNTS.get(word_matches[0].group(), 0) if word_matches else 0
             value_words = takewhile(self.is_value, word_matches[1:count])
             words_taken = [*word_matches[:1], *value_words]
             transform_text = transform_text[: words_taken[-1].end()] if words_taken else ""
-        begin = self.place
-        self.place += len(transform_text)
+        begin = self.cursor
+        self.cursor += len(transform_text)
         return parse_transform(transform_text, self.start + begin, _EXAMPLE_BY_WORD)
 
     def is_value(self, word: re.Match[str]) -> bool:
         """Whether a word may be a value of a transformation."""
-        return self.others is None or word.group() not in self.others
+        return self.other_words is None or word.group() not in self.other_words
 
     def example(self, transform: Change) -> tuple[str, str]:
         """The word of a transformation, and an example of it."""

@@ -79,19 +79,19 @@ _RULE_TESTS: Mapping[str, Callable[[Rule, Occasion], bool]] = {
 _SHARE_TOLERANCE = 1e-9
 
 
-def transforms_due(turns: Iterable[Turn], occasion: Occasion) -> Iterator[Transform | None]:
+def due_transforms(turns: Iterable[Turn], occasion: Occasion) -> Iterator[Transform | None]:
     """The transformations of a place, left to right; None where one leaves the place out."""
-    for place_turn in turns:
-        rule = place_turn.rule
-        if (occasion.round + 1) % place_turn.nth or not (
+    for turn in turns:
+        rule = turn.rule
+        if (occasion.round + 1) % turn.nth or not (
             rule is None or _RULE_TESTS[rule.word](rule, occasion)
         ):
             continue
-        if place_turn.leaves_out:
+        if turn.leaves_out:
             yield None
-        for inner in place_turn.do:
+        for inner in turn.do:
             if isinstance(inner, Turn):
-                yield from transforms_due((inner,), occasion)
+                yield from due_transforms((inner,), occasion)
             else:
                 yield inner
 
@@ -103,7 +103,7 @@ def iterations(turns: Iterable[Turn]) -> Iterator[int]:
             yield int(turn.rule.values[0])
 
 
-def numbered(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tuple[Turn, ...]:
+def with_numbers(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tuple[Turn, ...]:
     """The turns with their rules numbered in the order written, so that each rule has draws of
     its own.
     """
@@ -137,15 +137,15 @@ def parse(pattern_text: str, text_start: int = 0) -> tuple[Turn, ...]:
 
 
 def _parse_clause(pattern_text: str, text_start: int) -> Turn:
-    sign_match = _CLAUSE.match(pattern_text)
-    if sign_match is None or int(sign_match[1]) == 0:
+    match = _CLAUSE.match(pattern_text)
+    if match is None or int(match[1]) == 0:
         message = f"'{pattern_text.strip()[:40]}' is not written like 4th do mirror"
         raise TextError(message, offset=text_start, length=max(1, len(pattern_text.strip())))
-    chain = []
-    for verb_match in _TRANSFORM.finditer(pattern_text, sign_match.end()):
-        chain.append(parse_transform(verb_match.group(), text_start + verb_match.start()))
-    if not chain or pattern_text.rstrip().endswith(","):
+    transforms = []
+    for verb_match in _TRANSFORM.finditer(pattern_text, match.end()):
+        transforms.append(parse_transform(verb_match.group(), text_start + verb_match.start()))
+    if not transforms or pattern_text.rstrip().endswith(","):
         raise TextError(
             "'do' needs a transformation: 4th do mirror", offset=text_start + len(pattern_text) - 1
         )
-    return Turn(int(sign_match[1]), tuple(chain))
+    return Turn(int(match[1]), tuple(transforms))

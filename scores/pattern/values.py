@@ -39,7 +39,7 @@ def parse_values(
     """
     amounts: dict[str, Amount] = {}
 
-    def called(typed_word: str, word_offset: int) -> str | tuple[str, ...]:
+    def read_name(typed_word: str, word_offset: int) -> str | tuple[str, ...]:
         try:
             is_root = typed_word[:1].isalpha() and "." in tuning.spelled(typed_word)
             if is_pitch and is_root and not typed_word.startswith("x"):
@@ -52,7 +52,7 @@ def parse_values(
             raise
         return typed_word
 
-    pattern_order = parse(values_text, called)
+    pattern_order = parse(values_text, read_name)
     return pattern_order, amounts
 
 

@@ -78,8 +78,8 @@ class Row:
     play: PlayWords
 
 
-def parse(pattern_text: str, text_start: int = 0, name_at: ReadName | None = None) -> PlayWords:
-    """Read a play; `name_at` returns the name that a word at an offset stands for.
+def parse(pattern_text: str, text_start: int = 0, read_name: ReadName | None = None) -> PlayWords:
+    """Read a play; `read_name` returns the name that a word at an offset stands for.
 
     Raises TextError with offsets into the text plus `text_start`.
     """
@@ -96,8 +96,8 @@ def parse(pattern_text: str, text_start: int = 0, name_at: ReadName | None = Non
         ",",
     ):
         words_stop += 1
-    what_word, play_order = _play_and_pattern(
-        pattern_text, placed_words[:words_stop], text_start, name_at
+    played_word, pattern = _play_and_pattern(
+        pattern_text, placed_words[:words_stop], text_start, read_name
     )
     transforms: list[Change] = []
     unfinished_word: str | None = None  # a `do` or a comma that a transformation must follow
@@ -154,7 +154,7 @@ def parse(pattern_text: str, text_start: int = 0, name_at: ReadName | None = Non
         )
     if NTH_OPTION in placed_options:
         parse_turns(placed_options[NTH_OPTION].text, placed_options[NTH_OPTION].offset)
-    return PlayWords(what_word, placed_options, tuple(transforms), play_order)
+    return PlayWords(played_word, placed_options, tuple(transforms), pattern)
 
 
 def _check_first_word(placed_words: list[Word], text_start: int) -> None:
@@ -208,23 +208,27 @@ def parse_strikes(
     """
     placed_words = [Word(match.group(), match.start()) for match in _WORD.finditer(pattern_text)]
     options_start = next(
-        (i for i, word in enumerate(placed_words) if word.text in examples_by_word),
+        (
+            word_index
+            for word_index, word in enumerate(placed_words)
+            if word.text in examples_by_word
+        ),
         len(placed_words),
     )
     placed_options: dict[str, Word] = {}
-    i = options_start
-    while i < len(placed_words):
-        option_word, word_offset = placed_words[i]
+    word_index = options_start
+    while word_index < len(placed_words):
+        option_word, word_offset = placed_words[word_index]
         if option_word not in examples_by_word:
             if "impulse" not in examples_by_word or not _is_worded_level(option_word):
-                raise _unknown_word_error(placed_words[i], 0, examples_by_word)
+                raise _unknown_word_error(placed_words[word_index], 0, examples_by_word)
             # A level may stand behind the options, without its keyword.
-            option_name, i, option_value = _option_value(
-                pattern_text, placed_words, i - 1, 0, examples_by_word, "impulse"
+            option_name, word_index, option_value = _option_value(
+                pattern_text, placed_words, word_index - 1, 0, examples_by_word, "impulse"
             )
         else:
-            option_name, i, option_value = _option_value(
-                pattern_text, placed_words, i, 0, examples_by_word, option_word
+            option_name, word_index, option_value = _option_value(
+                pattern_text, placed_words, word_index, 0, examples_by_word, option_word
             )
         if option_name == NTH_OPTION:
             message = (

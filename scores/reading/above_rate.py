@@ -15,13 +15,13 @@ from ergon.instruments.module_kinds import LINK_KINDS
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.memory import Memory
 
-_ModuleKey = tuple[str, str]  # a part and a module
+ModulePath = tuple[str, str]  # a part and a module
 
 
 def without_modes_above(
     instruments: dict[str, Instrument],
     transposed: Mapping[str, str],
-    used_modules: Iterable[_ModuleKey],
+    used_modules: Iterable[ModulePath],
     rate: float,
     collector: Collector,
     memory: Memory | None,
@@ -33,7 +33,7 @@ def without_modes_above(
     `used_modules` (struck, automated, joined by other instruments, written at its own pitch) stays,
     and is refused by the engine.
     """
-    too_high: dict[str, dict[str, float]] = {}
+    high_modes_by_name: dict[str, dict[str, float]] = {}
     for instrument_name in transposed:
         transposed_instrument = instruments.get(instrument_name)
         if (
@@ -46,12 +46,12 @@ def without_modes_above(
                 for high_module in transposed_instrument.modules
                 if (frequency := _cell_hertz(high_module)) > rate / 2.0
             }
-            too_high |= {instrument_name: high_modes} if high_modes else {}
-    if not too_high:
+            high_modes_by_name |= {instrument_name: high_modes} if high_modes else {}
+    if not high_modes_by_name:
         return instruments
     joined_modules = {*used_modules, *_modules_joined_elsewhere(instruments)}
     thinned_instruments, removed_by_name = dict(instruments), dict[str, list[tuple[str, float]]]()
-    for instrument_name, high_modes in too_high.items():
+    for instrument_name, high_modes in high_modes_by_name.items():
         thinned_names = frozenset(
             module for module in high_modes if (instrument_name, module) not in joined_modules
         )
@@ -71,8 +71,8 @@ def without_modes_above(
                 if module in thinned_names
             )
             removed_by_name.setdefault(transposed[instrument_name], []).extend(report_rows)
-    for instrument_name, modes in removed_by_name.items():
-        _report(instrument_name, modes, instruments, rate, collector)
+    for instrument_name, removed_modes in removed_by_name.items():
+        _report(instrument_name, removed_modes, instruments, rate, collector)
     return thinned_instruments
 
 
@@ -81,16 +81,16 @@ def _cell_hertz(module: Module) -> float:
     return float(module.fields.get("f") or 0.0) if module.kind == "CEL" else 0.0
 
 
-def _modules_joined_elsewhere(instruments: Mapping[str, Instrument]) -> Iterator[_ModuleKey]:
+def _modules_joined_elsewhere(instruments: Mapping[str, Instrument]) -> Iterator[ModulePath]:
     """The modules that other instruments join, and those that something follows."""
     for entry_name, instrument in instruments.items():
         for module in instrument.modules:
-            for target in _ends(module):
+            for target in _module_ends(module):
                 if target.part != entry_name or module.kind not in LINK_KINDS:
                     yield target.part, target.module
 
 
-def _ends(module: Module) -> list[Target]:
+def _module_ends(module: Module) -> list[Target]:
     end_targets = [end for end in module.fields.get("between", ()) if isinstance(end, Target)]
     end_targets += following.targets(module)
     return end_targets + (proxies.targets(module.fields) if module.kind == "PROXY" else [])
@@ -101,25 +101,25 @@ def _without_modules(
 ) -> Instrument | None:
     """An instrument without some modules; None if an output would have nothing left to hear."""
     memory_key = f"thinner {instrument.name}"
-    old_module = None if memory is None else memory.held(memory_key, removed_names)
-    if old_module is not None and old_module[0] is instrument:
-        return old_module[1]  # type: ignore[no-any-return]
+    old_entry = None if memory is None else memory.held(memory_key, removed_names)
+    if old_entry is not None and old_entry[0] is instrument:
+        return old_entry[1]  # type: ignore[no-any-return]
 
-    def is_there(target: Target) -> bool:
+    def is_remaining(target: Target) -> bool:
         return target.part != instrument.name or target.module not in removed_names
 
-    modules_left = tuple(
+    remaining_modules = tuple(
         module
         for module in instrument.modules
-        if module.name not in removed_names and all(map(is_there, _ends(module)))
+        if module.name not in removed_names and all(map(is_remaining, _module_ends(module)))
     )
-    outputs_left = tuple(
-        replace(output, targets=tuple(filter(is_there, output.targets)))
+    remaining_outputs = tuple(
+        replace(output, targets=tuple(filter(is_remaining, output.targets)))
         for output in instrument.outputs
     )
-    if not all(output.targets for output in outputs_left):
+    if not all(output.targets for output in remaining_outputs):
         return None
-    thinned_instrument = replace(instrument, modules=modules_left, outputs=outputs_left)
+    thinned_instrument = replace(instrument, modules=remaining_modules, outputs=remaining_outputs)
     if memory is not None:
         memory.hold(memory_key, removed_names, (instrument, thinned_instrument))
     return thinned_instrument

@@ -235,9 +235,9 @@ def build_automation(
             )
         elif fields["over"] is not None:
             node = fields.nodes["to"]
-            value = (literal(node) if isinstance(node, Scalar) else None) or fields["to"]
+            value_text = (literal(node) if isinstance(node, Scalar) else None) or fields["to"]
             curve_points = (
-                CurvePoint(Time(), _parse_final_amount(value, read_amount), fields["curve"]),
+                CurvePoint(Time(), _parse_final_amount(value_text, read_amount), fields["curve"]),
             )
             if not fields["over"].is_some:
                 fields.error("E202", "automation: a glide takes a time above 0", "over")

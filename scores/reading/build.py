@@ -39,15 +39,15 @@ def has_single(values: Values, *groups: tuple[str, ...]) -> bool:
     """Whether fields of exactly one group are written; reports two, or none."""
     written_groups = [group for group in groups if values.written(*group)]
     if len(written_groups) > 1:
-        first_field, second_field = (
+        first_field, surplus_field = (
             values.written(*written_groups[0])[0],
             values.written(*written_groups[1])[0],
         )
         values.error(
             "E111",
-            f"{values.context.label(second_field)}: {first_field} is written too; keep one of "
+            f"{values.context.label(surplus_field)}: {first_field} is written too; keep one of "
             "the two",
-            second_field,
+            surplus_field,
         )
     elif not written_groups:
         alternatives = " or ".join(group[0] for group in groups)
@@ -60,15 +60,15 @@ def key(values: Values, files: Files) -> Key:
     measured = calibration.measured_values(values, files)
     if measured is not None:
         values = calibration.with_measured_fields(values, measured)
-    cel = ("M", "K", "Z", "f", "t60")
+    cell_fields = ("M", "K", "Z", "f", "t60")
     modules: tuple[Module, ...] = ()
     if values.written("modules"):
-        if contrary_fields := values.written(*cel):
+        if refused_fields := values.written(*cell_fields):
             message = (
-                f"{values.context.label(contrary_fields[0])}: `modules` is written too; "
+                f"{values.context.label(refused_fields[0])}: `modules` is written too; "
                 "keep one of the two"
             )
-            values.error("E111", message, contrary_fields[0])
+            values.error("E111", message, refused_fields[0])
         if not values.written("struck"):
             message = (
                 f"{values.context.label('')} has no `struck`; write the module that ergons strike"
@@ -79,7 +79,7 @@ def key(values: Values, files: Files) -> Key:
         if not values.written("M"):
             values.error("E103", f"{values.context.label('')} has no 'M': its mass, such as 400g")
         has_single(values, ("K", "Z"), ("f", "t60"))
-        fields = {name: values[name] for name in (*cel, "rest", "X0", "V0")}
+        fields = {name: values[name] for name in (*cell_fields, "rest", "X0", "V0")}
         place_by_field = {name: node.place for name, node in values.nodes.items()}
         modules = (Module("", "CEL", fields, values.place, place_by_field),)
         if measured is not None and not values["simple"]:
@@ -96,7 +96,7 @@ def key(values: Values, files: Files) -> Key:
         delay = constants[2]
     if constants is not None:
         constants = *constants[:2], delay
-    arguments = (
+    key_fields = (
         values.context.name,
         modules,
         struck_module,
@@ -104,48 +104,49 @@ def key(values: Values, files: Files) -> Key:
         values["reach"],
         values.place,
     )
-    return Key(*arguments, measured=constants, delay=delay or 0.0)
+    return Key(*key_fields, measured=constants, delay=delay or 0.0)
 
 
-def gestures(values: Values, points_left: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
-    """Gestures with at most `points_left` points: one by the name "", or one for each axis of a
+def gestures(values: Values, n_points_max: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
+    """Gestures with at most `n_points_max` points: one by the name "", or one for each axis of a
     path in space.
 
     None if an error was reported.
     """
     if not has_single(values, ("notation",), ("points",)):
         return None
-    name = values.written("notation", "points")[0]
-    text = values.by_name.get(name)
-    if not isinstance(text, Scalar):
+    notation_field = values.written("notation", "points")[0]
+    notation_text = values.by_name.get(notation_field)
+    if not isinstance(notation_text, Scalar):
         return None
 
     def parse(source: str) -> tuple[notation.Notation, ...]:
-        if name == "notation" and space_path.axes(source) > 1:
-            return space_path.parse(source, values["curve"], points_left)
-        parse_one = notation.parse if name == "notation" else notation.parse_table
-        return (parse_one(source, values["curve"], points_left),)
+        if notation_field == "notation" and space_path.axis_count(source) > 1:
+            return space_path.parse(source, values["curve"], n_points_max)
+        parse_one = notation.parse if notation_field == "notation" else notation.parse_table
+        return (parse_one(source, values["curve"], n_points_max),)
 
     try:
         notations = parse_with_names(
-            text,
+            notation_text,
             lambda gesture_text: [
-                _moved_to_start(gesture, gesture_text, text) for gesture in parse(gesture_text)
+                _moved_to_start(gesture, gesture_text, notation_text)
+                for gesture in parse(gesture_text)
             ],
         )
     except TextError as error:
-        values.context.text_error(error, text, "")
+        values.context.text_error(error, notation_text, "")
         return None
-    playing_options_read = playing_options(cast("OptionValues", values.by_name))
-    options = values["do"] or (), playing_options_read, values.place, text
-    gestures_read = [
+    playing = playing_options(cast("OptionValues", values.by_name))
+    options = values["do"] or (), playing, values.place, notation_text
+    axis_gestures = [
         Gesture(values.context.name, gesture.points, gesture.bar_checks, *options)
         for gesture in notations
     ]
     return (
-        {"": gestures_read[0]}
-        if len(gestures_read) == 1
-        else dict(zip(AXES, gestures_read, strict=False))
+        {"": axis_gestures[0]}
+        if len(axis_gestures) == 1
+        else dict(zip(AXES, axis_gestures, strict=False))
     )
 
 
@@ -159,45 +160,44 @@ _REFUSED_INPUT_FIELDS = (*_MIDI_NAMES, "trim", "smooth", "rate", "unit")
 
 def take(values: Values, files: Files) -> TakeFile | None:
     """A take; its file must exist, and its content is read when it is played."""
-    fields, label = values, f"{values.context.label('file')}: "
-    if fields.written("input"):
-        return _sound_input(fields, files, label)
-    for name in fields.written(*_INPUT_NAMES):
-        fields.error("E111", f"{fields.context.label(name)}: belongs to a take with `input`", name)
-    if fields["file"] is None:
-        message = (
-            f"{fields.context.label('')} has neither a file nor an input; write `file` or `input`"
-        )
-        fields.context.error("E103", message, fields.place)
+    label = f"{values.context.label('file')}: "
+    if values.written("input"):
+        return _sound_input(values, files, label)
+    for name in values.written(*_INPUT_NAMES):
+        values.error("E111", f"{values.context.label(name)}: belongs to a take with `input`", name)
+    if values["file"] is None:
+        label = values.context.label("")
+        message = f"{label} has neither a file nor an input; write `file` or `input`"
+        values.context.error("E103", message, values.place)
         return None
-    file, folder = fields["file"], fields.nodes["file"].document.folder
+    file, folder = values["file"], values.nodes["file"].document.folder
     path = folder / file
     if path.suffix.lower() == ".gms":
-        fields.error("E108", f"{label}ergon does not read GMS files yet", "file")
+        values.error("E108", f"{label}ergon does not read GMS files yet", "file")
     elif path.suffix.lower() not in (*take_file.SUFFIXES, *note_files.SUFFIXES):
         forms = f"a take is a {', '.join(take_file.SUFFIXES)}, .mid or .musicxml file"
-        fields.error("E206", f"{label}{foreign_form(b'', path) or forms}", "file")
+        values.error("E206", f"{label}{foreign_form(b'', path) or forms}", "file")
     else:
-        path = files.locate(file, folder, fields.place_of("file"), label, is_text=False) or path
+        path = files.locate(file, folder, values.place_of("file"), label, is_text=False) or path
     is_midi = path.suffix.lower() in note_files.SUFFIXES
-    for name in fields.written(*(("trim", "smooth", "rate", "unit") if is_midi else _MIDI_NAMES)):
+    for name in values.written(*(("trim", "smooth", "rate", "unit") if is_midi else _MIDI_NAMES)):
         source_noun = "a file of notes" if is_midi else "a take that is not a MIDI or MusicXML file"
-        fields.error(
-            "E111", f"{fields.context.label(name)}: {source_noun} has no {name}; remove it", name
+        values.error(
+            "E111", f"{values.context.label(name)}: {source_noun} has no {name}; remove it", name
         )
-    if note_files.is_musicxml(path) and fields.written("bend"):
-        message = f"{fields.context.label('bend')}: a MusicXML file has no pitch wheel; remove it"
-        fields.error("E111", message, "bend")
+    if note_files.is_musicxml(path) and values.written("bend"):
+        message = f"{values.context.label('bend')}: a MusicXML file has no pitch wheel; remove it"
+        values.error("E111", message, "bend")
     return TakeFile(
-        name=fields.context.name,
+        name=values.context.name,
         path=path,
-        channel=fields["channel"],
-        trim=fields["trim"],
-        smooth=fields["smooth"],
-        rate=fields["rate"],
-        unit=fields["unit"],
-        place=fields.place,
-        places={name: node.place for name, node in fields.nodes.items()},
+        channel=values["channel"],
+        trim=values["trim"],
+        smooth=values["smooth"],
+        rate=values["rate"],
+        unit=values["unit"],
+        place=values.place,
+        places={name: node.place for name, node in values.nodes.items()},
     )
 
 
@@ -445,21 +445,21 @@ def player(values: Values) -> Player:
     )
 
 
-def coupling(values: Values, number: int) -> Coupling | None:
+def coupling(values: Values, coupling_index: int) -> Coupling | None:
     """A coupling of two keys, whose names are not looked up yet."""
     coupling_values = values
-    link = coupling_values.by_name.get(coupling_values.kind)
-    if not isinstance(link, Values) or len(coupling_values["couple"]) != 2:
+    link_values = coupling_values.by_name.get(coupling_values.kind)
+    if not isinstance(link_values, Values) or len(coupling_values["couple"]) != 2:
         return None
     first_key, second_key = coupling_values["couple"]
-    link_module = make_module(f"duet{number}", coupling_values.kind, link)
+    link_module = make_module(f"duet{coupling_index}", coupling_values.kind, link_values)
     end_position = coupling_values["until"]
-    begin = coupling_values["at"] or BEGINNING
+    begin_position = coupling_values["at"] or BEGINNING
     return Coupling(
         link_module,
         _unresolved_target(first_key),
         _unresolved_target(second_key),
-        begin,
+        begin_position,
         end_position,
         coupling_values.node.place,
     )

@@ -50,7 +50,7 @@ def with_measured_fields(key_values: Values, measured: Values) -> Values:
         sources_by_field |= {"rest": "rest", "X0": "rest"}
     for field_name, source_field in sources_by_field.items():
         node = key_values.nodes.get(field_name)
-        is_own = node is not None and has_place and _lies_in(node.place, key_values)
+        is_own = node is not None and has_place and _is_inside(node.place, key_values)
         if source_field in measured.by_name and not is_own:
             module_fields[field_name], module_nodes[field_name] = (
                 measured.by_name[source_field],
@@ -203,7 +203,7 @@ def _weight_and_rest(measured: Values, travel_end: float, key_cel: Module) -> tu
     )
 
 
-def _lies_in(written_place: Place, values: Values) -> bool:
+def _is_inside(written_place: Place, values: Values) -> bool:
     """Whether a place lies in the node of these values, not in a node that `like` brought in."""
     node = values.node
     first_place, last_place = node.place, node.document.place(max(node.start, node.end - 1))
@@ -211,7 +211,4 @@ def _lies_in(written_place: Place, values: Values) -> bool:
     return written_place.file == first_place.file and (
         first_place.line,
         first_place.column,
-    ) <= value_position <= (
-        last_place.line,
-        last_place.column,
-    )
+    ) <= value_position <= (last_place.line, last_place.column)

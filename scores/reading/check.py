@@ -32,7 +32,7 @@ from ergon.scores.reading.piece import Hit, Piece, Strikes
 from ergon.scores.reading.playing import Coupling, Play, Player
 from ergon.scores.reading.routing import routed_mix
 from ergon.scores.reading.schedule import start_beats
-from ergon.scores.reading.struck_tuning import in_tuning
+from ergon.scores.reading.struck_tuning import strikes_tuning
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Names, Uses
 from ergon.scores.reading.wheels import with_wheels
@@ -60,8 +60,8 @@ class Checker:
             message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
         memory, score_file = self.uses.files.memory, score.node.document.file
-        score_times = Times(score, self.collector, memory, self.uses.midi)
-        self._has_quarters = score_times.map.bars.has_quarters
+        times = Times(score, self.collector, memory, self.uses.midi)
+        self._has_quarters = times.map.bars.has_quarters
         self.gestures_and_takes.has_quarters = self._has_quarters
         self.gestures_and_takes.add_defined(score.place)
         self.parts.read()
@@ -77,7 +77,7 @@ class Checker:
         mix = routed_mix(written_mix, self.parts.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reference_automated_parts(memory, score_file)
-        included = self._included(score_times, len(duet))
+        included = self._included(times, len(duet))
         for entry in chain(strikes, *(included_piece.strikes for _, included_piece in included)):
             for target in entry.to:
                 self.part_names.add_modules_of_struck(target)
@@ -85,7 +85,7 @@ class Checker:
         automation_targets = AutomationTargets(self.parts, self.part_names, self.uses.midi)
         for entry in strikes:
             automation_targets.check_glides(entry)
-        part_plays = self._plays(score_times.known)
+        part_plays = self._plays(times.known_plays)
         automation_changes = KnownEntries(memory, "automation", score_file).read(
             self.score["automation"] or (),
             automation_targets.read,
@@ -104,8 +104,8 @@ class Checker:
             seed=score["seed"],
             rate=self.parts.rate,
             motion=self.parts.motion,
-            tempo=score_times.entries,
-            marks=score_times.marks,
+            tempo=times.entries,
+            marks=times.marks,
             keys=self.parts.keys,
             instruments=self._computed_instruments(strikes, automation_changes, duet, memory),
             gestures=self.gestures_and_takes.gestures,
@@ -118,21 +118,21 @@ class Checker:
             render=build_mix.render(score["render"], self.uses.files),
             accuracy=build_mix.accuracy(score["accuracy"]),
             place=score.place,
-            tempo_map=score_times.map,
+            tempo_map=times.map,
             automation=automation_changes,
             blocks={n: text for n, text in (score["blocks"] or {}).items() if text is not MISSING},
             phrases=tuple(self._phrases()),
             available=self._unplayed_instruments(),
-            file_meters=score_times.file.meters,
+            file_meters=times.file.meters,
             used=tuple(self.names.families),
             tuning=self.names.tuning,
             tunings=self.part_names.tunings,
             families={n: (*notes.parts.values(),) for n, notes in self.part_names.families.items()},
         )
-        begins = score_times.check(score, piece)
+        begins = times.check(score, piece)
         if self.collector.has_errors():
             return piece
-        return replace(piece, starts=start_beats(piece, begins, score_times.known, self.collector))
+        return replace(piece, starts=start_beats(piece, begins, times.known_plays, self.collector))
 
     def _computed_instruments(
         self,
@@ -299,7 +299,7 @@ class Checker:
         if not isinstance(values, Values) or not melodies.has_required_fields(values):
             return None
         phrase = self._phrases().get(values["play"]) if values.written("play") else None
-        tuning_context = in_tuning(values, phrase, self.part_names)
+        tuning_context = strikes_tuning(values, phrase, self.part_names)
         if tuning_context is None:
             return None
         with tuning_context:

@@ -38,8 +38,8 @@ def rhythm_of_clock(strikes: Strikes) -> Rhythm:
     ):
         raise TextError(f'{NO_CYCLES_REASON}; write {strikes.name} = "…" for a rhythm')
     fields = {"mass": strikes.mass, "along": strikes.along, "skip": pattern and pattern.skip}
-    for field, value in fields.items():
-        if value:
+    for field, field_value in fields.items():
+        if field_value:
             raise TextError(f"strikes with `{field}` cannot be written as a rhythm")
     if pattern is None:
         rhythm_text, n_steps = _single_strike_text(strikes), 1
@@ -54,9 +54,9 @@ def rhythm_of_clock(strikes: Strikes) -> Rhythm:
             if pattern.order.way == "walk":
                 raise TextError("`walk` goes on at each pulse of `euclid`, a rhythm at each cycle")
             euclid = pattern.euclid
-            turn = f",{euclid.rotate}" if euclid.rotate else ""
+            rotation_text = f",{euclid.rotate}" if euclid.rotate else ""
             rhythm_text, n_steps = (
-                f"{rhythm_text}({euclid.pulses},{euclid.steps}{turn})",
+                f"{rhythm_text}({euclid.pulses},{euclid.steps}{rotation_text})",
                 euclid.steps,
             )
         if pattern.chance is not None:
@@ -68,10 +68,7 @@ def rhythm_of_clock(strikes: Strikes) -> Rhythm:
         if pattern.swing != EVEN_SWING:
             raise TextError("`swing` of a pattern cannot be written as a rhythm; use do swing")
     return Rhythm(
-        rhythm_text,
-        "",
-        Length(bars=1.0) if step_length is None else step_length.times(n_steps),
-        {},
+        rhythm_text, "", Length(bars=1.0) if step_length is None else step_length.times(n_steps), {}
     )
 
 

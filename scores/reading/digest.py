@@ -163,8 +163,8 @@ def _hash_chunks(hashed_value: Any) -> Iterator[bytes]:
             yield from _hash_chunks(hashed_value[key])
     elif isinstance(hashed_value, (tuple, list)):
         yield b"l%d" % len(hashed_value)
-        for item in hashed_value:
-            yield from _hash_chunks(item)
+        for hashed_item in hashed_value:
+            yield from _hash_chunks(hashed_item)
     elif isinstance(hashed_value, Path):
         yield b"p" + (
             file_digest(hashed_value) if hashed_value.is_file() else hashlib.sha256().digest()

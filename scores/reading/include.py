@@ -71,7 +71,7 @@ class Played:
 
 def includes(score: Values) -> list[Include]:
     """The lines of `include:`; reports a transposition without a prefix."""
-    entries_read = []
+    include_lines = []
     for include_values in score["include"] or ():
         if not isinstance(include_values, Values):
             continue
@@ -81,7 +81,7 @@ def includes(score: Values) -> list[Include]:
                 "E103", message + "a prefix for the names of the file", "transpose"
             )
             continue
-        entries_read.append(
+        include_lines.append(
             Include(
                 include_values["file"],
                 include_values["at"] or Position(),
@@ -89,7 +89,7 @@ def includes(score: Values) -> list[Include]:
                 include_values,
             )
         )
-    return entries_read
+    return include_lines
 
 
 def transposed_values(part_values: Any, include: Include) -> Any:
@@ -171,13 +171,11 @@ class _IncludedCopy(NamedTuple):
     moved: Callable[[Position], Position]
     until: Callable[[Position | None], Position | None]
 
-    def target(self, target_read: Target) -> Target:
-        return replace(
-            target_read, part=self.prefixed(target_read.part), text=self.prefixed(target_read.text)
-        )
+    def target(self, target: Target) -> Target:
+        return replace(target, part=self.prefixed(target.part), text=self.prefixed(target.text))
 
-    def targets(self, targets_read: tuple[Target, ...]) -> tuple[Target, ...]:
-        return tuple(map(self.target, targets_read))
+    def targets(self, targets: tuple[Target, ...]) -> tuple[Target, ...]:
+        return tuple(map(self.target, targets))
 
     def strike(self, item: Strikes) -> Strikes:
         prefixed, moved = self.prefixed, self.moved

@@ -53,33 +53,29 @@ class KnownEntries:
         self,
         section: Mapping[str, Any] | Sequence[Any],
         read: Callable[[Any], _Entry | None],
-        modules_of: Callable[[_Entry, Values], tuple[_Module, ...] | None],
+        find_modules: Callable[[_Entry, Values], tuple[_Module, ...] | None],
         names: PartNames,
         owner: Callable[[str], Any],
     ) -> tuple[_Entry, ...]:
         """What the entries of a section mean: known, or read now.
 
-        `modules_of` tells on which modules something depends; None: it is read each time.
+        `find_modules` tells on which modules something depends; None: it is read each time.
         `owner` gives the part of a name.
         """
-        earlier: _Section | None = None
+        memo: _Section | None = None
         if self._memory is not None:
-            earlier = self._memory.held(self._name, None)
-        if earlier is None:
-            earlier = _Section(None, (), (), [], Counter(), {})
-        states_now = {module: _module_state(module, names, owner) for module in earlier.states}
-        changed = {
-            module for module, state in earlier.states.items() if states_now[module] != state
-        }
-        if earlier.section is section and not changed and None not in earlier.results:
-            names.referenced_parts |= {part for part, _ in earlier.uses if owner(part) is not None}
-            return earlier.meanings
+            memo = self._memory.held(self._name, None)
+        if memo is None:
+            memo = _Section(None, (), (), [], Counter(), {})
+        new_states = {module: _module_state(module, names, owner) for module in memo.states}
+        changed = {module for module, state in memo.states.items() if new_states[module] != state}
+        if memo.section is section and not changed and None not in memo.results:
+            names.referenced_parts |= {part for part, _ in memo.uses if owner(part) is not None}
+            return memo.meanings
         section_entries = tuple(section.values() if isinstance(section, Mapping) else section)
-        replaced = changed_part(earlier.entries, section_entries)
-        removed = earlier.results[replaced.start : replaced.start + len(replaced.before)]
-        known_results: list[_Meaning | None] = replaced.put(
-            earlier.results, [None] * len(replaced.now)
-        )
+        change = changed_part(memo.entries, section_entries)
+        removed = memo.results[change.start : change.start + len(change.before)]
+        known_results: list[_Meaning | None] = change.put(memo.results, [None] * len(change.now))
         if changed:
             stale: list[_Meaning | None] = [
                 result
@@ -89,45 +85,45 @@ class KnownEntries:
             removed += stale
             ids = {*map(id, stale)}
             known_results = [None if id(result) in ids else result for result in known_results]
-        uses = earlier.uses.copy()
+        uses = memo.uses.copy()
         uses.subtract(chain.from_iterable(result.modules or () for result in removed if result))
-        unknown = [number for number, result in enumerate(known_results) if result is None]
-        for entry_index in unknown:
+        unknown_indices = [number for number, result in enumerate(known_results) if result is None]
+        for entry_index in unknown_indices:
             n_reports = names.collector.n_reports
             if (read_entry := read(section_entries[entry_index])) is None:
                 continue
             has_no_report = names.collector.n_reports == n_reports
             modules = (
-                modules_of(read_entry, section_entries[entry_index]) if has_no_report else None
+                find_modules(read_entry, section_entries[entry_index]) if has_no_report else None
             )
             known_results[entry_index] = _Meaning(read_entry, modules)
             uses.update(modules or ())
         uses = +uses
         states = {
-            w: states_now[w] if w in states_now else _module_state(w, names, owner) for w in uses
+            w: new_states[w] if w in new_states else _module_state(w, names, owner) for w in uses
         }
         names.referenced_parts |= {part for part, _ in uses if owner(part) is not None}
-        is_new_alone = len(unknown) == len(replaced.now) and len(earlier.meanings) == len(
-            earlier.entries
+        is_replacement = len(unknown_indices) == len(change.now) and len(memo.meanings) == len(
+            memo.entries
         )
         new_entries = [
             known_result.entry
-            for number in unknown
+            for number in unknown_indices
             if (known_result := known_results[number]) is not None
         ]
-        if is_new_alone and len(new_entries) == len(unknown) and not changed:
-            meanings = tuple(replaced.put(earlier.meanings, new_entries))
+        if is_replacement and len(new_entries) == len(unknown_indices) and not changed:
+            meanings = tuple(change.put(memo.meanings, new_entries))
         else:
             meanings = tuple([result.entry for result in known_results if result is not None])
         if self._memory is not None:
             remembered = [*known_results]
-            for entry_index in unknown:
+            for entry_index in unknown_indices:
                 if (
                     known_result := known_results[entry_index]
                 ) is not None and known_result.modules is None:
                     remembered[entry_index] = None
-            section_now = _Section(section, section_entries, meanings, remembered, uses, states)
-            self._memory.hold(self._name, None, section_now)
+            new_section = _Section(section, section_entries, meanings, remembered, uses, states)
+            self._memory.hold(self._name, None, new_section)
         return meanings
 
 

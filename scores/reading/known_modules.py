@@ -76,15 +76,15 @@ def resolve_names(
     if old_part is not None and old_part.resolved is not None and old_part.is_same(parts_by_name):
         part_names.referenced_parts |= old_part.reached
         return old_part.resolved
-    modules_written = owning_part.modules.values()
+    written_modules = owning_part.modules.values()
     module_kinds = [
         (module.name, module.kind) if module.kind in _SELF_CONTAINED_KINDS else module
-        for module in modules_written
+        for module in written_modules
     ]
     old_entries: Mapping[str, _KnownModule] = {}
     if old_part is not None and old_part.kinds == module_kinds:
         old_entries = _unchanged_entries(old_part, owning_part, parts_by_name)
-    reached_parts, searched, rules = (
+    reached_before, searched_before, module_rules = (
         part_names.referenced_parts,
         part_names.searched_parts,
         make_rules(),
@@ -95,7 +95,7 @@ def resolve_names(
         if known_entry is None:
             part_names.referenced_parts, part_names.searched_parts = set(), set()
             n_reports = part_names.collector.n_reports
-            resolved = rules.resolved(written_module)
+            resolved = module_rules.resolved(written_module)
             reached_and_searched = (
                 frozenset(part_names.referenced_parts),
                 frozenset(part_names.searched_parts - {owning_part.name}),
@@ -103,8 +103,11 @@ def resolve_names(
             known_entry = _KnownModule(written_module, resolved, *reached_and_searched)
             is_known &= part_names.collector.n_reports == n_reports
         new_entries[module_name] = known_entry
-    all_reached = frozenset[str]().union(*(entry.reached for entry in new_entries.values()))
-    part_names.referenced_parts, part_names.searched_parts = reached_parts | all_reached, searched
+    all_reached_parts = frozenset[str]().union(*(entry.reached for entry in new_entries.values()))
+    part_names.referenced_parts, part_names.searched_parts = (
+        reached_before | all_reached_parts,
+        searched_before,
+    )
     resolved_modules = tuple(
         [entry.resolved for entry in new_entries.values() if entry.resolved is not None]
     )
@@ -115,12 +118,14 @@ def resolve_names(
             for name, entry in new_entries.items()
             if entry.written.kind not in _DEPENDENT_KINDS
         }
-        parts_needed = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
-        all_resolved = resolved_modules if len(lasting_entries) == len(new_entries) else None
+        needed_parts = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
+        lasting_modules = resolved_modules if len(lasting_entries) == len(new_entries) else None
         memory.hold(
             f"modules {owning_part.name}",
             condition,
-            _KnownPart(module_kinds, lasting_entries, parts_needed, all_reached, all_resolved),
+            _KnownPart(
+                module_kinds, lasting_entries, needed_parts, all_reached_parts, lasting_modules
+            ),
         )
     return resolved_modules
 

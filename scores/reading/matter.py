@@ -52,7 +52,7 @@ class PartsReader:
         self._collector = uses.collector
         self._score = names.score
         self._rates = Rates(names.score)
-        self._written: dict[str, tuple[Entry, Values]] = {}
+        self._written_parts: dict[str, tuple[Entry, Values]] = {}
         # Parts whose names are not looked up yet, whether they belong to the piece or not.
         self.by_name: dict[str, Key | Instrument] = {}
         self.keys: dict[str, Key] = {}
@@ -72,7 +72,7 @@ class PartsReader:
         """Read all keys and instruments by name, so that modules can reach each other."""
         for section_name in ("keys", "instruments"):
             for part_name, named_entry in self._names.tables[section_name].items():
-                if part_name in self._written:
+                if part_name in self._written_parts:
                     message = (
                         f"{quote(part_name)} is the name of a key and of "
                         "an instrument; rename one of them"
@@ -88,17 +88,17 @@ class PartsReader:
                     self._part_names.tunings[part_name] = tuned
                 with tuning.used(tuned or self._names.tuning):
                     if section_name == "instruments" and resolved_values.written("notes"):
-                        self._notes(part_name, named_entry, resolved_values, self_names)
+                        self._read_notes(part_name, named_entry, resolved_values, self_names)
                     else:
-                        self._part(
+                        self._add_part(
                             section_name, part_name, named_entry, resolved_values, self_names
                         )
 
-    def _part(
-        self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
+    def _add_part(
+        self, section: str, part_name: str, entry: Entry, values: Values, self_names: frozenset[str]
     ) -> None:
         values = self._with_files(values)
-        part_object = with_name(self._read_part(section, name, entry, values), name)
+        part_object = with_name(self._read_part(section, part_name, entry, values), part_name)
         struck_module = part_object.struck if isinstance(part_object, Key) else None
         modules_by_name = {module.name: module for module in part_object.modules}
         refused_modules = frozenset(values["modules"] or {}).difference(modules_by_name)
@@ -106,24 +106,24 @@ class PartsReader:
         if isinstance(part_object, Instrument):
             n_axes, acts = part_object.axes, {act.name: act for act in part_object.acts}
         if values.written("out") and "out" not in values.by_name:
-            self._part_names.refused_parts.add(name)
-        self._part_names.parts[name] = PartContents(
-            name,
+            self._part_names.refused_parts.add(part_name)
+        self._part_names.parts[part_name] = PartContents(
+            part_name,
             modules_by_name,
             struck_module,
             entry.prefix,
             refused_modules,
-            selves,
+            self_names,
             n_axes,
             acts,
         )
         if acts:
             label = values.context.label("ready")
             self._part_names.add_modules_of_acts(
-                self._part_names.parts[name], values["ready"] or (), label
+                self._part_names.parts[part_name], values["ready"] or (), label
             )
-        self._written[name] = entry, values
-        self.by_name[name] = part_object
+        self._written_parts[part_name] = entry, values
+        self.by_name[part_name] = part_object
 
     def _with_files(self, values: Values) -> Values:
         """The values, completed by the content of files that BANK, MODES, MESH and BUT name."""
@@ -132,31 +132,33 @@ class PartsReader:
             files = self._uses.files
             return files.plain(file, files.documents[place.file].folder, place, decoder)
 
-        def filled(owner_values: Values) -> Values:
+        def fill_body(owner_values: Values) -> Values:
             body_values = owner_values.by_name.get(owner_values.kind)
             if not isinstance(body_values, Values):
                 return owner_values
             if owner_values.kind in ("BANK", "MODES") and body_values.written("modes"):
-                body_read = modal.with_modes_of_file(
+                filled_body = modal.with_modes_of_file(
                     body_values, read, transposed_value, self._collector
                 )
             elif owner_values.kind == "MESH" and body_values.written("file"):
-                body_read = mesh_file.with_mesh_of_file(body_values, read, self._collector)
+                filled_body = mesh_file.with_mesh_of_file(body_values, read, self._collector)
             elif owner_values.kind == "BUT" and isinstance(
-                wall := body_values.by_name.get("mesh"), Values
+                wall_mesh := body_values.by_name.get("mesh"), Values
             ):
-                wall = mesh_file.with_mesh_of_file(wall, read, self._collector)
-                body_read = replace(body_values, by_name={**body_values.by_name, "mesh": wall})
+                wall_mesh = mesh_file.with_mesh_of_file(wall_mesh, read, self._collector)
+                filled_body = replace(
+                    body_values, by_name={**body_values.by_name, "mesh": wall_mesh}
+                )
             else:
                 return owner_values
             return replace(
-                owner_values, by_name={**owner_values.by_name, owner_values.kind: body_read}
+                owner_values, by_name={**owner_values.by_name, owner_values.kind: filled_body}
             )
 
-        filled_values = filled(values)
+        filled_values = fill_body(values)
         module_bodies = values["modules"] or {}
         filled_modules = {
-            n: filled(module) if isinstance(module, Values) else module
+            n: fill_body(module) if isinstance(module, Values) else module
             for n, module in module_bodies.items()
         }
         if any(filled_modules[n] is not module for n, module in module_bodies.items()):
@@ -165,7 +167,9 @@ class PartsReader:
             )
         return filled_values
 
-    def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
+    def _read_notes(
+        self, name: str, entry: Entry, values: Values, self_names: frozenset[str]
+    ) -> None:
         """Make an instrument for each note, with the note in its name: `string.F3`."""
         note_names = values["notes"]
         if note_names is None:
@@ -180,8 +184,8 @@ class PartsReader:
                 values.error("E103", f"{values.context.label('notes')}: {refusal_reason}", "notes")
             self._part_names.refused_parts.add(name)
             return
-        parts = {pitch(note) or 0.0: f"{name}.{note}" for note in note_names}
-        family = self._part_names.families[name] = NoteFamily(parts, tuning.written())
+        part_by_pitch = {pitch(note) or 0.0: f"{name}.{note}" for note in note_names}
+        family = self._part_names.families[name] = NoteFamily(part_by_pitch, tuning.written())
         for note_word, member in (values["members"] or {}).items():
             if family.note(note_word) is None:
                 message = f"{values.context.label('members')}: it has no note {quote(note_word)}"
@@ -189,9 +193,9 @@ class PartsReader:
                     "E301", message, member.place, word=note_word, names=note_names
                 )
         for note in note_names:
-            part = f"{name}.{note}"
-            values_at_pitch = self._values_at_note(part, values, note, entry.values)
-            self._part("instruments", part, entry, values_at_pitch, selves | {name})
+            note_part = f"{name}.{note}"
+            values_at_pitch = self._values_at_note(note_part, values, note, entry.values)
+            self._add_part("instruments", note_part, entry, values_at_pitch, self_names | {name})
 
     def _values_at_note(
         self, part_name: str, instrument_values: Values, note_name: str, member: object
@@ -255,40 +259,40 @@ class PartsReader:
                 new_modules[module_key] = recalled_module
             return recalled_module
 
-        result = make_instrument(values, recall)
+        instrument = make_instrument(values, recall)
         memory.hold(memory_key, amounts_key, new_modules)
-        return result
+        return instrument
 
     def resolve_reached_parts(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
         unread_parts = [
             part_word
-            for part_word, (entry, _) in self._written.items()
+            for part_word, (entry, _) in self._written_parts.items()
             if entry.brought_place is None
         ]
         unread_parts += sorted(self._part_names.referenced_parts - set(unread_parts))
-        parts_done: set[str] = set()
+        resolved_names: set[str] = set()
         mat_total = 0
         while unread_parts:
             part_name = unread_parts.pop(0)
-            if part_name in parts_done or part_name not in self._written:
+            if part_name in resolved_names or part_name not in self._written_parts:
                 continue
-            parts_done.add(part_name)
-            _, part_values = self._written[part_name]
-            part_built = self.by_name[part_name]
+            resolved_names.add(part_name)
+            _, part_values = self._written_parts[part_name]
+            part_object = self.by_name[part_name]
             named_part = self._part_names.parts[part_name]
             takes = self._names.tables["takes"]
             resolved_modules = self._resolved(named_part, takes)
-            n_mats, take_names = self._contents(part_name, resolved_modules)
+            n_mats, take_names = self._count_contents(part_name, resolved_modules)
             mat_total += n_mats
             for take_name in take_names:
                 if take_name in takes:
                     self._gestures_and_takes.take(take_name, takes[take_name])
-            if isinstance(part_built, Key):
-                self._check_struck(part_built)
+            if isinstance(part_object, Key):
+                self._check_struck(part_object)
                 step_frames = self._rates.key_step_frames(part_values)
                 self.keys[part_name] = self._reused_part(
-                    replace(part_built, modules=resolved_modules, every=step_frames)
+                    replace(part_object, modules=resolved_modules, every=step_frames)
                 )
             else:
                 acts = tuple(
@@ -296,24 +300,24 @@ class PartsReader:
                     for act in named_part.acts.values()
                 )
                 resolved_outputs = rules.resolved_outputs(
-                    named_part, part_built.outputs, self._part_names, self._layout
+                    named_part, part_object.outputs, self._part_names, self._layout
                 )
                 step_frames = self._rates.instrument_step_frames(part_values)
                 self.instruments[part_name] = self._reused_part(
                     replace(
-                        part_built,
+                        part_object,
                         modules=resolved_modules,
                         outputs=resolved_outputs,
                         every=step_frames,
                         acts=acts,
                     )
                 )
-            unread_parts += sorted(self._part_names.referenced_parts - parts_done)
+            unread_parts += sorted(self._part_names.referenced_parts - resolved_names)
             if mat_total > MAX_MATS:
                 message = f"the piece has more than {MAX_MATS:,} masses"
-                self._collector.error("E105", message, part_built.place)
+                self._collector.error("E105", message, part_object.place)
                 break
-        part_order = list(self._written)
+        part_order = list(self._written_parts)
         self.keys = {
             part_word: self.keys[part_word] for part_word in part_order if part_word in self.keys
         }
@@ -323,7 +327,7 @@ class PartsReader:
             if part_word in self.instruments
         }
 
-    def _contents(
+    def _count_contents(
         self, part_name: str, part_modules: tuple[Module, ...]
     ) -> tuple[int, tuple[str, ...]]:
         """The number of masses of modules, and the takes that they name."""
@@ -365,7 +369,7 @@ class PartsReader:
 
     def _resolved(self, part: PartContents, takes: dict[str, Entry]) -> tuple[Module, ...]:
         """The modules of a part with their names looked up."""
-        named_entry, part_values = self._written[part.name]
+        named_entry, part_values = self._written_parts[part.name]
 
         def make_rules() -> rules.ModuleRules:
             laws = self.laws(tuple(part.modules.values()), named_entry.names)

@@ -163,8 +163,8 @@ def in_quarter_notes(
     if not is_midi(phrase):
         return phrase_hits, phrase_length
 
-    def quarters(of_file: Length) -> Length:
-        return replace(of_file, beats=0.0, quarters=of_file.beats)
+    def quarters(file_length: Length) -> Length:
+        return replace(file_length, beats=0.0, quarters=file_length.beats)
 
     hits_in_quarters = (
         replace(hit, at=quarters(hit.at), lasting=hit.lasting and quarters(hit.lasting))
@@ -177,13 +177,13 @@ def in_quarter_notes(
 def played_rows(
     phrase: Values,
     strike_values: Values,
-    chain: Iterable[Transform],
+    transforms: Iterable[Transform],
     voices: NoteTargets,
     score_files: Files,
     phrases: Mapping[str, Any],
 ) -> tuple[Sequence[Row], NoteTargets, Length] | None:
-    """The rows of a phrase as strikes play them after the transformations of a `chain`, with the
-    notes they may name and the phrase's length; None if an error was reported.
+    """The rows of a phrase as strikes play them after the `transforms`, with
+    the notes they may name and the phrase's length; None if an error was reported.
     """
     phrase_length: Length | None
     if is_midi(phrase):
@@ -214,7 +214,7 @@ def played_rows(
         )
         return None
     try:
-        rows, phrase_length = transformed_rows(rows, phrase_length, chain, voices.mirrored)
+        rows, phrase_length = transformed_rows(rows, phrase_length, transforms, voices.mirrored)
     except TextError as error:
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
@@ -286,7 +286,7 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         note_names = (
             Name(midi_note.word or tuning.current().key_word(midi_note.number), file_place),
         )
-        note_length = None if midi_note.lasting is None else Length(beats=midi_note.lasting)
+        note_length = None if midi_note.length is None else Length(beats=midi_note.length)
         note_rows.append(
             Row(Length(beats=midi_note.at), note_names, note_level, file_place, length=note_length)
         )
@@ -309,7 +309,7 @@ def _pressure_rows(take: Values, files: Files) -> Iterator[Row]:
         return
     for pressure in pressures:
         note_names = (Name(tuning.current().key_word(pressure.number), file_place),)
-        start, pressure_length = Length(beats=pressure.start), Length(beats=pressure.lasting)
+        start, pressure_length = Length(beats=pressure.start), Length(beats=pressure.length)
         level = velocity_level(pressure.value)
         yield Row(start, note_names, level, file_place, length=pressure_length, act=PRESS)
 
@@ -342,13 +342,13 @@ def _hits_of_rows(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) 
         if not row_level.is_strength:
             phrase_hits.append(replace(phrase_hit, to=strike_targets))
             continue
-        by_reach: dict[ImpulseRange, list[Target]] = {}
+        targets_by_range: dict[ImpulseRange, list[Target]] = {}
         for strike_target in strike_targets:
             impulse_range = voices.part_names.required_impulse_range(strike_target, strikes_label)
             if impulse_range is not None:
-                by_reach.setdefault(impulse_range, []).append(strike_target)
+                targets_by_range.setdefault(impulse_range, []).append(strike_target)
         phrase_hits += [
             replace(phrase_hit, to=tuple(targets), reach=impulse_range)
-            for impulse_range, targets in by_reach.items()
+            for impulse_range, targets in targets_by_range.items()
         ]
     return tuple(phrase_hits)

@@ -159,18 +159,18 @@ class Entries(Shape):
             return _checked_rows(ListOf(self.entry, 1, MAX_ROWS).read(node, name, context), context)
         if not isinstance(node, Scalar) or node.is_empty:
             return wrong_shape(self, node, name, context)
-        entries_read, is_broken = [], False
+        rows, is_broken = [], False
         for number, (phrase_row, row_offset) in enumerate(words.rows(node.text)):
             if number >= MAX_ROWS:
                 context.error("E105", f"the table has more than {MAX_ROWS:,} rows", node.place)
                 return MISSING
-            row_read = self._row(phrase_row, row_offset, node, context)
-            is_broken |= row_read is None
-            entries_read += [row_read] if row_read is not None else []
-        if not entries_read and not is_broken:
+            row = self._row(phrase_row, row_offset, node, context)
+            is_broken |= row is None
+            rows += [row] if row is not None else []
+        if not rows and not is_broken:
             context.error("E106", f"{context.label(name)}: the table has no row", node.place)
             return MISSING
-        return MISSING if is_broken else _checked_rows(tuple(entries_read), context)
+        return MISSING if is_broken else _checked_rows(tuple(rows), context)
 
     def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
         row_cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
@@ -184,8 +184,8 @@ class Entries(Shape):
                 context.error("E204", message, place)
                 return None
         if option_cells and _is_impulse(option_cells[-1][0], node, is_alone=len(option_cells) == 1):
-            impulse = self._value("impulse", *option_cells.pop(), node, context)
-        row_time = self._value("at", position_text, position_start, node, context)
+            impulse = self._parse_value("impulse", *option_cells.pop(), node, context)
+        row_time = self._parse_value("at", position_text, position_start, node, context)
         if not 1 <= len(option_cells) <= MAX_CHORD:
             message = "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs"
             context.error("E204", message, node.place_at(position_start, len(position_text)))
@@ -205,7 +205,9 @@ class Entries(Shape):
             swells=is_swelling,
         )
 
-    def _value(self, field: str, word: str, offset: int, node: Scalar, context: Context) -> Any:
+    def _parse_value(
+        self, field: str, word: str, offset: int, node: Scalar, context: Context
+    ) -> Any:
         shape = self.entry.by_name[field].shape
         assert isinstance(shape, Text)
         try:

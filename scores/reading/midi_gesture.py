@@ -17,9 +17,9 @@ _APPROACH_SHARE_MAX = 0.45  # largest share of the time to the next note
 
 
 def gesture_of_take(
-    take: Values, files: Files, points_left: int, has_quarters: bool
+    take: Values, files: Files, n_points_max: int, has_quarters: bool
 ) -> Gesture | None:
-    """The gesture of a MIDI take with at most `points_left` points; None if an error was reported.
+    """The gesture of a MIDI take with at most `n_points_max` points; None if an error was reported.
 
     Its times are in quarter notes. They count as beats if the piece `has_quarters` in all meters.
     """
@@ -35,7 +35,7 @@ def gesture_of_take(
     gesture_points = _key_points(
         take_notes.notes, take["depth"], take["curve"] or EVEN, take_notes.length
     )
-    if len(gesture_points) > points_left:
+    if len(gesture_points) > n_points_max:
         take.error(
             "E105", f"{error_label}: the gestures have more points than a piece may have", "file"
         )

@@ -174,7 +174,7 @@ def _report_musicxml(path: Path, use: _FileUse, collector: Collector) -> None:
         score = read_score(path)
     except TakeError:  # whoever reads the file reports it
         return
-    counts = {**score.passed}
+    counts = {**score.skipped_counts}
     if not use.has_tempo:
         counts["tempo"] = len(score.tempos)
     if not use.has_meter:

@@ -156,9 +156,9 @@ _PAN_POINT_RECORD = Record(
 PAN_SHAPE = Either(k.PAN, _PAN_POINT_RECORD, ListOf(_PAN_POINT_RECORD, count_min=1))
 
 
-def fade_points(value: Any) -> Fade:
+def fade_points(fade_value: Any) -> Fade:
     """The points that were read."""
-    return tuple(point for point in value or () if isinstance(point, FadePoint))
+    return tuple(point for point in fade_value or () if isinstance(point, FadePoint))
 
 
 def pan_gains(pan_value: Any) -> tuple[float, float] | None:
@@ -170,9 +170,9 @@ def pan_gains(pan_value: Any) -> tuple[float, float] | None:
     return (math.sqrt(0.5 * (1.0 - pan_value)), math.sqrt(0.5 * (1.0 + pan_value)))
 
 
-def pan_path(value: Any) -> PanPath:
+def pan_path(path_value: Any) -> PanPath:
     """The points of a pan that moves."""
-    points = value if isinstance(value, tuple | list) else (value,)
+    points = path_value if isinstance(path_value, tuple | list) else (path_value,)
     return tuple(point for point in points if isinstance(point, PanPoint))
 
 

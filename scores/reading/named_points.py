@@ -20,15 +20,13 @@ def named_point(piece: Piece, point_text: str) -> Target:
         for name, key in piece.keys.items()
     }
     for name, instrument in piece.instruments.items():
-        key = {module.name: module for module in instrument.modules}
-        parts_by_name[name] = PartContents(name, key, axes=instrument.axes)
-    point_target = PartNames(collector, parts_by_name).target(
-        Name(point_text, piece.place), "mats", ""
-    )
-    if point_target is None:
+        modules_by_name = {module.name: module for module in instrument.modules}
+        parts_by_name[name] = PartContents(name, modules_by_name, axes=instrument.axes)
+    target = PartNames(collector, parts_by_name).target(Name(point_text, piece.place), "mats", "")
+    if target is None:
         mistake = collector.finish()[0]
         suggestion = mistake.suggestion
         if suggestion is None and mistake.code == "E301":
             suggestion = nearest(point_text.partition(".")[0], parts_by_name)
         raise TextError(mistake.message, suggestion=suggestion)
-    return point_target
+    return target

@@ -24,7 +24,9 @@ class NoteTargets:
 
     part_names: PartNames
     instruments: tuple[Name, ...]
-    _known: dict[str, list[Target]] = field(default_factory=dict, init=False, compare=False)
+    _targets_by_name: dict[str, list[Target]] = field(
+        default_factory=dict, init=False, compare=False
+    )
 
     def mirrored(self, phrase_row: Row, first_row: Row) -> Row:
         """A row mirrored in pitch about the first note of a phrase. Raises TextError."""
@@ -50,15 +52,15 @@ class NoteTargets:
         """A note, or a module of one, moved by semitones; in a tuning of keys an integer counts
         keys. Raises TextError.
         """
-        moved_note = self._note_height(word)
-        if moved_note is None:
+        note_height = self._note_height(word)
+        if note_height is None:
             raise TextError(f"{quote(word)} has no note that could be transposed")
-        if not notes.LOWEST <= moved_note + semitones <= notes.HIGHEST:
+        if not notes.LOWEST <= note_height + semitones <= notes.HIGHEST:
             raise TextError(f"{quote(word)} lies outside the notes from C-1 to B9")
         note_words = tuning.spelled(word).split(".")
-        place = self._note_word_index(note_words)
+        note_index = self._note_word_index(note_words)
         with tuning.used(self._tuning(note_words)):
-            note_words[place] = notes.moved(note_words[place], semitones)
+            note_words[note_index] = notes.moved(note_words[note_index], semitones)
         return Name(".".join(note_words), word.place)
 
     def has_act(self, act: str) -> bool:
@@ -73,8 +75,8 @@ class NoteTargets:
         name_pairs = zip(row.struck_names, row.written_names or row.struck_names, strict=True)
         member_names = [
             name
-            for word, name_before in name_pairs
-            for name in self._names(word, name_before, label)
+            for struck_word, written_name in name_pairs
+            for name in self._member_names(struck_word, written_name, label)
         ]
         if row.act:
             member_names = [
@@ -88,8 +90,8 @@ class NoteTargets:
 
     def _targets_of_name(self, target_name: Name, strikes_label: str) -> list[Target]:
         """The targets of a name, kept for further rows, which differ only in their place."""
-        known_targets = self._known.get(target_name)
-        if known_targets is not None:
+        earlier_targets = self._targets_by_name.get(target_name)
+        if earlier_targets is not None:
             return [
                 Target(
                     target.part,
@@ -99,14 +101,14 @@ class NoteTargets:
                     target.text,
                     target_name.place,
                 )
-                for target in known_targets
+                for target in earlier_targets
             ]
-        targets_struck = self.part_names.struck_targets(target_name, strikes_label)
-        if targets_struck:  # without targets each row reports them
-            self._known[target_name] = targets_struck
-        return targets_struck
+        struck_targets = self.part_names.struck_targets(target_name, strikes_label)
+        if struck_targets:  # without targets each row reports them
+            self._targets_by_name[target_name] = struck_targets
+        return struck_targets
 
-    def _names(self, word: Name, word_before: Name, label: str) -> list[Name]:
+    def _member_names(self, word: Name, written_word: Name, label: str) -> list[Name]:
         if notes.word_of(word) is None:
             spelling_mistake = note_slip(word) if self.instruments else None
             if spelling_mistake is None or word.partition(".")[0] in self.part_names.parts:
@@ -120,10 +122,10 @@ class NoteTargets:
             message = f"{label}: {quote(word)} is a note; write `to`, whose notes are struck"
             self.part_names.collector.error("E103", message, word.place)
             return []
-        names_read = []
+        member_names = []
         for instrument_name in self.instruments:
-            family = self.part_names.family_and_rest(instrument_name)
-            if family is None:
+            family_and_rest = self.part_names.family_and_rest(instrument_name)
+            if family_and_rest is None:
                 message = (
                     f"{label}: {quote(instrument_name)} has no notes; write `notes` in the "
                     "instrument"
@@ -133,33 +135,33 @@ class NoteTargets:
                 else:
                     self.part_names.target(instrument_name, "mats", label)
                 continue
-            instrument, name_rest = family
-            word_note = instrument.note(word)
-            if word_note is None:
-                known_notes = [part.rpartition(".")[2] for part in instrument.parts.values()]
+            note_family, name_rest = family_and_rest
+            note_name = note_family.note(word)
+            if note_name is None:
+                known_notes = [part.rpartition(".")[2] for part in note_family.parts.values()]
                 message = f"{label}: {quote(instrument_name)} has no note {quote(word)}"
                 note_range = (
                     f"; its notes are {known_notes[0]} to {known_notes[-1]}" if known_notes else ""
                 )
-                if word == word_before:
+                if word == written_word:
                     self.part_names.collector.error(
                         "E301", message + note_range, word.place, word=word, names=known_notes
                     )
                 else:
-                    message += f", to which {quote(word_before)} is moved{note_range}"
+                    message += f", to which {quote(written_word)} is moved{note_range}"
                     self.part_names.collector.error("E301", message, word.place)
                 continue
-            names_read.append(Name(".".join(filter(None, (word_note, name_rest))), word.place))
-        return names_read
+            member_names.append(Name(".".join(filter(None, (note_name, name_rest))), word.place))
+        return member_names
 
     def _note_height(self, word: str) -> float | None:
         """The note of a name in semitones or keys; None if it has none. Raises TextError."""
         note_words = tuning.spelled(word).split(".")
-        note_place = self._note_word_index(note_words)
-        if note_place is None:
+        note_index = self._note_word_index(note_words)
+        if note_index is None:
             return None
         with tuning.used(self._tuning(note_words)):
-            return notes.step(note_words[note_place])
+            return notes.step(note_words[note_index])
 
     def _tuning(self, words: Sequence[str]) -> Tuning | None:
         """The tuning of the note of a name: of its instrument, or of those that a note is for."""

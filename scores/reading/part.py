@@ -20,8 +20,8 @@ from ergon.scores.pattern import words
 from ergon.scores.pattern.order import Group, name_of, parse, single_name_pattern
 from ergon.scores.pattern.pattern import Pattern, iteration_mistake
 from ergon.scores.pattern.turn_chain import Change, as_turns
-from ergon.scores.pattern.turns import numbered
 from ergon.scores.pattern.turns import parse as parse_turns
+from ergon.scores.pattern.turns import with_numbers
 from ergon.scores.reading.patterns import PATTERN_TABLE, PatternValues, pattern_of
 from ergon.scores.reading.playing import Play
 from ergon.scores.reading.playing_options import (
@@ -36,7 +36,7 @@ MAX_ROWS = 1_000_000
 MAX_PATTERN = 10_000  # characters
 
 
-def _unused_rate(context: Context, place: Place) -> None:
+def _report_unused_rate(context: Context, place: Place) -> None:
     reason = "a part entry has no rate, so the value is not used; write `rate` on the key"
     message = f"{context.label('rate')}: {reason}"
     context.error("N403", message, place)
@@ -54,7 +54,7 @@ class _EntryValues(PatternValues, OptionValues, total=False):
 
 def _play_of_values(play_values: Values) -> Play:
     if play_values.written("rate"):
-        _unused_rate(play_values.context, play_values.place_of("rate"))
+        _report_unused_rate(play_values.context, play_values.place_of("rate"))
     until_place = play_values.place_of("until") if play_values.written("until") else None
     played: Played = play_values["play"] or Played("", None, play_values.place)
     written_options = cast("_EntryValues", play_values.by_name)
@@ -67,12 +67,15 @@ def _play_of_entry(
     entry_values: _EntryValues,
     context: Context,
     played: Played,
-    place_of_at: Place,
+    begin_place: Place,
     until_place: Place | None,
 ) -> Play:
-    transform_chain, turns = as_turns(entry_values.get("do", ()))
-    if turns:
-        entry_values = {**entry_values, "nth": numbered((*entry_values.get("nth", ()), *turns))}
+    transform_chain, rounds = as_turns(entry_values.get("do", ()))
+    if rounds:
+        entry_values = {
+            **entry_values,
+            "nth": with_numbers((*entry_values.get("nth", ()), *rounds)),
+        }
     pattern = pattern_of(entry_values, played.order or single_name_pattern(played.text))
     if iteration_error := iteration_mistake(pattern):
         context.error("E305", f"{quote(played.text)}: {iteration_error}", played.place)
@@ -87,7 +90,7 @@ def _play_of_entry(
         do=transform_chain,
         manner=playing_options(entry_values),
         place=played.place,
-        begin_place=place_of_at,
+        begin_place=begin_place,
         until_place=until_place,
         pattern=pattern if single_leaf is None else None,
     )
@@ -99,7 +102,7 @@ def _repetition_length(
     """The time between repetitions, which `fast` and `slow` change; None where a gesture's own
     length says it.
     """
-    factor = prod(change.spacing for change in transform_chain)
+    factor = prod(change.period_factor for change in transform_chain)
     if factor != 1.0 and step_length is None and pattern.euclid is not None:
         step_length = Length(bars=1.0 / pattern.euclid.steps)  # a round lasts a bar
     return step_length if step_length is None or factor == 1.0 else step_length.times(factor)
@@ -234,7 +237,7 @@ def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -
         return None
     entry_fields["do"] = parsed_row.play.transforms
     if "rate" in entry_fields:
-        _unused_rate(context, _place(parsed_row.play.options["rate"], text_node))
+        _report_unused_rate(context, _place(parsed_row.play.options["rate"], text_node))
     what_words, end_word = parsed_row.play.played, parsed_row.play.options.get("until")
     row_text = " ".join(what_words.text.split())
     row_place = _place(parsed_row.at, text_node)

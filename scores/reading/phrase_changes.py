@@ -30,12 +30,12 @@ def length_of(phrase_rows: Sequence[Row], written_length: Length | None) -> Leng
 def transformed_rows(
     phrase_rows: Sequence[Row],
     phrase_length: Length,
-    chain: Iterable[Transform],
+    transforms: Iterable[Transform],
     mirrored: Callable[[Row, Row], Row],
 ) -> tuple[tuple[Row, ...], Length]:
     """Rows of a phrase after transformations, left to right, and its length. Raises TextError."""
     rows_out = tuple(phrase_rows)
-    for transform in chain:
+    for transform in transforms:
         if transform.word == "mirror":
             rows_out = tuple(mirrored(row, rows_out[0]) for row in rows_out)
             continue

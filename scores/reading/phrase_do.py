@@ -21,7 +21,7 @@ def split_transforms(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Tr
     From the first that only rhythms have on (`is_rhythm`: from the beginning) all are of rhythms.
     Raises TextError.
     """
-    chain: list[Transform] = []
+    gesture_transforms: list[Transform] = []
     part_start = 0
     while part_start <= len(chain_text):
         stop = chain_text.find(",", part_start)
@@ -29,10 +29,10 @@ def split_transforms(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Tr
         word = next(iter(part_text.split()), "")
         if is_rhythm or (word in FORM_BY_WORD and word not in ARITY):
             parse_transforms(chain_text[part_start:], part_start)
-            return tuple(chain), chain_text[part_start:].strip()
-        chain.append(parse_transform(part_text, part_start))
+            return tuple(gesture_transforms), chain_text[part_start:].strip()
+        gesture_transforms.append(parse_transform(part_text, part_start))
         part_start += len(part_text) + 1
-    return tuple(chain), ""
+    return tuple(gesture_transforms), ""
 
 
 def _parse_entries_transforms(chain_text: str) -> tuple[Transform, ...]:
@@ -85,12 +85,12 @@ def phrase_transforms(phrase_values: Values) -> tuple[tuple[Transform, ...], str
     rhythm_texts: list[str] = []
 
     def parse(text: str) -> tuple[Transform, ...]:
-        chain, rhythm = split_transforms(text, is_rhythm=bool(rhythm_texts))
+        phrase_chain, rhythm = split_transforms(text, is_rhythm=bool(rhythm_texts))
         rhythm_texts.extend([rhythm] if rhythm else [])
-        return chain
+        return phrase_chain
 
-    chain = transforms(phrase_values, parse)
-    return None if chain is None else (tuple(chain), ", ".join(rhythm_texts))
+    phrase_chain = transforms(phrase_values, parse)
+    return None if phrase_chain is None else (tuple(phrase_chain), ", ".join(rhythm_texts))
 
 
 def rhythm_transforms(strike_values: Values) -> str | None:

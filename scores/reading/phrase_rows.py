@@ -22,44 +22,47 @@ def phrase_rows(
     phrase: Values,
     phrases: Mapping[str, Any],
     voices: NoteTargets,
-    levels: Levels | None = None,
+    outer_levels: Levels | None = None,
     phrases_above: tuple[str, ...] = (),
 ) -> tuple[tuple[Row, ...], Length] | None:
     """The strikes of a phrase after its own transformations, and its length; None if an error was
     reported.
 
-    `levels` are those of entries that say none; `phrases_above` the names of phrases that it is in.
+    `outer_levels` are those of entries that say none; `phrases_above` the names of phrases
+    that it is in.
     """
     written_entries: Sequence[Row] | None = phrase["entries"]
     if written_entries is None:  # a mistake in them was reported
         return None
     rows: list[Row] = []
     inner_end: float | None = 0.0
-    for row_written, phrase_row in zip(
-        written_entries, with_levels(written_entries, levels or phrase["impulse"]), strict=True
+    for written_row, phrase_row in zip(
+        written_entries,
+        with_levels(written_entries, outer_levels or phrase["impulse"]),
+        strict=True,
     ):
         phrase_name = phrase_row.struck_names[0]
         phrase_values = phrases.get(phrase_name) if len(phrase_row.struck_names) == 1 else None
         if not isinstance(phrase_values, Values) or phrase_values.record is not phrase.record:
             rows.append(phrase_row)
             continue
-        path = (*phrases_above, phrase.context.name, str(phrase_name))
-        if phrase_name in path[:-1]:
-            name_circle = ", which plays ".join(path)
+        phrase_path = (*phrases_above, phrase.context.name, str(phrase_name))
+        if phrase_name in phrase_path[:-1]:
+            name_circle = ", which plays ".join(phrase_path)
             message = (
                 f"{phrase.context.label('')}: {name_circle}: a circle without an end; remove "
                 "one of "
             )
             phrase.context.error("E302", f"{message}these entries", phrase_row.place)
             return None
-        if len(path) > _PHRASE_DEPTH_MAX:
+        if len(phrase_path) > _PHRASE_DEPTH_MAX:
             message = (
                 f"{phrase.context.label('')}: phrases are nested more than {_PHRASE_DEPTH_MAX} deep"
             )
             phrase.context.error("E105", message, phrase_row.place)
             return None
-        entry_levels = None if row_written.level is None else Levels((row_written.level,))
-        named_rows = phrase_rows(phrase_values, phrases, voices, entry_levels, path[:-1])
+        entry_levels = None if written_row.level is None else Levels((written_row.level,))
+        named_rows = phrase_rows(phrase_values, phrases, voices, entry_levels, phrase_path[:-1])
         if named_rows is None:
             return None
         inner_rows, named_length = named_rows
@@ -73,18 +76,18 @@ def phrase_rows(
             message = f"{phrase.context.label('')} has more than {MAX_ROWS:,} strikes"
             phrase.context.error("E105", message, phrase_row.place)
             return None
-    length_here = length_of(rows, phrase["length"])
-    if length_here is not None and phrase["length"] is None:
+    phrase_length = length_of(rows, phrase["length"])
+    if phrase_length is not None and phrase["length"] is None:
         if inner_end is None:
-            length_here = None
-        elif inner_end > length_here.beats:
-            length_here = Length(beats=inner_end)
-    if length_here is None:
+            phrase_length = None
+        elif inner_end > phrase_length.beats:
+            phrase_length = Length(beats=inner_end)
+    if phrase_length is None:
         message = f"{phrase.context.label('')} has no 'length': not all its entries are in beats"
         phrase.error("E103", message, "entries")
         return None
     try:
-        return transformed_rows(rows, length_here, phrase["do"] or (), voices.mirrored)
+        return transformed_rows(rows, phrase_length, phrase["do"] or (), voices.mirrored)
     except TextError as error:
         phrase.error("E306", f"{phrase.context.label('do')}: {error.message}", "do")
         return None
@@ -99,15 +102,15 @@ def _later_end(end_beat: float | None, begin_length: Length, length: Length) -> 
 
 
 def _row_within_phrase(
-    phrase_row: Row, begin_beat: Length, phrase: Values, voices: NoteTargets
+    phrase_row: Row, begin_length: Length, phrase: Values, voices: NoteTargets
 ) -> Row:
     """A strike of a phrase that begins somewhere in another; its notes are those of its own `to`,
     where that is not the other's.
     """
     assert isinstance(phrase_row.at, Length)
-    bars, beats = begin_beat.bars + phrase_row.at.bars, begin_beat.beats + phrase_row.at.beats
+    bars, beats = begin_length.bars + phrase_row.at.bars, begin_length.beats + phrase_row.at.beats
     moved_row = replace(
-        phrase_row, at=Length(bars, beats, begin_beat.seconds + phrase_row.at.seconds)
+        phrase_row, at=Length(bars, beats, begin_length.seconds + phrase_row.at.seconds)
     )
     instrument_names = phrase["to"] or ()
     if not instrument_names or tuple(instrument_names) == tuple(voices.instruments):
@@ -140,28 +143,24 @@ def with_levels(rows: Sequence[Row], strike_levels: Levels | None) -> tuple[Row,
     return tuple(_with_swells(rows, leveled_rows))
 
 
-def _with_swells(rows_written: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
+def _with_swells(written_rows: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
     """Rows whose levels go evenly, strike by strike, from each that swells to the next level that
     is written.
     """
     swell_begin, swell_end = 0, 0
-    for row_number, phrase_row in enumerate(rows):
-        if rows_written[row_number].swells:
-            swell_begin = row_number
+    for row_index, phrase_row in enumerate(rows):
+        if written_rows[row_index].swells:
+            swell_begin = row_index
             later_levels = (
-                row_index
-                for row_index in range(row_number + 1, len(rows))
-                if rows_written[row_index].level is not None
+                later_index
+                for later_index in range(row_index + 1, len(rows))
+                if written_rows[later_index].level is not None
             )
-            swell_end = next(later_levels, row_number)
+            swell_end = next(later_levels, row_index)
         low_level, high_level = rows[swell_begin].level, rows[swell_end].level
-        if (
-            swell_begin < row_number < swell_end
-            and low_level is not None
-            and high_level is not None
-        ):
-            share = (row_number - swell_begin) / (swell_end - swell_begin)
-            value = low_level.low + (high_level.low - low_level.low) * share
-            yield replace(phrase_row, level=Level(value, value, low_level.is_strength))
+        if swell_begin < row_index < swell_end and low_level is not None and high_level is not None:
+            swell_share = (row_index - swell_begin) / (swell_end - swell_begin)
+            impulse = low_level.low + (high_level.low - low_level.low) * swell_share
+            yield replace(phrase_row, level=Level(impulse, impulse, low_level.is_strength))
         else:
             yield phrase_row

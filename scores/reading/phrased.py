@@ -47,13 +47,13 @@ def rhythm_of_phrase(strikes: Strikes) -> Rhythm:
 def _length_unit(cycle: Length, hits: Sequence[Hit]) -> str:
     """The field of `Length` in which everything is written."""
     lengths = [cycle, *(length for hit in hits for length in (hit.at, hit.lasting))]
-    units_used = {
+    used_units = {
         f.name for length in lengths for f in fields(Length) if getattr(length, f.name, 0.0)
     }
-    if len(units_used) != 1:
+    if len(used_units) != 1:
         message = "a rhythm needs entries and a length of the phrase in one unit: all in beats, in "
         raise TextError(f"{message}bars or in seconds")
-    return units_used.pop()
+    return used_units.pop()
 
 
 def _exact_fraction(exact_value: float) -> Fraction:
@@ -119,25 +119,27 @@ def _level_text(written_level: Level) -> str:
         and written_level.factor == 1.0
         and written_level.low == written_level.high
     ):
-        for dynamics_index, word in enumerate(DYNAMICS):
-            if written_level.low == dynamics_index / (len(DYNAMICS) - 1):
+        for mark_index, word in enumerate(DYNAMICS):
+            if written_level.low == mark_index / (len(DYNAMICS) - 1):
                 return word
-        dynamics_index = round(127 * written_level.low)
-        if dynamics_index and velocity(dynamics_index) == written_level:
-            return f"v{dynamics_index}"
+        mark_index = round(127 * written_level.low)
+        if mark_index and velocity(mark_index) == written_level:
+            return f"v{mark_index}"
     return written_level.written
 
 
 def _rhythm_text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
     """Steps in as many lines as notes sound at the same time."""
     note_lines: list[list[_Notes]] = []
-    for notes_group in round_notes:
-        free_line = next((line for line in note_lines if line[-1].end <= notes_group.begin), None)
+    for notes in round_notes:
+        free_line = next(
+            (note_line for note_line in note_lines if note_line[-1].end <= notes.begin), None
+        )
         if free_line is None:
-            note_lines.append([notes_group])
+            note_lines.append([notes])
         else:
-            free_line.append(notes_group)
-    return ", ".join(_line_text(line, round_length) for line in note_lines)
+            free_line.append(notes)
+    return ", ".join(_line_text(note_line, round_length) for note_line in note_lines)
 
 
 def _line_text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
@@ -155,8 +157,8 @@ def _line_text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
         last_end = notes_end
     if last_end < round_length:
         weighted_steps.append(("~", round_length - last_end))
-    parts = lcm(*(width.denominator for _, width in weighted_steps))
-    step_weights = [int(width * parts) for _, width in weighted_steps]
+    denominator = lcm(*(width.denominator for _, width in weighted_steps))
+    step_weights = [int(width * denominator) for _, width in weighted_steps]
     step_weights = [weight // gcd(*step_weights) for weight in step_weights]
     if max(step_weights) > MAX_NUMBER * _CYCLE_PARTS_FINE:
         raise TextError("the entries lie too unevenly for a rhythm; use quantise")

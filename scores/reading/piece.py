@@ -142,7 +142,7 @@ class Strikes:
         """The name that keys the random draws of the strikes."""
         return f"strikes/{self.name}"
 
-    def stop(self, tempo: TempoMap) -> float | None:
+    def stop_beat(self, tempo: TempoMap) -> float | None:
         """The beat at which they end; None if nothing ends them. Raises TextError."""
         if self.span is not None:
             return tempo.after(tempo.resolve(self.at), self.span)
@@ -153,7 +153,7 @@ class Strikes:
         begin_beat = tempo.resolve(self.at)
         if self.every is None:
             return [begin_beat]
-        stop = self.stop(tempo)
+        stop = self.stop_beat(tempo)
         return starts(tempo, begin_beat, Length(), every=self.every, times=self.times, until=stop)
 
     def rounds(self, tempo: TempoMap) -> list[float]:
@@ -175,22 +175,22 @@ class Strikes:
         if self.rhythm is not None:
             yield from self._rhythm_hits(piece, self.rhythm, since_beat, before_beat)
             return
-        until_beat = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
-        for turn, round_start in enumerate(self.rounds(tempo)):
-            for hit_index, melody_hit in enumerate(self.hits):
-                hit_position = melody_hit.at
+        end_beat = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
+        for round_index, round_start in enumerate(self.rounds(tempo)):
+            for hit_index, hit in enumerate(self.hits):
+                hit_position = hit.at
                 hit_beat = (
                     tempo.resolve(hit_position)
                     if isinstance(hit_position, Position)
                     else tempo.after(round_start, hit_position)
                 )
-                if hit_beat < until_beat:
-                    yield hit_beat, turn * len(self.hits) + hit_index, melody_hit
+                if hit_beat < end_beat:
+                    yield hit_beat, round_index * len(self.hits) + hit_index, hit
 
     def cycles(self, tempo: TempoMap, before_beat: float = inf) -> int:
         """The number of cycles of a rhythm that begin before a beat. Raises TextError."""
         assert self.rhythm is not None
-        stop = self.stop(tempo)
+        stop = self.stop_beat(tempo)
         n_cycles = self.rhythm.cycle_count(
             tempo, tempo.resolve(self.at), before_beat if stop is None else min(stop, before_beat)
         )
@@ -199,8 +199,8 @@ class Strikes:
     def _rhythm_hits(
         self, piece: Piece, rhythm: Rhythm, since_beat: float, before_beat: float
     ) -> Iterator[tuple[float, int, Hit]]:
-        tempo, stop = piece.tempo_map, self.stop(piece.tempo_map)
-        before_beat = before_beat if stop is None else min(stop, before_beat)
+        tempo, end_beat = piece.tempo_map, self.stop_beat(piece.tempo_map)
+        before_beat = before_beat if end_beat is None else min(end_beat, before_beat)
         begin_beat = tempo.resolve(self.at)
         first_cycle = 0
         if since_beat != -inf:
@@ -238,7 +238,7 @@ class Strikes:
         """The places of the pattern, on which it strikes. Raises TextError."""
         assert self.pattern is not None
         tempo = piece.tempo_map
-        begin, stop = tempo.resolve(self.at), self.stop(tempo)
+        begin, stop = tempo.resolve(self.at), self.stop_beat(tempo)
         place_sequence = PlaceSequence(self.pattern, Draws(piece.seed, self.draw_key))
         return line_steps(
             tempo, begin, place_sequence, step_length=self.every, times=self.times, end_beat=stop
@@ -310,12 +310,12 @@ class Piece:
         """
         if self.mix.routes:
             return self.mix.routes
-        family = self.note_families()
+        family_by_part = self.note_families()
         channels: dict[tuple[str, str], int] = {}
         routes = []
         for instrument in self.instruments.values():
             for instrument_output in instrument.outputs:
-                name = family.get(instrument.name, instrument.name), instrument_output.name
+                name = family_by_part.get(instrument.name, instrument.name), instrument_output.name
                 channel = channels.setdefault(name, len(channels) + 1)
                 routes.append(
                     Route(

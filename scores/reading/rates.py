@@ -28,13 +28,13 @@ class Rates:
 
     def key_step_frames(self, values: Values) -> int:
         """Frames between two steps of a key's springs; 1: at every frame."""
-        return self._module_divisor(values) or self.gesture
+        return self._part_divisor(values) or self.gesture
 
     def instrument_step_frames(self, values: Values) -> int:
         """Frames between two steps of an instrument's springs; 1: at every frame."""
-        return self._module_divisor(values) or 1
+        return self._part_divisor(values) or 1
 
-    def _module_divisor(self, values: Values) -> int | None:
+    def _part_divisor(self, values: Values) -> int | None:
         return _rate_divisor(self.audio, values, "rate") if values.written("rate") else None
 
 
@@ -42,14 +42,16 @@ def _motion_rate(audio_rate: float, rates: Values) -> float | None:
     """The lowest rate of parts that are only seen; None if none is written, or if an error was
     reported.
     """
-    rate = rates["motion"] if rates.written("motion") else None
-    if not isinstance(rate, float):
+    motion_rate = rates["motion"] if rates.written("motion") else None
+    if not isinstance(motion_rate, float):
         return None
-    if rate > audio_rate:
-        message = f"rates: motion: {rate:.10g} Hz is above the audio rate, {audio_rate:.10g} Hz"
+    if motion_rate > audio_rate:
+        message = (
+            f"rates: motion: {motion_rate:.10g} Hz is above the audio rate, {audio_rate:.10g} Hz"
+        )
         rates.error("E311", message, "motion", suggestion=f"{audio_rate:.10g}Hz")
         return None
-    return rate
+    return motion_rate
 
 
 def _rate_divisor(audio_rate: float, rate_values: Values, rate_name: str) -> int:

@@ -22,13 +22,7 @@ from ergon.scores.reading.melody import Row
 from ergon.scores.reading.note_targets import NoteTargets
 from ergon.scores.reading.phrase_do import rhythm_transforms
 from ergon.scores.reading.piece import Strikes
-from ergon.scores.reading.rhythms import (
-    ANY_WORD,
-    Rhythm,
-    Voice,
-    compiled_rhythm,
-    level_of,
-)
+from ergon.scores.reading.rhythms import ANY_WORD, Rhythm, Voice, compiled_rhythm, level_of
 
 
 def strikes_of_rhythm(strike_values: Values, part_names: PartNames) -> Strikes | None:
@@ -36,18 +30,18 @@ def strikes_of_rhythm(strike_values: Values, part_names: PartNames) -> Strikes |
     rhythm_node = strike_values.nodes["rhythm"]
     assert isinstance(rhythm_node, Scalar)
 
-    def place(leaf: Struck) -> Place:
+    def place_of_word(leaf: Struck) -> Place:
         return rhythm_node.place_at(leaf.offset, len(name_of(leaf)))
 
-    cycle, first_cycle = strike_values["cycle"] or Length(bars=1.0), strike_values["skip"] or 0
+    cycle, skipped_cycles = strike_values["cycle"] or Length(bars=1.0), strike_values["skip"] or 0
     strikes = build.rhythm_strikes(strike_values, ())
-    rhythm = Rhythm(strike_values["rhythm"], "", cycle, {}, first_cycle)
+    rhythm = Rhythm(strike_values["rhythm"], "", cycle, {}, skipped_cycles)
     transforms_text = rhythm_transforms(strike_values)
     if transforms_text is None:
         return None
     strikes = replace(strikes, rhythm=rhythm)
-    names = NoteTargets(part_names, strike_values["to"] or ())
-    return _with_words(strikes, transforms_text, strike_values, names, place)
+    note_targets = NoteTargets(part_names, strike_values["to"] or ())
+    return _with_words(strikes, transforms_text, strike_values, note_targets, place_of_word)
 
 
 def transformed_strikes(
@@ -68,9 +62,9 @@ def transformed_strikes(
     except TextError as error:
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
-    do_place = strike_values.place_of(next(iter(strike_values.written("play", "notes", "to"))))
+    word_place = strike_values.place_of(next(iter(strike_values.written("play", "notes", "to"))))
     is_bounded = strike_values.written("times", "for", "until")
-    rhythm_maker = replace(
+    rhythm_strikes = replace(
         strikes,
         rhythm=rhythm,
         pattern=None,
@@ -82,11 +76,11 @@ def transformed_strikes(
         length=None,
     )
     return _with_words(
-        rhythm_maker,
+        rhythm_strikes,
         transforms_text,
         strike_values,
         NoteTargets(part_names, target_names),
-        lambda _: do_place,
+        lambda _: word_place,
     )
 
 
@@ -100,7 +94,7 @@ def _with_words(
     """Strikes with what each word of their rhythm strikes, after transformations; `place_of_word`
     returns where a word is written. None if an error was reported.
     """
-    strikes_label, rhythm = f"strikes {quote(strike_values.context.name)}", strikes.rhythm
+    label, rhythm = f"strikes {quote(strike_values.context.name)}", strikes.rhythm
     assert rhythm is not None
     try:
         leaves = compiled_rhythm(rhythm.text, transforms_text).leaves
@@ -113,26 +107,21 @@ def _with_words(
         is_strength = (
             level_of(leaf) or strike_levels.steps[0]
         ).is_strength or strike_levels.has_strengths
-        voice = _voice_of_word(
-            leaf, place_of_word(leaf), note_targets, strikes_label, is_strength=is_strength
+        word_voice = _voice_of_word(
+            leaf, place_of_word(leaf), note_targets, label, is_strength=is_strength
         )
-        if voice is None:
+        if word_voice is None:
             return None
-        voices[key_of(leaf)] = voice
+        voices[key_of(leaf)] = word_voice
     struck_targets = dict.fromkeys(
-        target for voice in voices.values() for targets, _ in voice for target in targets
+        target for word_voice in voices.values() for targets, _ in word_voice for target in targets
     )
     rhythm = replace(rhythm, do=transforms_text, voices=voices, tuning=tuning.written())
     return replace(strikes, to=tuple(struck_targets), levels=strike_levels, rhythm=rhythm)
 
 
 def _voice_of_word(
-    leaf: Struck,
-    word_place: Place,
-    note_targets: NoteTargets,
-    strikes_label: str,
-    *,
-    is_strength: bool,
+    leaf: Struck, word_place: Place, note_targets: NoteTargets, label: str, *, is_strength: bool
 ) -> Voice | None:
     """What a word of a rhythm strikes; None if an error was reported."""
     leaf_name = Name(name_of(leaf), word_place)
@@ -147,27 +136,27 @@ def _voice_of_word(
             for note in note_words
         )
     except TextError as error:
-        collector.error("E306", f"{strikes_label}: {error.message}", word_place)
+        collector.error("E306", f"{label}: {error.message}", word_place)
         return None
     strike_targets: Iterable[Target]
     if leaf_name == ANY_WORD and note_targets.instruments:
         strike_targets = [
             reached
             for name in note_targets.instruments
-            for reached in note_targets.part_names.struck_targets(name, strikes_label)
+            for reached in note_targets.part_names.struck_targets(name, label)
         ]
     else:
         strike_targets = note_targets.targets(
-            Row(Length(), struck_targets, None, word_place, note_words), strikes_label
+            Row(Length(), struck_targets, None, word_place, note_words), label
         )
-    by_reach: dict[ImpulseRange | None, list[Target]] = {}
+    targets_by_range: dict[ImpulseRange | None, list[Target]] = {}
     for target in strike_targets:
         impulse_range = (
-            note_targets.part_names.required_impulse_range(target, strikes_label)
-            if is_strength
-            else None
+            note_targets.part_names.required_impulse_range(target, label) if is_strength else None
         )
-        by_reach.setdefault(impulse_range, []).append(target)
+        targets_by_range.setdefault(impulse_range, []).append(target)
     if collector.n_reports > n_reports:
         return None
-    return tuple((tuple(targets), impulse_range) for impulse_range, targets in by_reach.items())
+    return tuple(
+        (tuple(targets), impulse_range) for impulse_range, targets in targets_by_range.items()
+    )

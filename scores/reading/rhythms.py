@@ -28,7 +28,7 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
 from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, chance_from
 from ergon.scores.pattern.phrasing import swell
-from ergon.scores.pattern.rhythm_text import WORD, line_begins, parse
+from ergon.scores.pattern.rhythm_text import WORD, line_offsets, parse
 from ergon.scores.pattern.struck import Struck, key_of, name_of, note_of, notes_of
 
 ANY_WORD = "x"  # the word for what `to` names
@@ -57,7 +57,7 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True)
 class Rhythm:
-    """A text that is one `cycle`, its transformations, and what each of its words strikes."""
+    """A text that is one `cycle_index`, its transformations, and what each of its words strikes."""
 
     text: str
     do: str
@@ -66,9 +66,9 @@ class Rhythm:
     first: int = 0  # the number of the cycle that is played first
     tuning: Tuning | None = None  # by which the notes of chords are named and ordered
 
-    def cycle_begin(self, tempo: TempoMap, begin_beat: float, number: int) -> float:
+    def cycle_begin(self, tempo: TempoMap, begin_beat: float, cycle_index: int) -> float:
         """The beat on which a cycle begins, of a rhythm that begins at a beat."""
-        return tempo.after(begin_beat, self.cycle.times(number))
+        return tempo.after(begin_beat, self.cycle.times(cycle_index))
 
     def cycle_count(self, tempo: TempoMap, begin: float, before_beat: float) -> int:
         """The number of cycles that begin before a beat."""
@@ -90,39 +90,34 @@ class Rhythm:
         return high
 
     def strokes(
-        self,
-        tempo: TempoMap,
-        start: float,
-        levels: Levels,
-        draws: tuple[int, str],
-        cycles: range,
+        self, tempo: TempoMap, start: float, levels: Levels, draws: tuple[int, str], cycles: range
     ) -> Iterator[Stroke]:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
-        cycles_source = _cycle_events(self.text, self.do, self.tuning, *draws)
-        for turn in cycles:
+        events_of_cycle = _cycle_events(self.text, self.do, self.tuning, *draws)
+        for cycle_index in cycles:
             cycle_begin, cycle_end = (
-                self.cycle_begin(tempo, start, cycle_index) for cycle_index in (turn, turn + 1)
+                self.cycle_begin(tempo, start, index) for index in (cycle_index, cycle_index + 1)
             )
-            cycle_number = self.first + turn
-            events = cycles_source(cycle_number)
-            strokes: list[_Placed] = []
+            cycle_number = self.first + cycle_index
+            events = events_of_cycle(cycle_number)
+            strokes: list[PlacedStroke] = []
             for event, level in zip(events, _levels_of_events(events, levels), strict=True):
-                share, span, stroke_length, struck_word = event
+                begin_share, span_share, length_share, struck_word = event
                 stroke_beat, duration = (
-                    cycle_begin + share * (cycle_end - cycle_begin),
-                    stroke_length * (cycle_end - cycle_begin),
+                    cycle_begin + begin_share * (cycle_end - cycle_begin),
+                    length_share * (cycle_end - cycle_begin),
                 )
                 strokes += _placed_strokes(
                     tempo,
                     stroke_beat,
-                    span * (cycle_end - cycle_begin),
+                    span_share * (cycle_end - cycle_begin),
                     duration,
                     struck_word,
                     level,
                 )
                 if len(strokes) > MAX_EVENTS:
                     raise TextError(_TOO_MANY_MESSAGE)
-            strokes.sort(key=_BEAT_OF)
+            strokes.sort(key=_stroke_beat)
             for index, (stroke_beat, duration, struck_word, level) in enumerate(strokes):
                 yield Stroke(
                     stroke_beat,
@@ -139,8 +134,8 @@ class Rhythm:
         """
         counts = [0] * _CYCLES_SAMPLED
         for stroke in self.strokes(tempo, begin_beat, _PLAIN_LEVELS, draws, range(_CYCLES_SAMPLED)):
-            cycle = stroke.number // MAX_EVENTS - self.first
-            counts[cycle] += sum(len(targets) for targets, _ in self.voices[stroke.word])
+            cycle_index = stroke.number // MAX_EVENTS - self.first
+            counts[cycle_index] += sum(len(targets) for targets, _ in self.voices[stroke.word])
         return max(counts)
 
     def latest_delay(self) -> tuple[int, float]:
@@ -154,8 +149,8 @@ _TOO_MANY_MESSAGE = (
     f"a cycle of the rhythm would have more than {MAX_EVENTS:,} strokes; repeat them less often"
 )
 # A stroke's beat, how long it sounds in beats, what it strikes and how strongly.
-_Placed = tuple[float, float, Struck, Level]
-_BEAT_OF = itemgetter(0)
+PlacedStroke = tuple[float, float, Struck, Level]
+_stroke_beat = itemgetter(0)
 
 
 def _levels_of_events(cycle_events: Sequence[_CycleEvent], levels: Levels) -> Iterator[Level]:
@@ -163,20 +158,22 @@ def _levels_of_events(cycle_events: Sequence[_CycleEvent], levels: Levels) -> It
 
     What is part of a stroke has the stroke's level: of the nearest with its word before or after.
     """
-    main_numbers = [
+    main_events = [
         number for number, (*_, struck) in enumerate(cycle_events) if struck.part_of is None
     ]
-    turns = {number: turn for turn, number in enumerate(main_numbers)}
-    by_word: dict[int, list[int]] = {}
-    for event_index in main_numbers if len(main_numbers) < len(cycle_events) else ():
-        by_word.setdefault(cycle_events[event_index][-1].offset, []).append(event_index)
+    step_by_event = {event_index: step for step, event_index in enumerate(main_events)}
+    events_by_word: dict[int, list[int]] = {}
+    for event_index in main_events if len(main_events) < len(cycle_events) else ():
+        events_by_word.setdefault(cycle_events[event_index][-1].offset, []).append(event_index)
     for event_index, (*_, struck_word) in enumerate(cycle_events):
-        main_number = event_index
+        main_event = event_index
         if struck_word.part_of is not None:
-            numbers_of_word = by_word.get(struck_word.offset) or main_numbers or [event_index]
-            place = bisect(numbers_of_word, event_index) - (struck_word.part_of == "before")
-            main_number = numbers_of_word[min(max(0, place), len(numbers_of_word) - 1)]
-        level = level_of(struck_word) or levels.step(turns.get(main_number, 0), len(main_numbers))
+            word_events = events_by_word.get(struck_word.offset) or main_events or [event_index]
+            rank = bisect(word_events, event_index) - (struck_word.part_of == "before")
+            main_event = word_events[min(max(0, rank), len(word_events) - 1)]
+        level = level_of(struck_word) or levels.step(
+            step_by_event.get(main_event, 0), len(main_events)
+        )
         yield level.scaled(struck_word.factor) if struck_word.factor != 1.0 else level
 
 
@@ -187,7 +184,7 @@ def _placed_strokes(
     stroke_length: float,
     struck_word: Struck,
     stroke_level: Level,
-) -> Iterator[_Placed]:
+) -> Iterator[PlacedStroke]:
     """A stroke at its beat, later by its delay; or the strokes that repeat it over its span."""
     if struck_word.delay:
         stroke_beat = tempo.after(stroke_beat, Length(seconds=struck_word.delay))
@@ -199,17 +196,19 @@ def _placed_strokes(
     n_repeats = max(1, ceil((end - start) * rate - _SAME_STROKE))
     if n_repeats > MAX_EVENTS:
         raise TextError(_TOO_MANY_MESSAGE)
-    for turn in range(n_repeats):
-        repeat_beat = tempo.beats(start + turn / rate) if turn else stroke_beat
-        stop = (
-            tempo.beats(start + (turn + 1) / rate)
-            if turn + 1 < n_repeats
+    for repeat_index in range(n_repeats):
+        repeat_beat = tempo.beats(start + repeat_index / rate) if repeat_index else stroke_beat
+        repeat_end = (
+            tempo.beats(start + (repeat_index + 1) / rate)
+            if repeat_index + 1 < n_repeats
             else stroke_beat + stroke_span
         )
         level = stroke_level.scaled(
-            swell(first_factor, last_factor, turn / (n_repeats - 1) if n_repeats > 1 else 1.0)
+            swell(
+                first_factor, last_factor, repeat_index / (n_repeats - 1) if n_repeats > 1 else 1.0
+            )
         )
-        sounding_length = float(struck_word.length) * (stop - repeat_beat)
+        sounding_length = float(struck_word.length) * (repeat_end - repeat_beat)
         yield (
             repeat_beat,
             sounding_length,
@@ -245,10 +244,10 @@ def compiled_in_tuning(
     rhythm_text: str, transforms_text: str, tuned: Tuning | None
 ) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in a tuning. Raises TextError."""
-    begins = line_begins(rhythm_text)
+    line_begins = line_offsets(rhythm_text)
 
     def read(word: str, offset: int) -> Struck:
-        return Struck(word, offset, line=bisect(begins, offset) - 1)
+        return Struck(word, offset, line=bisect(line_begins, offset) - 1)
 
     cycles = parse(rhythm_text, read)
     with tuning.used(tuned):
@@ -284,11 +283,11 @@ def _cycle_events(
     return events
 
 
-def retargeted(rhythm: Rhythm, retarget: Callable[[Target], Target]) -> Rhythm:
+def retargeted(rhythm: Rhythm, move_target: Callable[[Target], Target]) -> Rhythm:
     """A rhythm with each of its targets changed."""
     voices = {
         key: tuple(
-            (tuple(map(retarget, targets)), impulse_range) for targets, impulse_range in voice
+            (tuple(map(move_target, targets)), impulse_range) for targets, impulse_range in voice
         )
         for key, voice in rhythm.voices.items()
     }
@@ -304,12 +303,12 @@ def words_of(text: str) -> list[str]:
 def renamed(rhythm: Rhythm, rename: Callable[[str], str]) -> Rhythm:
     """A rhythm in whose text each name of a part is changed."""
 
-    def changed(word: str) -> str:
+    def renamed_word(word: str) -> str:
         plain_word, colon, level = word.partition(":")
         return word if note_of(plain_word) else f"{rename(plain_word)}{colon}{level}"
 
-    text = WORD.sub(lambda match: changed(match[0]), rhythm.text)
-    voices = {changed(key): voice for key, voice in rhythm.voices.items()}
+    text = WORD.sub(lambda match: renamed_word(match[0]), rhythm.text)
+    voices = {renamed_word(key): voice for key, voice in rhythm.voices.items()}
     return replace(rhythm, text=text, voices=voices)
 
 

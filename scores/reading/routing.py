@@ -30,10 +30,10 @@ def routed_mix(
     note_routes = (
         note_route for route in mix.routes for note_route in _note_routes(route, part_names)
     )
-    routes_read = (
+    checked_routes = (
         _checked_route(route, parts_by_name, part_names, mix.rooms) for route in note_routes
     )
-    return replace(mix, routes=tuple(route for route in routes_read if route is not None))
+    return replace(mix, routes=tuple(route for route in checked_routes if route is not None))
 
 
 def _note_routes(route: Route, part_names: PartNames) -> Iterable[Route]:
@@ -66,14 +66,14 @@ def _checked_route(
             word = str(route.part)
             part_names.collector.error("E301", message, route.place, word=word, names=names)
         return None
-    names = tuple(output.name for output in instrument.outputs)
+    out_names = tuple(output.name for output in instrument.outputs)
     if part_path in part_names.refused_parts:
         return None
-    if not names or (output_name is not None and output_name not in names):
+    if not out_names or (output_name is not None and output_name not in out_names):
         message = f"route: {quote(part_path)} has no output" + (
             f" {quote(output_name)}" if output_name else ""
         )
-        output_names = tuple(f"{part_path}.{name}" for name in names if name)
+        output_names = tuple(f"{part_path}.{name}" for name in out_names if name)
         part_names.collector.error(
             "E301", message, route.place, word=str(route.part), names=output_names
         )
@@ -94,8 +94,8 @@ def _route_with_level(route: Route, instrument: Instrument, part_names: PartName
         message += "write a gain here"
         part_names.collector.error("E304", message, route.place)
         return route
-    count = 1 if route.to == "nearest" or route.is_panned else len(route.to)
-    ratio = ratio_of(route.level - instrument.loudness) / sqrt(count)
+    channel_count = 1 if route.to == "nearest" or route.is_panned else len(route.to)
+    ratio = ratio_of(route.level - instrument.loudness) / sqrt(channel_count)
     return replace(route, level_ratio=ratio)
 
 
@@ -112,9 +112,9 @@ def _check_route(
             part_names.collector.error(
                 "E301", message, room_name.place, word=room_name, names=room_names
             )
-    outputs_routed = [output for output in instrument.outputs if route.out in (None, output.name)]
+    routed_outputs = [output for output in instrument.outputs if route.out in (None, output.name)]
     silent_output = next(
-        (output for output in outputs_routed if not output.kind_facts.radiates), None
+        (output for output in routed_outputs if not output.kind_facts.radiates), None
     )
     if route.radiation is not None and silent_output is not None:
         message = (
@@ -124,9 +124,9 @@ def _check_route(
             "listen by SOA: the pressure of a small source is proportional to its acceleration"
         )
         part_names.collector.error("E304", message, route.place, help=help_text)
-    force_kinds = [output.kind for output in outputs_routed if not output.kind_facts.is_movement]
+    force_kinds = [output.kind for output in routed_outputs if not output.kind_facts.is_movement]
     if route.to == "nearest" and any(
-        not output.is_movement and output.nearest is None for output in outputs_routed
+        not output.is_movement and output.nearest is None for output in routed_outputs
     ):
         quantity = force_kinds[0] if force_kinds else "a distance"
         message = (

@@ -26,33 +26,31 @@ MAX_STRIKES = 2_000_000  # strikes in a piece: some 340 MB
 
 
 def start_beats(
-    piece: Piece, begins: Sequence[float], known_plays: KnownPlays, collector: Collector
+    piece: Piece, begin_beats: Sequence[float], known_plays: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; None if only a take's file can tell.
 
-    `begins` are the beats on which the lines begin; lines in `known_plays` are not computed again.
-    Reports occurrences without end, bar checks that are not on a bar (W311), and points that
+    `begin_beats` are the beats on which the lines begin; lines in `known_plays` are not computed
+    again. Reports occurrences without end, bar checks that are not on a bar (W311), and points that
     transformations lose (W315).
     """
-    line_starts = _all_starts(piece, begins, known_plays, collector)
+    line_starts = _all_starts(piece, begin_beats, known_plays, collector)
     strike_counts = known_plays.recall("counts", piece.strikes, piece.seed)
     if not strike_counts.unknown:
         return line_starts
-    strikes_left = float(MAX_STRIKES) - sum(
-        count for count in strike_counts.values if count is not None
-    )
+    n_left = float(MAX_STRIKES) - sum(count for count in strike_counts.values if count is not None)
     for strikes_index in strike_counts.unknown:
         n_reports = collector.n_reports
-        n_strikes = _strike_count(piece.strikes[strikes_index], piece, strikes_left, collector)
+        n_strikes = _strike_count(piece.strikes[strikes_index], piece, n_left, collector)
         if collector.n_reports == n_reports:
             strike_counts.values[strikes_index] = n_strikes
-        strikes_left -= n_strikes
+        n_left -= n_strikes
     known_plays.keep("counts", strike_counts, piece.seed)
     return line_starts
 
 
 def _all_starts(
-    piece: Piece, begins: Sequence[float], known_plays: KnownPlays, collector: Collector
+    piece: Piece, begin_beats: Sequence[float], known_plays: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; lines in `known_plays` are not computed
     again.
@@ -61,29 +59,29 @@ def _all_starts(
     if not known_starts.unknown:
         return known_plays.beats(known_starts)
     lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped] = {}
-    starts_left = MAX_OCCURRENCES - sum(
+    n_left = MAX_OCCURRENCES - sum(
         starts_and_count[1]
         for starts_and_count in known_starts.values
         if starts_and_count is not None
     )
-    known_reported: dict[int, Sequence[float] | None] = {}
+    reported_beats: dict[int, Sequence[float] | None] = {}
     for line_index in known_starts.unknown:
         n_reports = collector.n_reports
         line_beats = _line_beats(
-            piece, piece.parts[line_index], begins[line_index], lengths, starts_left, collector
+            piece, piece.parts[line_index], begin_beats[line_index], lengths, n_left, collector
         )
         n_beats = 0 if line_beats is None else len(line_beats)
-        starts_left -= n_beats
+        n_left -= n_beats
         if collector.n_reports == n_reports:
             known_starts.values[line_index] = line_beats, n_beats
         else:
-            known_reported[line_index] = line_beats
+            reported_beats[line_index] = line_beats
     known_plays.keep_starts(piece, known_starts)
-    if not known_reported:
+    if not reported_beats:
         return known_plays.beats(known_starts)
     return tuple(
         [
-            starts_and_count[0] if starts_and_count else known_reported[number]
+            starts_and_count[0] if starts_and_count else reported_beats[number]
             for number, starts_and_count in enumerate(known_starts.values)
         ]
     )
@@ -94,12 +92,12 @@ def _line_beats(
     part_play: Play,
     begin_beat: float,
     known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped],
-    starts_left: int,
+    n_left: int,
     collector: Collector,
 ) -> Sequence[float] | None:
     """Beats on which a line is played; None if only a take's file can tell."""
     if part_play.pattern is not None:
-        return _pattern_beats(piece, part_play, begin_beat, known_lengths, starts_left, collector)
+        return _pattern_beats(piece, part_play, begin_beat, known_lengths, n_left, collector)
     line_beats = None
     gesture = piece.gestures.get(part_play.what)
     gesture_length, dropped_reasons = Length(), _NOTHING_DROPPED
@@ -113,7 +111,7 @@ def _line_beats(
         _check_take_transforms(part_play, collector) and part_play.every is not None
     ):
         line_beats = _repetition_beats(
-            piece, part_play, begin_beat, gesture_length, starts_left, collector
+            piece, part_play, begin_beat, gesture_length, n_left, collector
         )
     if gesture is not None and gesture.bar_checks and not part_play.do:
         _check_bar_lines(piece, gesture, line_beats[:1] if line_beats else [], collector)
@@ -125,7 +123,7 @@ def _pattern_beats(
     part_play: Play,
     begin_beat: float,
     lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped],
-    starts_left: int,
+    n_left: int,
     collector: Collector,
 ) -> Sequence[float]:
     """Beats on which the places of a pattern begin."""
@@ -134,8 +132,10 @@ def _pattern_beats(
     for gesture_name in part_play.names:
         gesture = piece.gestures.get(gesture_name)
         if gesture is None:
-            for chain in part_play.chains:
-                _check_take_transforms(replace(part_play, what=gesture_name, do=chain), collector)
+            for transforms in part_play.chains:
+                _check_take_transforms(
+                    replace(part_play, what=gesture_name, do=transforms), collector
+                )
             continue
         pattern_lengths[gesture_name], dropped_reasons = _gesture_length(
             piece, gesture, part_play, begin_beat, lengths
@@ -151,7 +151,7 @@ def _pattern_beats(
             times=part_play.times,
             end_beat=None if part_play.until is None else tempo.resolve(part_play.until),
             length=pattern_lengths.get,
-            room=starts_left,
+            room=n_left,
         )
     except TextError as error:
         code = error.code if error.code != "E204" else "E305"
@@ -164,7 +164,7 @@ def _repetition_beats(
     part_play: Play,
     begin_beat: float,
     gesture_length: Length,
-    starts_left: int,
+    n_left: int,
     collector: Collector,
 ) -> list[float]:
     tempo = piece.tempo_map
@@ -177,17 +177,15 @@ def _repetition_beats(
             every=part_play.every,
             times=part_play.times,
             until=until_beat,
-            room=starts_left,
+            room=n_left,
         )
     except TextError as error:
         collector.error("E305", f"{quote(part_play.what)}: {error.message}", part_play.place)
         return []
 
 
-def _strike_count(
-    strikes: Strikes, piece: Piece, strikes_left: float, collector: Collector
-) -> float:
-    """The number of strikes; reports an error if there are more than `strikes_left`, before any is
+def _strike_count(strikes: Strikes, piece: Piece, n_left: float, collector: Collector) -> float:
+    """The number of strikes; reports an error if there are more than `n_left`, before any is
     drawn.
     """
     tempo = piece.tempo_map
@@ -199,9 +197,9 @@ def _strike_count(
             tempo.after(start_beat, strikes.span) if strikes.span is not None else start_beat
         )
     striking_seconds = tempo.seconds(stop_beat) - tempo.seconds(start_beat)
-    n_rounds = 1.0
+    n_steps = 1.0
     if strikes.rhythm is not None:
-        if strikes.stop(tempo) is None and strikes.times is None:
+        if strikes.stop_beat(tempo) is None and strikes.times is None:
             message = f"strikes {quote(strikes.name)}: the rhythm has no end; write `times`, `for` "
             collector.error("E103", message + "or `until`", strikes.place)
             return 0.0
@@ -212,9 +210,7 @@ def _strike_count(
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _count_within(
-            strikes, float(strikes.cycles(tempo) * per_cycle), strikes_left, collector
-        )
+        return _count_within(strikes, float(strikes.cycles(tempo) * per_cycle), n_left, collector)
     if strikes.has_rounds:
         try:
             n_targets = sum(target.count for hit in strikes.hits for target in hit.to)
@@ -228,23 +224,23 @@ def _strike_count(
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _count_within(strikes, n_strikes, strikes_left, collector)
+        return _count_within(strikes, n_strikes, n_left, collector)
     if strikes.pattern is not None:
         try:
-            n_rounds = float(len(strikes.steps(piece)))
+            n_steps = float(len(strikes.steps(piece)))
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
     elif strikes.rate is not None:
-        n_rounds = strikes.rate * striking_seconds
+        n_steps = strikes.rate * striking_seconds
     elif strikes.every is not None:
-        step = tempo.seconds(tempo.after(start_beat, strikes.every)) - tempo.seconds(start_beat)
-        if step <= 0.0:
+        period = tempo.seconds(tempo.after(start_beat, strikes.every)) - tempo.seconds(start_beat)
+        if period <= 0.0:
             message = f"strikes {quote(strikes.name)}: 'every' must be above 0"
             collector.error("E305", message, strikes.place)
             return 0.0
-        n_rounds = float(strikes.times) if strikes.times is not None else striking_seconds / step
+        n_steps = float(strikes.times) if strikes.times is not None else striking_seconds / period
         if strikes.times is None and stop_beat == start_beat:
             message = (
                 f"strikes {quote(strikes.name)}: the number of strikes "
@@ -253,14 +249,12 @@ def _strike_count(
             collector.error("E103", message, strikes.place)
     voices = strikes.voices.values() or (strikes.to,)
     targets_per_step = max(sum(target.count for target in voice) for voice in voices)
-    return _count_within(strikes, n_rounds * targets_per_step, strikes_left, collector)
+    return _count_within(strikes, n_steps * targets_per_step, n_left, collector)
 
 
-def _count_within(
-    strikes: Strikes, n_strikes: float, strikes_left: float, collector: Collector
-) -> float:
-    """`n_strikes`; 0 if an error was reported because it is above `strikes_left`."""
-    if n_strikes <= strikes_left:
+def _count_within(strikes: Strikes, n_strikes: float, n_left: float, collector: Collector) -> float:
+    """`n_strikes`; 0 if an error was reported because it is above `n_left`."""
+    if n_strikes <= n_left:
         return n_strikes
     message = f"strikes {quote(strikes.name)}: the piece has more than {MAX_STRIKES:,} strikes"
     if n_strikes <= MAX_STRIKES:
@@ -286,13 +280,13 @@ def _gesture_length(
     known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped],
 ) -> _LengthAndDropped:
     """The length of a gesture from beat `begin_beat` on, after its transformations."""
-    chain = (*gesture.do, *part_play.do)
-    if not chain:
+    transforms = (*gesture.do, *part_play.do)
+    if not transforms:
         return gesture.length(gesture.points[-1].at), ()
     gesture_beat = gesture.beat(piece.tempo_map, begin_beat)
     memo_key = gesture.name, part_play.do, gesture_beat
     if memo_key not in known_lengths:
-        points, dropped_reasons = apply(gesture.points, chain, MidpointChance(), gesture_beat)
+        points, dropped_reasons = apply(gesture.points, transforms, MidpointChance(), gesture_beat)
         known_lengths[memo_key] = gesture.length(points[-1].at), dropped_reasons
     return known_lengths[memo_key]
 
@@ -304,10 +298,10 @@ def _check_bar_lines(
     tempo = piece.tempo_map
     for start in start_beats:
         for bar_check in gesture.bar_checks:
-            beats = tempo.beats(tempo.instant(start, bar_check.at))
-            _, beat = tempo.bar_beat(beats)
+            check_beats = tempo.beats(tempo.instant(start, bar_check.at))
+            _, beat = tempo.bar_beat(check_beats)
             if abs(beat - 1.0) > 1e-6:
-                position_text = tempo.written(beats)
+                position_text = tempo.written(check_beats)
                 message = (
                     f"'|' in gesture {quote(gesture.name)} is not on a bar line, but at "
                     f"{position_text}"

@@ -36,7 +36,9 @@ class SoundingNames:
             for name_now, sounding_name in (names or {}).items()
             if name_now != sounding_name
         }
-        self._known: dict[int, tuple[Any, Any]] = {}  # by id, with the original, which keeps its id
+        self._new_by_id: dict[
+            int, tuple[Any, Any]
+        ] = {}  # by id, with the original, which keeps its id
 
     def __eq__(self, other: object) -> bool:
         """Whether the names are the same."""
@@ -54,10 +56,10 @@ class SoundingNames:
     def _name_for(self, part_name: str) -> str:
         if part_name in self.names:
             return self.names[part_name]
-        taken_names = self.names.values()
-        number, unique_name = 2, part_name
-        while unique_name in taken_names:
-            number, unique_name = number + 1, f"{part_name}-{number}"
+        used_names = self.names.values()
+        suffix, unique_name = 2, part_name
+        while unique_name in used_names:
+            suffix, unique_name = suffix + 1, f"{part_name}-{suffix}"
         return unique_name
 
     def shown_name(self, name: str, part_names: Iterable[str]) -> str:
@@ -70,18 +72,18 @@ class SoundingNames:
 
     def renamed(self, old_name: str, new_name: str) -> SoundingNames:
         """The names after a part was renamed."""
-        other_names = {
+        remaining_names = {
             name_now: name for name_now, name in self.names.items() if name_now != old_name
         }
-        return SoundingNames({**other_names, new_name: self._name_for(old_name)})
+        return SoundingNames({**remaining_names, new_name: self._name_for(old_name)})
 
     def piece(self, piece: Piece) -> Piece:
         """The piece with all names replaced by those by which its parts sound."""
         if not self.names:
             return piece
-        known_before, self._known = self._known, {}
+        old_by_id, self._new_by_id = self._new_by_id, {}
         sections = {
-            name: self._renamed(getattr(piece, name), known_before)
+            name: self._renamed(getattr(piece, name), old_by_id)
             for name in ("keys", "instruments", "strikes", "players", "duet", "mix", "automation")
         }
         families = {
@@ -95,37 +97,37 @@ class SoundingNames:
         }
         return replace(piece, **{**sections, **parts_by_name}, families=families, tunings=tunings)
 
-    def _renamed(self, value: Any, known_before: dict[int, tuple[Any, Any]]) -> Any:
+    def _renamed(self, record: Any, old_by_id: dict[int, tuple[Any, Any]]) -> Any:
         """A value with its names replaced; the value itself if there are none."""
-        if isinstance(value, (tuple, list)):
-            renamed_items = [self._renamed(entry, known_before) for entry in value]
-            is_same = all(a is b for a, b in zip(renamed_items, value, strict=True))
-            return value if is_same else type(value)(renamed_items)
-        if isinstance(value, Mapping):
-            entries = {name: self._renamed(entry, known_before) for name, entry in value.items()}
-            return value if all(entries[name] is value[name] for name in value) else entries
-        if not isinstance(value, (Target, *_TYPES_WITH_NAMES)):
-            return value
+        if isinstance(record, (tuple, list)):
+            renamed_items = [self._renamed(entry, old_by_id) for entry in record]
+            is_same = all(a is b for a, b in zip(renamed_items, record, strict=True))
+            return record if is_same else type(record)(renamed_items)
+        if isinstance(record, Mapping):
+            entries = {name: self._renamed(entry, old_by_id) for name, entry in record.items()}
+            return record if all(entries[name] is record[name] for name in record) else entries
+        if not isinstance(record, (Target, *_TYPES_WITH_NAMES)):
+            return record
         value_and_renamed = (
-            known_before.get(id(value))
-            or self._known.get(id(value))
-            or (value, self._with_new_names(value, known_before))
+            old_by_id.get(id(record))
+            or self._new_by_id.get(id(record))
+            or (record, self._with_new_names(record, old_by_id))
         )
-        self._known[id(value)] = value_and_renamed
+        self._new_by_id[id(record)] = value_and_renamed
         return value_and_renamed[1]
 
-    def _with_new_names(self, value: Any, known_before: dict[int, tuple[Any, Any]]) -> Any:
-        if isinstance(value, Rhythm):
-            value = renamed(value, self.sounding_name)
-        name_fields = _NAME_FIELDS.get(type(value), ())
+    def _with_new_names(self, record: Any, old_by_id: dict[int, tuple[Any, Any]]) -> Any:
+        if isinstance(record, Rhythm):
+            record = renamed(record, self.sounding_name)
+        name_fields = _NAME_FIELDS.get(type(record), ())
         changed_fields: dict[str, object] = {}
-        for value_field in fields(value):
-            field_value = getattr(value, value_field.name)
+        for value_field in fields(record):
+            field_value = getattr(record, value_field.name)
             new_value = (
                 self.sounding_name(field_value)
                 if value_field.name in name_fields
-                else self._renamed(field_value, known_before)
+                else self._renamed(field_value, old_by_id)
             )
             if new_value is not field_value and new_value != field_value:
                 changed_fields[value_field.name] = new_value
-        return replace(value, **changed_fields) if changed_fields else value
+        return replace(record, **changed_fields) if changed_fields else record

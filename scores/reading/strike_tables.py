@@ -31,9 +31,9 @@ class StrikesDo(Shape):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        items = node.items if isinstance(node, document.Sequence) else [node]
-        text_nodes = [item for item in items if isinstance(item, Scalar)]
-        if len(text_nodes) < len(items) or not text_nodes:
+        do_nodes = node.items if isinstance(node, document.Sequence) else [node]
+        text_nodes = [item for item in do_nodes if isinstance(item, Scalar)]
+        if len(text_nodes) < len(do_nodes) or not text_nodes:
             return wrong_shape(self, node, name, context)
         return tuple(text_nodes)
 

@@ -15,7 +15,7 @@ from ergon.scores.reading import melodies
 _TUNED_FIELDS = ("transpose", "do", "rhythm", "notes")
 
 
-def in_tuning(
+def strikes_tuning(
     strike_values: Values, phrase: Any, part_names: PartNames
 ) -> AbstractContextManager[None] | None:
     """The context in which strikes, which may play a phrase, are read.
@@ -33,13 +33,15 @@ def in_tuning(
             tuned_fields.append(f"phrase {quote(strike_values['play'])}")
     tunings = {name: part_names.tuning_of(name) for name in target_names}
     first_name, first_tuning = next(iter(tunings.items()), ("", part_names.tuning))
-    other_name = next((name for name in tunings if not _is_same(tunings[name], first_tuning)), None)
-    if other_name is None:
+    contrary_name = next(
+        (name for name in tunings if not _is_same(tunings[name], first_tuning)), None
+    )
+    if contrary_name is None:
         return tuning.used(first_tuning)
     if not tuned_fields:
         return tuning.used(part_names.tuning)
     message = (
-        f"{strike_values.context.label('')}: {quote(first_name)} and {quote(other_name)} have "
+        f"{strike_values.context.label('')}: {quote(first_name)} and {quote(contrary_name)} have "
         "different tunings, "
     )
     message += f"and {tuned_fields[0]} is read in one tuning; write strikes for each of the two"

@@ -86,14 +86,14 @@ def _parse_point(point_text: str) -> Point:
 def parse_path(path_text: str) -> tuple[Point, ...]:
     """`1 0deg -> 0.3 1080deg` as points (radius, azimuth [degrees]). Raises TextError."""
     points: list[Point] = []
-    part_start = 0
+    point_offset = 0
     for point_text in path_text.split(_PATH_SEPARATOR):
         try:
             points.append(_parse_point(point_text))
         except TextError as error:
-            error.offset += part_start
+            error.offset += point_offset
             raise
-        part_start += len(point_text) + len(_PATH_SEPARATOR)
+        point_offset += len(point_text) + len(_PATH_SEPARATOR)
     if not 2 <= len(points) <= MAX_POINTS:
         message = f"a path has 2 to {MAX_POINTS:,} points, with {_PATH_SEPARATOR} between them"
         raise TextError(message, length=max(1, len(path_text)), code="E106")

@@ -35,15 +35,17 @@ class Times:
             [line_values for line_values in score["tempo"] or () if isinstance(line_values, Values)]
         )
         marks_node, score_file = score.nodes.get("marks"), score.node.document.file
-        self._known = tuple(score["marks"] or {})
-        self._lets = named_amounts(score.node.document).names
-        marks_before = None if memory is None else memory.held(f"tempo {score_file}", self._lets)
+        self._mark_names = tuple(score["marks"] or {})
+        self._value_names = named_amounts(score.node.document).names
+        old_times = (
+            None if memory is None else memory.held(f"tempo {score_file}", self._value_names)
+        )
         self.file = _times_of_files(tempo_lines, score["meter"], midi_uses)
         if (
-            marks_before is None
-            or marks_before[0] is not marks_node
-            or marks_before[2] != self.file
-            or changed_part(marks_before[1], tempo_lines)
+            old_times is None
+            or old_times[0] is not marks_node
+            or old_times[2] != self.file
+            or changed_part(old_times[1], tempo_lines)
         ):
             tempos = self.file.tempos
             self._lines = [
@@ -60,14 +62,14 @@ class Times:
                 if position is not MISSING
             )
             self.marks = valid_marks
-            marks_before = marks_node, tempo_lines, self.file, self._lines, valid_marks, self._map()
-            if memory is not None and marks_before[-1] is not None:
-                memory.hold(f"tempo {score_file}", self._lets, marks_before)
-        _, _, _, self._lines, self.marks, known_map = marks_before
+            old_times = marks_node, tempo_lines, self.file, self._lines, valid_marks, self._map()
+            if memory is not None and old_times[-1] is not None:
+                memory.hold(f"tempo {score_file}", self._value_names, old_times)
+        _, _, _, self._lines, self.marks, known_map = old_times
         self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
-        self._is_made = known_map is not None
+        self._has_map = known_map is not None
         # With mistakes in tempo or marks no position is known; each mark is somewhere.
-        self.map = known_map or TempoMap((), {name: Position() for name in self._known})
+        self.map = known_map or TempoMap((), {name: Position() for name in self._mark_names})
         entries_key = [
             (
                 tempo_entry.at,
@@ -79,7 +81,7 @@ class Times:
             for tempo_entry in self.entries
         ]
         mark_positions = [(mark.name, mark.at) for mark in self.marks]
-        self.known = KnownPlays(memory, score_file, (entries_key, self.file, mark_positions))
+        self.known_plays = KnownPlays(memory, score_file, (entries_key, self.file, mark_positions))
 
     def _map(self) -> TempoMap | None:
         """The map; None if an error was reported."""
@@ -94,7 +96,7 @@ class Times:
             is_valid &= all(
                 name in line_values.by_name for name in line_values.nodes
             )  # a missing one was reported
-        if not is_valid or len(positions_by_mark) != len(self._known):
+        if not is_valid or len(positions_by_mark) != len(self._mark_names):
             return None
         tempo_entries = [
             Entry(entry.at, entry.bpm, entry.bpm_end, entry.over, entry.meter)
@@ -131,7 +133,7 @@ class Times:
         return not extra_names
 
     def _mark_exists(self, marked_position: Position, position_place: Place) -> bool:
-        if marked_position.mark is None or marked_position.mark in self._known:
+        if marked_position.mark is None or marked_position.mark in self._mark_names:
             return True
         suggestion_text, help_text = self._unknown_mark_advice(marked_position.mark)
         self.collector.error(
@@ -146,7 +148,7 @@ class Times:
             suggestion=suggestion_text,
             help=help_text,
             word=None if help_text else marked_position.mark,
-            names=self._known,
+            names=self._mark_names,
         )
         return False
 
@@ -154,14 +156,14 @@ class Times:
         """A suggestion for an unknown mark such as `c-gap` if `c` is a mark, or else a help
         text.
         """
-        parts = position_word.split("-")
-        for count in range(len(parts) - 1, 0, -1):
-            mark_name, unit_parts = "-".join(parts[:count]), parts[count:]
-            if mark_name not in self._known:
+        words = position_word.split("-")
+        for word_count in range(len(words) - 1, 0, -1):
+            mark_name, unit_parts = "-".join(words[:word_count]), words[word_count:]
+            if mark_name not in self._mark_names:
                 continue
-            if all(part in self._lets for part in unit_parts):
+            if all(part in self._value_names for part in unit_parts):
                 return " - ".join((mark_name, *unit_parts)), None
-            if "-".join(unit_parts) in self._known:
+            if "-".join(unit_parts) in self._mark_names:
                 return (
                     None,
                     f"a mark is not a length; write how far before it, such as {mark_name}-1bar",
@@ -174,7 +176,7 @@ class Times:
             position.mark is not None and not self._mark_exists(position, place())
         ):
             return None
-        if not self._is_made:
+        if not self._has_map:
             return None
         try:
             return self.map.resolve(position)
@@ -193,7 +195,7 @@ class Times:
         """
         for mark in self.marks:
             self._beats(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
-        begins = self._begins(piece)
+        begin_beats = self._begin_beats(piece)
         sections = score["strikes"] or {}, score["duet"] or (), score["automation"] or ()
         self._check_positions(*sections)
         for strikes in piece.strikes:
@@ -212,7 +214,7 @@ class Times:
             for module in part.modules:
                 if isinstance(position := module.fields.get("at"), Position):
                     self._beats(position, lambda m=module: m.places["at"])  # type: ignore[misc]
-        return begins
+        return begin_beats
 
     def _check_positions(
         self, strikes: Mapping[str, Any], duet: Sequence[Any], automation: Sequence[Any]
@@ -223,37 +225,37 @@ class Times:
             ("duet", duet),
             ("automation", automation),
         ):
-            checked_values = self.known.recall(f"checked {section_name}", section_entries)
+            checked_values = self.known_plays.recall(f"checked {section_name}", section_entries)
             for entry_index in checked_values.unknown:
                 entry_values, n_reports = section_entries[entry_index], self.collector.n_reports
                 if isinstance(entry_values, Values):
                     position, end_position = entry_values["at"], entry_values["until"]
-                    start = self._beats(position, lambda v=entry_values: v.place_of("at"))  # type: ignore[misc]
-                    stop = self._beats(end_position, lambda v=entry_values: v.place_of("until"))  # type: ignore[misc]
-                    self._check_order(start, stop, entry_values.place_of("until"))
+                    begin_beat = self._beats(position, lambda v=entry_values: v.place_of("at"))  # type: ignore[misc]
+                    end_beat = self._beats(end_position, lambda v=entry_values: v.place_of("until"))  # type: ignore[misc]
+                    self._check_order(begin_beat, end_beat, entry_values.place_of("until"))
                 if self.collector.n_reports == n_reports:
                     checked_values.values[entry_index] = True
-            self.known.keep(f"checked {section_name}", checked_values)
+            self.known_plays.keep(f"checked {section_name}", checked_values)
 
-    def _begins(self, piece: Piece) -> list[float]:
+    def _begin_beats(self, piece: Piece) -> list[float]:
         """The beats on which the lines of the parts begin; 0 if an error was reported."""
-        known_begins = self.known.recall("begins", piece.parts)
-        begins = known_begins.values
-        for entry_index in known_begins.unknown:
+        known_beats = self.known_plays.recall("begins", piece.parts)
+        begin_beats = known_beats.values
+        for entry_index in known_beats.unknown:
             play, n_reports = piece.parts[entry_index], self.collector.n_reports
             start_beat = self._beats(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
             if play.until is not None:
-                stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
-                self._check_order(start_beat, stop, play.until_place or play.place)
+                end_beat = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
+                self._check_order(start_beat, end_beat, play.until_place or play.place)
             if self.collector.n_reports == n_reports:
-                begins[entry_index] = start_beat or 0.0
-        self.known.keep("begins", known_begins)
-        if all(begins[number] is not None for number in known_begins.unknown):
-            return begins
-        return [beat or 0.0 for beat in begins]
+                begin_beats[entry_index] = start_beat or 0.0
+        self.known_plays.keep("begins", known_beats)
+        if all(begin_beats[number] is not None for number in known_beats.unknown):
+            return begin_beats
+        return [beat or 0.0 for beat in begin_beats]
 
-    def _check_order(self, start: float | None, stop: float | None, place: Place) -> None:
-        if start is not None and stop is not None and stop <= start:
+    def _check_order(self, begin_beat: float | None, end_beat: float | None, place: Place) -> None:
+        if begin_beat is not None and end_beat is not None and end_beat <= begin_beat:
             self.collector.error("E305", "`until` must be later than `at`", place)
 
 
@@ -268,7 +270,7 @@ def _times_of_files(lines: Sequence[Values], meter: Any, midi_uses: MidiUses) ->
 
 
 def _first_unresolved(
-    tempo_entries: list[Entry], marks: dict[str, Position], score_file: FileTimes
+    tempo_entries: list[Entry], marks: dict[str, Position], file_times: FileTimes
 ) -> int:
     """The index of the first entry whose position cannot be resolved: entries up to and including
     it fail.
@@ -276,7 +278,7 @@ def _first_unresolved(
 
     def fails(count: int) -> bool:
         try:
-            TempoMap(tempo_entries[:count], marks, score_file)
+            TempoMap(tempo_entries[:count], marks, file_times)
         except TextError:
             return True
         return False

@@ -100,11 +100,11 @@ def echo(echo_values: Values) -> Echo | None:
     written_delay = echo_values["delay"]
     if written_delay is None:
         return None
-    echo_read = Echo(written_delay) if isinstance(written_delay, float) else written_delay
-    if echo_read.time > DELAY_MAX:
+    route_echo = Echo(written_delay) if isinstance(written_delay, float) else written_delay
+    if route_echo.time > DELAY_MAX:
         message = (
-            f"{echo_values.context.label('delay')}: {echo_read.time:g} s is above the maximum of "
+            f"{echo_values.context.label('delay')}: {route_echo.time:g} s is above the maximum of "
         )
         echo_values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")
         return None
-    return echo_read
+    return route_echo

@@ -52,14 +52,14 @@ def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
         if tuning is not None:
             tunings[instrument_name] = tuning
     for instrument_name in nodes_by_name if tunings else ():
-        chain = [instrument_name]
+        base_names = [instrument_name]
         while (
-            chain[-1] not in tunings
-            and (base_name := _base_name(nodes_by_name, chain[-1])) not in chain
+            base_names[-1] not in tunings
+            and (base_name := _base_name(nodes_by_name, base_names[-1])) not in base_names
         ):
-            chain.append(base_name)
-        if chain[-1] in tunings:
-            tunings |= dict.fromkeys(chain, tunings[chain[-1]])
+            base_names.append(base_name)
+        if base_names[-1] in tunings:
+            tunings |= dict.fromkeys(base_names, tunings[base_names[-1]])
     return tunings
 
 

@@ -106,7 +106,7 @@ class Uses:
                 if document_names.tunings
                 else document_names.tuning
             )
-            memory.under(document.file, all_tunings)
+            memory.set_condition(document.file, all_tunings)
         context = Context(self.collector, memory=memory, tunings=document_names.tunings)
         with tuning.used(document_names.tuning):
             score = SCORE.read(document.root, "", context)
@@ -154,8 +154,8 @@ class Uses:
             return None
         open_files = [name for name, _ in self._open]
         if document.file in open_files:
-            chain = self._open[open_files.index(document.file) + 1 :]
-            steps = [str(asking_place) for _, asking_place in chain if asking_place] + [
+            file_circle = self._open[open_files.index(document.file) + 1 :]
+            steps = [str(asking_place) for _, asking_place in file_circle if asking_place] + [
                 str(written_place)
             ]
             message = f"{document.file} uses itself: {' -> '.join(steps)}"
@@ -237,32 +237,32 @@ class Uses:
 
         The values are None if an error was reported.
         """
-        chain: list[Values] = []
+        like_chain: list[Values] = []
         while True:
             entry_values = entry.values
             if not isinstance(entry_values, Values):
                 return None, frozenset()
-            if any(entry_values is seen for seen in chain):
+            if any(entry_values is seen for seen in like_chain):
                 lines = [
-                    f"{chain_value.context.name} (line {chain_value.place.line})"
-                    for chain_value in chain
+                    f"{base_values.context.name} (line {base_values.place.line})"
+                    for base_values in like_chain
                 ]
                 circular_names = ", which begins with ".join(
                     [*lines[1:], entry_values.context.name]
                 )
-                message = f"{chain[0].context.label('like')}: {lines[0]} begins with the values of "
+                label = like_chain[0].context.label("like")
+                message = f"{label}: {lines[0]} begins with the values of "
                 message += (
                     f"{circular_names}: a circle, in which nothing has values; write the values of "
                 )
                 message += "one of them out, without `like`"
-                self.collector.error("E302", message, chain[0].place_of("like"))
+                self.collector.error("E302", message, like_chain[0].place_of("like"))
                 return None, frozenset()
-            chain.append(entry_values)
-            if len(chain) > MAX_LIKE:
-                message = (
-                    f"{chain[0].context.label('like')}: the chain has more than {MAX_LIKE} members"
-                )
-                self.collector.error("E105", message, chain[0].place_of("like"))
+            like_chain.append(entry_values)
+            if len(like_chain) > MAX_LIKE:
+                label = like_chain[0].context.label("like")
+                message = f"{label}: the chain has more than {MAX_LIKE} members"
+                self.collector.error("E105", message, like_chain[0].place_of("like"))
                 return None, frozenset()
             if not entry_values.written("like", "from"):
                 break
@@ -270,8 +270,8 @@ class Uses:
             if base_entry is None:
                 return None, frozenset()
             entry = base_entry
-        return self._merged_values(section, chain), frozenset(
-            values.context.name for values in chain
+        return self._merged_values(section, like_chain), frozenset(
+            values.context.name for values in like_chain
         )
 
     def tuning_of(self, entry: Entry) -> Tuning | None:
@@ -297,29 +297,34 @@ class Uses:
             entry = base_entry
         return None
 
-    def _merged_values(self, section: str, chain: Sequence[Values]) -> Values:
+    def _merged_values(self, section: str, like_chain: Sequence[Values]) -> Values:
         """The last values of a chain, with those of the others over them; the same object as in the
         reading before if none of them has changed.
         """
         memory = self.files.memory
-        memory_key = f"merged {section} {chain[0].context.name} {chain[0].node.document.file}"
-        old_values: Values | None = None if memory is None else memory.held_for(memory_key, *chain)
+        entry_values = like_chain[0]
+        memory_key = (
+            f"merged {section} {entry_values.context.name} {entry_values.node.document.file}"
+        )
+        old_values: Values | None = (
+            None if memory is None else memory.held_for(memory_key, *like_chain)
+        )
         if old_values is not None:
             return old_values
         n_reports = self.collector.n_reports
-        merged_values = chain[-1]
+        merged_values = like_chain[-1]
         is_instrument = section == "instruments"
         if is_instrument:
             merged_values = base_at_pitch(merged_values, merged_values, is_root=True)
-        for chain_values in reversed(chain[:-1]):
+        for chain_values in reversed(like_chain[:-1]):
             if is_instrument:
                 merged_values = base_at_pitch(merged_values, chain_values, is_root=False)
             merged_values = overlay_fields(merged_values, chain_values)
         if memory is not None and self.collector.n_reports == n_reports:
-            memory.hold(memory_key, chain, merged_values)
+            memory.hold(memory_key, like_chain, merged_values)
         return merged_values
 
-    def _base_entry(self, section: str, values: Values, names_here: Names) -> Entry | None:
+    def _base_entry(self, section: str, values: Values, source_names: Names) -> Entry | None:
         has_from = "from" in values.record.by_name and isinstance(values["from"], Name)
         base_name = values["like"]
         if has_from and base_name is not None:
@@ -330,27 +335,27 @@ class Uses:
             )
             return None
         if has_from:
-            return self._entry_from_file(section, values["from"], values, names_here)
+            return self._entry_from_file(section, values["from"], values, source_names)
         if base_name is None:
             return None
-        like_entry = names_here.tables[section].get(base_name)
+        like_entry = source_names.tables[section].get(base_name)
         if like_entry is None:
             message = (
                 f"{values.context.label('like')}: no {NOUNS[section]} is called {quote(base_name)}"
             )
-            names = [n for n in names_here.names(section) if n != values.context.name]
+            names = [n for n in source_names.names(section) if n != values.context.name]
             values.error("E301", message, "like", word=base_name, names=names)
         return like_entry
 
     def _entry_from_file(
-        self, section_name: str, source_name: Name, entry_values: Values, names_here: Names
+        self, section_name: str, source_name: Name, entry_values: Values, source_names: Names
     ) -> Entry | None:
         stem, slash, name_in_file = source_name.partition("/")
-        file_names = names_here.used.get(stem)
+        file_names = source_names.used.get(stem)
         if slash and file_names is None:  # the shipped instruments need no `use:`
             file_name = f"instruments/{stem}.yaml"
-            is_there = self.files.find(file_name, names_here.document.folder) is not None
-            folder = names_here.document.folder
+            is_there = self.files.find(file_name, source_names.document.folder) is not None
+            folder = source_names.document.folder
             document = (
                 self.files.required(file_name, folder, source_name.place) if is_there else None
             )
@@ -359,7 +364,7 @@ class Uses:
             message = f"{entry_values.context.label('from')}: `use:` names no file {quote(stem)}; "
             message += "write file/name, such as gong/plate"
             used_files, help_text = (
-                tuple(names_here.used),
+                tuple(source_names.used),
                 _family_help(section_name, name_in_file if slash else stem),
             )
             self.collector.error(

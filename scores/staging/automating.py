@@ -41,70 +41,70 @@ class AutomatedPoints(NamedTuple):
     """
 
     points: dict[ModuleKey, Points]
-    moved_for_good: frozenset[ModuleKey] = frozenset()
+    permanent_modules: frozenset[ModuleKey] = frozenset()
 
 
 def automation_points(
     piece: Piece,
-    since: float,
+    since_beat: float,
     until_beat: float,
     collector: Collector,
-    begins: float = -math.inf,
-    known_automation: KnownAutomation | None = None,
+    begin: float = -math.inf,
+    known: KnownAutomation | None = None,
 ) -> AutomatedPoints:
-    """The points of each automated module, for the beats from `since` to `until_beat`; only those
-    from the last one at or before the instant `begins` [s] on are needed.
+    """The points of each automated module, for the beats from `since_beat` to `until_beat`; only
+    those from the last one at or before the instant `begin` [s] on are needed.
 
-    `known_automation` is what the stage before knew.
+    `known` is what the stage before knew.
     """
-    tempo, known_automation = piece.tempo_map, known_automation or KnownAutomation()
-    track_by_module = known_automation.tracks(piece)
-    start_beat = tempo.beats(begins) if begins > -math.inf else -math.inf
-    module_by_key: dict[ModuleKey, AutomatedModule] = {}
+    tempo, known = piece.tempo_map, known or KnownAutomation()
+    track_by_module = known.tracks(piece)
+    start_beat = tempo.beats(begin) if begin > -math.inf else -math.inf
+    modules: dict[ModuleKey, AutomatedModule] = {}
     points_by_module: dict[ModuleKey, Points] = {}
-    moving: dict[ModuleKey, ModuleTracks] = {}
+    tracks: dict[ModuleKey, ModuleTracks] = {}
     for module_key, track in track_by_module.items():
-        target = known_automation.target_of(piece, module_key)
+        target = known.automated_module(piece, module_key)
         if target is None:
             continue  # a gesture is rehearsed without instruments
-        module_by_key[module_key] = target
-        settled_points = known_automation.constant_points(module_key, track, target, start_beat)
-        if settled_points is None:
-            moving[module_key] = track
+        modules[module_key] = target
+        constant_points = known.constant_points(module_key, track, target, start_beat)
+        if constant_points is None:
+            tracks[module_key] = track
         else:
-            points_by_module[module_key] = settled_points
-    if begins > -math.inf:
-        begins -= point_margin(
-            piece, (group for track in moving.values() for group in track.entries.values()), begins
+            points_by_module[module_key] = constant_points
+    if begin > -math.inf:
+        begin -= point_margin(
+            piece, (group for track in tracks.values() for group in track.entries.values()), begin
         )
-        since = min(since, tempo.beats(begins))
-    extent = Extent(since, until_beat, begins)
-    moving_curves = {
+        since_beat = min(since_beat, tempo.beats(begin))
+    extent = Extent(since_beat, until_beat, begin)
+    moved_keys = {
         module_key
-        for module_key in module_by_key
-        if track_by_module[module_key].moves_from < start_beat
+        for module_key in modules
+        if track_by_module[module_key].first_move_beat < start_beat
     }
     chord_curves: dict[str, Curve] = {}
     for module_key in [
-        module_key for module_key in moving if module_by_key[module_key].module.kind == "INSTRUMENT"
+        module_key for module_key in tracks if modules[module_key].module.kind == "INSTRUMENT"
     ]:
         entries, written_value = (
-            moving.pop(module_key).entries["f"],
-            module_by_key[module_key].numbers_written["f"],
+            tracks.pop(module_key).entries["f"],
+            modules[module_key].written_values["f"],
         )
         chord_curves[module_key[0]] = _parameter_curve(
             piece, entries, written_value, extent, collector
         )
         for module in transposed_modules(piece.instruments[module_key[0]]):
             member = module_key[0], module.name
-            moving.setdefault(member, track_by_module.get(member) or ModuleTracks({}, math.inf))
-            if module_key in moving_curves:
-                moving_curves.add(member)
-    for module_key, track in moving.items():
-        target = module_by_key.get(module_key) or known_automation.target_of(piece, module_key)
+            tracks.setdefault(member, track_by_module.get(member) or ModuleTracks({}, math.inf))
+            if module_key in moved_keys:
+                moved_keys.add(member)
+    for module_key, track in tracks.items():
+        target = modules.get(module_key) or known.automated_module(piece, module_key)
         assert target is not None
         curves = {
-            name: _parameter_curve(piece, group, target.numbers_written[name], extent, collector)
+            name: _parameter_curve(piece, group, target.written_values[name], extent, collector)
             for name, group in track.entries.items()
         }
         chord_curve = chord_curves.get(module_key[0])
@@ -118,12 +118,10 @@ def automation_points(
             collector.error("E105", message, _automation_place(piece, module_key[0]))
         elif points:
             points_by_module[module_key] = points
-            if chord_curve is None and _is_constant(track, curves, start_beat, begins):
+            if chord_curve is None and _is_constant(track, curves, start_beat, begin):
                 points_by_module[module_key] = points[-1:]
-                known_automation.keep_constant_points(
-                    module_key, track, target, start_beat, points[-1:]
-                )
-    return AutomatedPoints(points_by_module, frozenset(moving_curves))
+                known.keep_constant_points(module_key, track, target, start_beat, points[-1:])
+    return AutomatedPoints(points_by_module, frozenset(moved_keys))
 
 
 def _is_constant(
@@ -201,34 +199,32 @@ def _with_chord_means(path_points: Points, curved_instants: Container[float]) ->
     The engine interpolates linearly, and a pitch that is slightly too high all the way would end
     with a wrong phase.
     """
-    with_chords = list(path_points)
+    corrected_points = list(path_points)
     for point_index in range(1, len(path_points) - 1):
-        (
-            (last_instant, *low_values),
-            (instant, *values_here),
-            (instant_after, *high_values),
-        ) = path_points[point_index - 1 : point_index + 2]
+        ((instant_before, *values_before), (instant, *values), (instant_after, *values_after)) = (
+            path_points[point_index - 1 : point_index + 2]
+        )
         if (
             instant in curved_instants
-            and abs((instant - last_instant) - (instant_after - instant)) < 1e-9
+            and abs((instant - instant_before) - (instant_after - instant)) < 1e-9
         ):
             corrections = (
-                value_before - 2.0 * value_here + value_after
-                for value_before, value_here, value_after in zip(
-                    low_values, values_here, high_values, strict=True
+                value_before - 2.0 * value + value_after
+                for value_before, value, value_after in zip(
+                    values_before, values, values_after, strict=True
                 )
             )
-            with_chords[point_index] = (
+            corrected_points[point_index] = (
                 instant,
                 *(
-                    value_here - correction / 12.0
-                    for value_here, correction in zip(values_here, corrections, strict=True)
+                    value - correction / 12.0
+                    for value, correction in zip(values, corrections, strict=True)
                 ),
             )
-    return with_chords
+    return corrected_points
 
 
-def value_on(piece: Piece, module_key: ModuleKey, parameter_name: str, value_beat: float) -> float:
+def value_on_beat(piece: Piece, module_key: ModuleKey, parameter_name: str, beat: float) -> float:
     """The value of a parameter on a beat, with automation applied."""
     automated_module = AutomatedModule.from_piece(piece, module_key)
     assert automated_module is not None
@@ -237,8 +233,8 @@ def value_on(piece: Piece, module_key: ModuleKey, parameter_name: str, value_bea
         for line in piece.automation
         if module_key in line.modules and line.parameter == parameter_name
     ]
-    instant = piece.tempo_map.seconds(value_beat)
-    point_extent = Extent(value_beat, value_beat, instant)
+    instant = piece.tempo_map.seconds(beat)
+    point_extent = Extent(beat, beat, instant)
     track_by_module = KnownAutomation().tracks(
         replace(piece, automation=tuple(automation_lines), strikes=())
     )
@@ -248,14 +244,14 @@ def value_on(piece: Piece, module_key: ModuleKey, parameter_name: str, value_bea
     curve = _parameter_curve(
         piece,
         parameter_entries,
-        automated_module.numbers_written[parameter_name],
+        automated_module.written_values[parameter_name],
         point_extent,
         Collector(),
     )
     return curve.evaluate(instant)
 
 
-def complete_until(piece: Piece, until_beat: float) -> float:
+def last_complete_instant(piece: Piece, until_beat: float) -> float:
     """The instant [s] up to which points for the beats up to `until_beat` are those of a longer
     piece: the pitch of a note behind that beat begins before its strike.
     """
@@ -267,45 +263,45 @@ def takeover_points(
     points_after: Mapping[ModuleKey, Points],
     piece: Piece,
     start: float,
-    complete_to: float,
+    complete_end: float,
     moved_modules: Container[ModuleKey] = (),
-    memory: KnownAutomation | None = None,
+    known_automation: KnownAutomation | None = None,
 ) -> dict[ModuleKey, Points]:
     """The points of a stage that takes over at `start` [s] from one with the points
     `points_before`.
 
     Points that do not change continue bit by bit; others are reached within `GLIDE`. The points
-    `points_before` are complete up to the instant `complete_to` [s], and compared up to there.
+    `points_before` are complete up to the instant `complete_end` [s], and compared up to there.
     Modules with their own values alone have no points, except those that are among `moved_modules`.
     """
     points_by_module: dict[ModuleKey, Points] = {}
-    memory = memory or KnownAutomation()
+    known_automation = known_automation or KnownAutomation()
     for module_key in {**points_before, **points_after}:
         if (
             constant_points := points_after.get(module_key)
         ) is not None and constant_points is points_before.get(module_key):
-            has_moved = memory.has_moved(module_key, constant_points)
+            has_moved = known_automation.has_moved(module_key, constant_points)
             if has_moved or (has_moved is not None and module_key in moved_modules):
                 points_by_module[module_key] = constant_points
             if has_moved is not None:
                 continue
-        automated_module = memory.target_of(piece, module_key)
+        automated_module = known_automation.automated_module(piece, module_key)
         if automated_module is None:
             continue  # the module is gone
-        written_point = (0.0, *automated_module.numbers_alone)
+        written_point = (0.0, *automated_module.written_numbers)
         old_points, new_points = (
             points_before.get(module_key) or [written_point],
             points_after.get(module_key) or [written_point],
         )
         if len(old_points[0]) != len(new_points[0]):
             old_points = [written_point]  # the module had another kind before
-        is_same = _is_same(old_points, new_points, start, complete_to)
+        is_same = _equal_from(old_points, new_points, start, complete_end)
         if not is_same:
             glide_stop = start + GLIDE_DURATION
             later_points = (point for point in new_points if point[0] > glide_stop)
             new_points = [
-                (start, *value_at(old_points, start)),
-                (glide_stop, *value_at(new_points, glide_stop)),
+                (start, *numbers_at(old_points, start)),
+                (glide_stop, *numbers_at(new_points, glide_stop)),
                 *later_points,
             ]
         if (is_same and module_key in moved_modules) or any(
@@ -315,18 +311,18 @@ def takeover_points(
     return points_by_module
 
 
-def _is_same(old_points: Points, new_points: Points, start: float, complete_to: float) -> bool:
+def _equal_from(old_points: Points, new_points: Points, start: float, complete_end: float) -> bool:
     """Whether two sequences of points are equal from an instant on, as far as both go, and up to
-    the instant `complete_to` [s].
+    the instant `complete_end` [s].
     """
-    old_from, new_from = (
+    old_start, new_start = (
         max(0, bisect_right(points, start, key=lambda point: point[0]) - 1)
         for points in (old_points, new_points)
     )
-    old_points, new_points = old_points[old_from:], new_points[new_from:]
+    old_points, new_points = old_points[old_start:], new_points[new_start:]
     if len(old_points) == 1 or len(new_points) == 1:  # one of them is constant
         return all(point[1:] == old_points[0][1:] for point in (*old_points, *new_points))
-    last_compared = max(start, complete_to)
+    last_compared = max(start, complete_end)
     return all(
         old_point == new_point
         for old_point, new_point in zip(old_points, new_points, strict=False)
@@ -334,7 +330,7 @@ def _is_same(old_points: Points, new_points: Points, start: float, complete_to: 
     )
 
 
-def value_at(points: Points, instant: float) -> tuple[float, ...]:
+def numbers_at(points: Points, instant: float) -> tuple[float, ...]:
     """The numbers at an instant [s], interpolated linearly."""
     index_after = bisect_right(points, instant, key=lambda point: point[0])
     if index_after in (0, len(points)):
@@ -361,7 +357,7 @@ def _parameter_curve(
     first_entry, curve = needed_entries(piece, entries, written_value, curve_extent)
     end_beat = math.inf if curve.t else -math.inf
     for index in range(first_entry, len(entries)):
-        entry, extent_here = entries[index], curve_extent
+        entry, entry_extent = entries[index], curve_extent
         automation_entry, begin_beat, stop_beat = entry
         if begin_beat > until_beat:
             break
@@ -370,17 +366,17 @@ def _parameter_curve(
         if curve_extent.begin_instant > -math.inf and index + 1 < len(
             entries
         ):  # some spans need only their end
-            begins = min(curve_extent.begin_instant, tempo.seconds(entries[index + 1].begin))
-            extent_here = Extent(min(curve_extent.since, stop_beat), until_beat, begins)
+            begin_instant = min(curve_extent.begin_instant, tempo.seconds(entries[index + 1].begin))
+            entry_extent = Extent(min(curve_extent.since, stop_beat), until_beat, begin_instant)
         try:
             if automation_entry.swing is not None:
-                add_swing(piece, entry, curve, extent_here)
+                add_swing(piece, entry, curve, entry_extent)
                 end_beat = stop_beat
             elif automation_entry.points:
-                add_glide(piece, entry, curve, extent_here.begin_instant)
+                add_glide(piece, entry, curve, entry_extent.begin_instant)
                 end_beat = stop_beat
             else:
-                end_beat = min(stop_beat, add_pattern(piece, entry, curve, extent_here))
+                end_beat = min(stop_beat, add_pattern(piece, entry, curve, entry_extent))
                 end_beat = (
                     math.inf if automation_entry.struck and index + 1 == len(entries) else end_beat
                 )

@@ -13,7 +13,7 @@ from ergon.notation.clock.shifted import OffsetTempoMap
 from ergon.scores.reading.digest import is_same_network
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.late_keys import links_on_keys
-from ergon.scores.staging.listening import Listening, fades, listen
+from ergon.scores.staging.listening import Listening, fade_curves, make_listening
 
 COUPLING_ENDED_SECONDS = -math.inf  # the end of a coupling that acts no longer
 
@@ -49,7 +49,7 @@ class BuiltNetwork:
         """
         if silent != self.listening.silent_instruments:
             return None
-        if not is_same_network(self.piece, piece) or fades(self.piece) != fades(piece):
+        if not is_same_network(self.piece, piece) or fade_curves(self.piece) != fade_curves(piece):
             return None  # fades depend on the tempo
         return replace(self, piece=piece)
 
@@ -69,7 +69,7 @@ def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
         error = _core.EngineError("\n".join(map(str, refusals)))
         error.module, error.refusals = None, refusals
         raise error
-    return BuiltNetwork(piece, assembly, couplings, listen(piece, assembly, silent))
+    return BuiltNetwork(piece, assembly, couplings, make_listening(piece, assembly, silent))
 
 
 def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
@@ -118,11 +118,7 @@ def coupling_spans(piece: Piece) -> Iterator[tuple[float, float | None]]:
     """
     tempo = piece.tempo_map
     for coupling in piece.duet:
-        until_beat = (
-            None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
-        )
+        end = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
         begin = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
-        has_ended = (
-            until_beat is not None and until_beat <= begin and isinstance(tempo, OffsetTempoMap)
-        )
-        yield begin, COUPLING_ENDED_SECONDS if has_ended else until_beat
+        has_ended = end is not None and end <= begin and isinstance(tempo, OffsetTempoMap)
+        yield begin, COUPLING_ENDED_SECONDS if has_ended else end

@@ -38,8 +38,8 @@ def cut_stage(
     """
     assert stage.timeline is not None
     cut_instant = frame / stage.rate
-    in_flight = [] if ends_gestures else _gestures_in_flight(stage, cut_instant)
-    timeline = stage.timeline.cut(frame, in_flight, stops=is_stopped)
+    ongoing = [] if ends_gestures else _ongoing_gestures(stage, cut_instant)
+    timeline = stage.timeline.cut(frame, ongoing, stops=is_stopped)
     mat_of, rate = stage.built.assembly.mats.get, stage.rate
     DrawnNotes(timeline, () if resets else stage.drawn_notes, cut_instant, rate).end_others(
         mat_of, 0
@@ -49,7 +49,7 @@ def cut_stage(
     _replace_paths(piece, stage.built.assembly, timeline, stage.paths, paths)
     plan = None
     if stage.plan is not None:
-        accuracy = stage.planned_for or piece.accuracy
+        accuracy = stage.planned_accuracy or piece.accuracy
         plan = plan_again(
             stage.network, timeline, accuracy, stage.plan, _watched_parts(piece, stage.plan)
         )
@@ -61,23 +61,23 @@ def cut_stage(
         ),
         n_frames=0,
         drawn_notes=(),
-        gestures=[stage.gestures[index] for index in in_flight],
+        gestures=[stage.gestures[index] for index in ongoing],
         diagnostics=[],
         plan=plan,
         is_plan_kept=False,
         paths=paths,
-        paths_until=paths_until,
+        paths_end=paths_until,
         recalled_outputs=(),
         timeline=timeline,
     )
 
 
-def _gestures_in_flight(stage: Stage, cut_instant: float) -> list[int]:
+def _ongoing_gestures(stage: Stage, cut_instant: float) -> list[int]:
     """The gestures that have begun before an instant [s] and end after it, by their numbers."""
     return [
-        number
-        for number, gesture in enumerate(stage.gestures)
-        if gesture.begins < cut_instant - _ROUNDING_TOLERANCE and gesture.stop > cut_instant
+        index
+        for index, gesture in enumerate(stage.gestures)
+        if gesture.written_start < cut_instant - _ROUNDING_TOLERANCE and gesture.stop > cut_instant
     ]
 
 
@@ -103,16 +103,16 @@ def _paths_from(
     if is_stopped:
         start_beat = piece.tempo_map.beats(0.0)
         automated_points = automation_points(piece, start_beat, start_beat, collector)
-        return _paths_continued(stage, stage.paths, automated_points, piece, instant), float("inf")
+        return _continued_paths(stage, stage.paths, automated_points, piece, instant), float("inf")
     struck_parts = {
         target.part for strikes in piece.strikes if strikes.moves_pitches for target in strikes.to
     }
     if not struck_parts or isinstance(piece.tempo_map, StoppedTempoMap):
-        return stage.paths, stage.paths_until
+        return stage.paths, stage.paths_end
     # The pitches of notes that are not struck any more.
     tempo = piece.tempo_map
     cut_beat = tempo.beats(instant)
-    piece_of_notes = replace(
+    notes_piece = replace(
         piece,
         strikes=tuple(_strikes_before(piece, cut_beat)),
         automation=tuple(
@@ -121,10 +121,10 @@ def _paths_from(
             if any(part in struck_parts for part, _ in line.modules)
         ),
     )
-    last_instant = stage.paths_until + 2 * GRID_FRAMES / stage.rate
+    last_instant = stage.paths_end + 2 * GRID_FRAMES / stage.rate
     until_beat = tempo.beats(last_instant) if last_instant < float("inf") else cut_beat
     automated_points = automation_points(
-        piece_of_notes, cut_beat, max(cut_beat, until_beat), collector
+        notes_piece, cut_beat, max(cut_beat, until_beat), collector
     )
     struck_paths = {
         module_key: old_points
@@ -138,25 +138,25 @@ def _paths_from(
     }
     return {
         **other_paths,
-        **_paths_continued(stage, struck_paths, automated_points, piece, instant),
-    }, stage.paths_until
+        **_continued_paths(stage, struck_paths, automated_points, piece, instant),
+    }, stage.paths_end
 
 
-def _paths_continued(
+def _continued_paths(
     stage: Stage,
     old_paths: _Paths,
     automated_points: AutomatedPoints,
     piece: Piece,
     cut_instant: float,
 ) -> _Paths:
-    until = stage.paths_until
+    complete_end = stage.paths_end
     return takeover_points(
         old_paths,
         automated_points.points,
         piece,
         cut_instant,
-        until,
-        automated_points.moved_for_good,
+        complete_end,
+        automated_points.permanent_modules,
     )
 
 
@@ -176,11 +176,7 @@ def _strikes_before(piece: Piece, cut_beat: float) -> Iterator[Strikes]:
 
 
 def _replace_paths(
-    piece: Piece,
-    assembly: Assembly,
-    timeline: _core.Timeline,
-    old_paths: _Paths,
-    new_paths: _Paths,
+    piece: Piece, assembly: Assembly, timeline: _core.Timeline, old_paths: _Paths, new_paths: _Paths
 ) -> None:
     """Replace the points of automation on a timeline. Raises EngineError."""
     mat_ranges: list[tuple[int, int]] = []

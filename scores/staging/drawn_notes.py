@@ -9,23 +9,23 @@ from math import inf
 
 from ergon import _core
 
-Place = tuple[str, str]  # part and module of a MAT
+ModuleKey = tuple[str, str]  # part and module of a MAT
 
-NoteKey = tuple[str, Place, int, int]
+NoteKey = tuple[str, ModuleKey, int, int]
 
 _TAKEOVER_MARGIN = 0.01  # [s] more than from the instant of a takeover to what plays from there on
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnNote:
-    """A note of strikes `who`: an impulse [N·s] moves a MAT, from `begin` to `end` [s].
+    """A note of strikes `strikes_name`: an impulse [N·s] moves a MAT, from `begin` to `end` [s].
 
     `number` counts those that move it from one instant on: a bow that presses, and the pressure on
     a key that presses it further.
     """
 
-    who: str
-    place: Place
+    strikes_name: str
+    module_key: ModuleKey
     begin: float
     end: float
     impulse: float
@@ -34,7 +34,7 @@ class DrawnNote:
     @property
     def key(self) -> NoteKey:
         """What is the same for a note in two versions: its instant to the microsecond."""
-        return self.who, self.place, round(1e6 * self.begin), self.number
+        return self.strikes_name, self.module_key, round(1e6 * self.begin), self.number
 
 
 class DrawnNotes:
@@ -52,41 +52,41 @@ class DrawnNotes:
         rate: float = inf,
     ) -> None:
         """Take the notes of the stage before, and the instant [s] from which on this one plays."""
-        self._timeline, self._since = timeline, since_instant + 1.0 / rate
-        self._before = {
+        self._timeline, self._start_instant = timeline, since_instant + 1.0 / rate
+        self._old_notes = {
             note.key: note for note in old_notes if note.begin < since_instant < note.end
         }
-        self._counts: Counter[tuple[NoteKey, tuple[float, float]]] = Counter()
+        self._note_counts: Counter[tuple[NoteKey, tuple[float, float]]] = Counter()
         self.notes: list[DrawnNote] = []
 
     def play(self, note: DrawnNote, mat: int, source: int, interval: tuple[float, float]) -> None:
         """Play a note that begins within an interval of instants [s]; or one that the stage before
         has begun, if this interval follows it.
         """
-        number = self._counts[note.key, interval]
-        self._counts[note.key, interval] += 1
+        number = self._note_counts[note.key, interval]
+        self._note_counts[note.key, interval] += 1
         note = replace(note, number=number)
-        is_begun, is_continued = (
+        is_new, is_continued = (
             interval[0] <= note.begin < interval[1],
-            interval[0] > self._since - _TAKEOVER_MARGIN,
+            interval[0] > self._start_instant - _TAKEOVER_MARGIN,
         )
-        old_note = self._before.pop(note.key, None) if is_continued and not is_begun else None
-        if is_begun:
+        old_note = self._old_notes.pop(note.key, None) if is_continued and not is_new else None
+        if is_new:
             self._push(mat, note.begin, note.impulse, source)
         elif old_note is None:
             return
         else:
-            self._push(mat, self._since, note.impulse - old_note.impulse, source)
+            self._push(mat, self._start_instant, note.impulse - old_note.impulse, source)
         self._push(mat, note.end, -note.impulse, source)
         self.notes.append(note)
 
-    def end_others(self, mat_of: Callable[[Place], int | None], source: int) -> None:
+    def end_others(self, mat_of: Callable[[ModuleKey], int | None], source: int) -> None:
         """End the notes that do not go on."""
-        for drawn_note in self._before.values():
-            mat = mat_of(drawn_note.place)
+        for drawn_note in self._old_notes.values():
+            mat = mat_of(drawn_note.module_key)
             if mat is not None:
-                self._push(mat, self._since, -drawn_note.impulse, source)
-        self._before.clear()
+                self._push(mat, self._start_instant, -drawn_note.impulse, source)
+        self._old_notes.clear()
 
     def _push(self, mat: int, instant: float, impulse: float, source: int) -> None:
         if impulse:

@@ -13,7 +13,9 @@ from ergon.scores.staging.hands import Hands
 from ergon.scores.staging.takes import Takes
 
 
-def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str, tuple[int, float]]:
+def add_inputs(
+    piece: Piece, timeline: _core.Timeline, takes: Takes
+) -> dict[str, tuple[int, float]]:
     """The inputs by name: the number of each, and the length [s] of its file."""
     input_by_name: dict[str, tuple[int, float]] = {}
     for take_name, take in piece.takes.items():
@@ -23,7 +25,7 @@ def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str,
             message = f"take {quote(take_name)}: its highpass is not below half of the rate"
             place = take.places.get("highpass", take.place)
             takes.collector.error("E308", message, place)
-        elif (samples := takes.sound(take_name)) is not None:
+        elif (samples := takes.input_samples(take_name)) is not None:
             settings = {"gain": input.gain, "clamp": input.clamp}
             if input.channel is None:
                 engine_id, glide = input_id(take_name), input.glide or 0.0
@@ -44,31 +46,29 @@ def input_id(input_name: str) -> int:
     return int.from_bytes(sha256(input_name.encode()).digest()[:8])
 
 
-def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, int]) -> None:
+def add_drives(piece: Piece, assembly: Assembly, hands: Hands, inputs: Mapping[str, int]) -> None:
     """Impose positions (ENX) and forces (ENF) by a constant, a take or an input."""
     tempo = piece.tempo_map
-    keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
-    instruments = [
+    key_parts = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
+    instrument_parts = [
         (name, instrument.modules, 1.0) for name, instrument in piece.instruments.items()
     ]
-    for part_name, modules, ratio in (*keys, *instruments):
+    for part_name, modules, lever_ratio in (*key_parts, *instrument_parts):
         for module in modules:
             if module.kind not in ("ENX", "ENF"):
                 continue
             mat = assembly.mat(module.driven_mat)
             is_position = module.kind == "ENX"
             # Behind a lever positions are multiplied by s, and forces divided by s.
-            scale = ratio if is_position else 1.0 / ratio
+            scale = lever_ratio if is_position else 1.0 / lever_ratio
             source, begin = module.fields["from"], module.fields["at"]
             constant = source * scale if isinstance(source, float) else None
-            input_index = sounds.get(str(source))
+            input_index = inputs.get(str(source))
             take = None
             if constant is None and input_index is None:
-                take_of_piece = piece.takes.get(str(source))
+                take_file = piece.takes.get(str(source))
                 take = (
-                    None
-                    if take_of_piece is None or take_of_piece.input
-                    else hands.takes.get(str(source))
+                    None if take_file is None or take_file.input else hands.takes.get(str(source))
                 )
                 if take is None:
                     continue  # reported already

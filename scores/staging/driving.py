@@ -8,7 +8,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.notation.text.errors import Collector
-from ergon.scores.staging.live import played_alone
+from ergon.scores.staging.live import solo_hands
 from ergon.scores.staging.tick_forces import TickForces
 
 if TYPE_CHECKING:
@@ -29,18 +29,18 @@ def written_forces(
     The last one holds the key where the part ends.
     """
     player_key = piece.keys[player.key]
-    network, hands = played_alone(piece, player, Collector())
+    network, hands = solo_hands(piece, player, Collector())
     simulation = _core.Simulation(network, hands.timeline, record=True)
     period = tick_frames / piece.rate
     tick_forces = TickForces(period, delay_of(player_key), 0, np.zeros(len(standin)))
     frames = np.zeros((_BLOCK_TICKS * tick_frames, 1))
-    for _ in range(0, len(standin) + tick_forces.late, _BLOCK_TICKS):
+    for _ in range(0, len(standin) + tick_forces.n_late_ticks, _BLOCK_TICKS):
         simulation.process(frames)
         tick_forces.add(simulation)
-    tick_forces.newtons[max(0, len(standin) - tick_forces.late) :] = holding_force(
+    tick_forces.forces[max(0, len(standin) - tick_forces.n_late_ticks) :] = holding_force(
         player_key, float(standin[-1])
     )
-    return tick_forces.newtons
+    return tick_forces.forces
 
 
 def delay_of(key: Key) -> float:
@@ -51,8 +51,8 @@ def delay_of(key: Key) -> float:
 def holding_force(player_key: Key, x: float) -> float:
     """The force [N] that holds a measured key at `x` [m]; 0 where its dry friction does."""
     fields_by_module = {module.name: module.fields for module in player_key.modules}
-    cel = fields_by_module[player_key.struck]
-    spring_force = (cel["K"] or 0.0) * (x - (cel["rest"] or 0.0))
+    cel_fields = fields_by_module[player_key.struck]
+    spring_force = (cel_fields["K"] or 0.0) * (x - (cel_fields["rest"] or 0.0))
     spring_force -= fields_by_module["weight"]["from"] if "weight" in fields_by_module else 0.0
     friction = fields_by_module["dry"]["F"] if "dry" in fields_by_module else 0.0
     return 0.0 if abs(spring_force) <= friction else spring_force

@@ -29,7 +29,7 @@ from ergon.scores.reading.playing import (
     Player,
     PlayingOptions,
 )
-from ergon.scores.staging.not_over import LinesNotOver
+from ergon.scores.staging.not_over import UnfinishedLines
 from ergon.scores.staging.takes import Takes
 
 _RANDOM_TRANSFORMS = ("jitter",)  # transformations that each occurrence draws anew
@@ -41,7 +41,7 @@ MAX_POINTS = 750_000
 _PLACE_STEPS, _OCCURRENCE_STEPS, _POINT_STEPS = 1_000, 10_000, 500
 
 
-class _Options(TypedDict):
+class _EngineOptions(TypedDict):
     touch: Literal["open", "tracked"]
     ergons: Literal["event", "particle"]
     grain: float | None
@@ -53,7 +53,7 @@ class _Options(TypedDict):
 class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four times as fast
     """One occurrence of a gesture or take on a key; instants in seconds of the piece.
 
-    `begins` is the instant of its beat, from which its points are counted.
+    `written_start` is the instant of its beat, from which its points are counted.
     """
 
     name: str
@@ -68,12 +68,12 @@ class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four
     t: Sequence[float] = ()
     x: Sequence[float] = ()
     curves: tuple[Curve, ...] = ()  # the ways into them
-    layer: bool = False
-    tracked: bool = False
-    begins: float = 0.0
+    is_layer: bool = False
+    is_tracked: bool = False
+    written_start: float = 0.0
 
     @property
-    def throws(self) -> tuple[int, ...]:
+    def throw_indices(self) -> tuple[int, ...]:
         """Indices of the points that are reached by a throw."""
         if "throw" not in self.curves:
             return ()
@@ -116,26 +116,26 @@ class _ShapedGesture:
     positions: Sequence[float]
     curves: tuple[Curve, ...]
     sources: list[int]
-    options: _Options
+    options: _EngineOptions
 
 
 class Window(NamedTuple):
     """The part of a piece that is played: occurrences that begin on beats `since` ≤ beat < `until`,
-    and end after the instant `after` [s].
+    and end after the instant `after_instant` [s].
     """
 
     since: float = -math.inf
     until: float = math.inf
-    after: float = -math.inf
+    after_instant: float = -math.inf
 
 
-ALL = Window()
+ALL_TIME = Window()
 
 
 LineAndBeats = tuple[Play, Sequence[float] | None]  # a line, and the beats on which it plays
 
 
-def _key(piece: Piece, play: Play) -> str:
+def _key_name(piece: Piece, play: Play) -> str:
     return piece.players[play.player].key
 
 
@@ -147,7 +147,7 @@ def _last_beat(line: LineAndBeats) -> float:
     return beats[-1] if type(beats) is list and beats else math.inf
 
 
-def _names_and_count(line: LineAndBeats) -> tuple[tuple[str, str], int] | None:
+def _name_and_count(line: LineAndBeats) -> tuple[tuple[str, str], int] | None:
     """What a line plays, and how often; None for patterns, which draw by place."""
     play, beats = line
     if isinstance(beats, Steps):
@@ -163,17 +163,17 @@ class Hands:
     timeline: _core.Timeline
     takes: Takes
     collector: Collector
-    window: Window = ALL
+    window: Window = ALL_TIME
     sources: ErgonPlaces = field(default_factory=ErgonPlaces)
     gestures: list[StagedGesture] = field(default_factory=list)
     _keys: dict[str, tuple[int, int]] = field(default_factory=dict)
     _occurrences: Counter[tuple[str, str]] = field(default_factory=Counter)
     _point_sources: dict[tuple[str, int], int] = field(default_factory=dict)
     _shapes: dict[tuple[object, ...], _ShapedGesture] = field(default_factory=dict)
-    _known_options: dict[tuple[str, str], _Options] = field(default_factory=dict)
+    _known_options: dict[tuple[str, str], _EngineOptions] = field(default_factory=dict)
     _played_counts: Counter[str] = field(default_factory=Counter)
 
-    def key(self, name: str, struck: int) -> None:
+    def add_key(self, name: str, struck: int) -> None:
         """Add a key, by the MAT that ergons strike."""
         self._keys[name] = self.timeline.key(name, struck), struck
 
@@ -194,30 +194,30 @@ class Hands:
     def play_parts(
         self,
         piece: Piece,
-        still_keys: Container[str] = (),
-        known_lines: LinesNotOver[LineAndBeats] | None = None,
+        excluded_keys: Container[str] = (),
+        known_lines: UnfinishedLines[LineAndBeats] | None = None,
     ) -> None:
         """Put all occurrences of the lines of a piece on the timeline, except on the keys
-        `still_keys`.
+        `excluded_keys`.
 
         Lines that end before the window only advance the counts from which chance draws;
         `known_lines` remembers them where no key is still.
         """
         since = self.window.since - SAME
         player_parts, starts = piece.parts, piece.starts
-        if still_keys:
+        if excluded_keys:
             moving_lines = [
                 line_and_beats
                 for line_and_beats in zip(player_parts, starts, strict=True)
-                if _key(piece, line_and_beats[0]) not in still_keys
+                if _key_name(piece, line_and_beats[0]) not in excluded_keys
             ]
             player_parts, starts = (
                 tuple(line_and_beats for line_and_beats, _ in moving_lines),
                 tuple(beats for _, beats in moving_lines),
             )
-        lines_not_over = known_lines or LinesNotOver[LineAndBeats]()
-        lines_left, counts = lines_not_over.select(
-            (player_parts, starts), since, lambda line: _last_beat(line) < since, _names_and_count
+        unfinished_lines = known_lines or UnfinishedLines[LineAndBeats]()
+        lines_left, counts = unfinished_lines.select(
+            (player_parts, starts), since, lambda line: _last_beat(line) < since, _name_and_count
         )
         self._occurrences.update(cast(dict[tuple[str, str], int], counts))
         for play, beats in lines_left:
@@ -233,16 +233,16 @@ class Hands:
         if isinstance(starts, Steps):
             self._play_pattern(play, starts.with_seed(self.piece.seed))
         elif (gesture := self.piece.gestures.get(play.what)) is not None:
-            chain = (*gesture.do, *play.do)
+            transforms = (*gesture.do, *play.do)
             for start_beat in self._starts_with_room(
                 play, self._starts_within(play, starts or ()), len(gesture.points)
             ):
-                self._put_gesture(play, gesture, chain, start_beat)
+                self._put_gesture(play, gesture, transforms, start_beat)
         elif (take := self.takes.get(play.what)) is not None:
-            begins = self._starts_within(
+            start_beats = self._starts_within(
                 play, self._take_beats(play, take) if starts is None else starts
             )
-            for start_beat in self._starts_with_room(play, begins):
+            for start_beat in self._starts_with_room(play, start_beats):
                 self._put_take(play, take, start_beat)
 
     def _play_pattern(self, line: Play, steps: Steps) -> None:
@@ -251,12 +251,9 @@ class Hands:
         since_beat, until_beat = self.window.since - SAME, self.window.until - SAME
         if steps.last < since_beat:
             return
-        first_place, stop_place = (
-            n_before(steps, since_beat),
-            n_before(steps, until_beat),
-        )
+        first_place, stop_place = (n_before(steps, since_beat), n_before(steps, until_beat))
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
-        plays_due: list[tuple[Play, float, int]] = []
+        due_plays: list[tuple[Play, float, int]] = []
         for place_index in range(first_place, stop_place):
             if not place_index % 1024:
                 _core.poll(_PLACE_STEPS * 1024)
@@ -266,20 +263,20 @@ class Hands:
                     plays_by_key[play_key] = replace(
                         line, what=played_name, do=(*line.do, *play_key[1]), pattern=None
                     )
-                plays_due.append((plays_by_key[play_key], steps[place_index], place_index))
+                due_plays.append((plays_by_key[play_key], steps[place_index], place_index))
         for play in plays_by_key.values():
-            begins = [start for play_of_place, start, _ in plays_due if play_of_place is play]
+            start_beats = [start for due_play, start, _ in due_plays if due_play is play]
             gesture = self.piece.gestures.get(play.what)
             if (
-                not self._starts_with_room(play, begins, len(gesture.points) if gesture else 1)
-                and begins
+                not self._starts_with_room(play, start_beats, len(gesture.points) if gesture else 1)
+                and start_beats
             ):
                 return
-        for play, start_beat, place_index in plays_due:
+        for play, start_beat, place_index in due_plays:
             if (gesture := self.piece.gestures.get(play.what)) is not None:
-                chain = (*gesture.do, *play.do)
+                transforms = (*gesture.do, *play.do)
                 chance = places.draws.transforms(place_index + places.pattern.skip)
-                self._put_gesture(play, gesture, chain, start_beat, chance)
+                self._put_gesture(play, gesture, transforms, start_beat, chance)
             elif (take := self.takes.get(play.what)) is not None:
                 self._put_take(play, take, start_beat)
 
@@ -287,28 +284,28 @@ class Hands:
         """The starts within the window; those before it are counted, because chance draws by
         number.
         """
-        if self.window is ALL:
+        if self.window is ALL_TIME:
             return starts
-        n_before = bisect_left(starts, self.window.since - SAME)
-        self._occurrences[play.player, play.what] += n_before
-        return starts[n_before : bisect_left(starts, self.window.until - SAME)]
+        n_skipped = bisect_left(starts, self.window.since - SAME)
+        self._occurrences[play.player, play.what] += n_skipped
+        return starts[n_skipped : bisect_left(starts, self.window.until - SAME)]
 
     def _starts_with_room(
-        self, play: Play, starts: Sequence[float], points: int = 1
+        self, play: Play, starts: Sequence[float], n_points: int = 1
     ) -> Sequence[float]:
         """The starts, if the timeline has room for them; none if an error was reported."""
-        _core.poll(len(starts) * (_OCCURRENCE_STEPS + _POINT_STEPS * points))
+        _core.poll(len(starts) * (_OCCURRENCE_STEPS + _POINT_STEPS * n_points))
         self._played_counts["occurrences"] += len(starts)
-        self._played_counts["points"] += len(starts) * points
+        self._played_counts["points"] += len(starts) * n_points
         for counted_noun, n_max in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
             if self._played_counts[counted_noun] > n_max:
                 if self._played_counts["reports"]:
                     return ()
                 self._played_counts["reports"] += 1
                 message = (
-                    f"{quote(play.what)}: with these {len(starts):,} × {points:,} points the "
+                    f"{quote(play.what)}: with these {len(starts):,} × {n_points:,} points the "
                     f"piece plays more than {n_max:,} {counted_noun}"
-                    if points > 1
+                    if n_points > 1
                     else f"{quote(play.what)}: with these {len(starts):,} occurrences the piece "
                     f"plays more than {n_max:,} {counted_noun}"
                 )
@@ -317,7 +314,7 @@ class Hands:
                 return ()
         return starts
 
-    def standin(self, player: Player) -> None:
+    def play_standin(self, player: Player) -> None:
         """Play a live hand's stand-in from the beginning of the piece."""
         name, place = str(player.standin), player.place
         play = Play(
@@ -331,7 +328,9 @@ class Hands:
         begin_beat = tempo.resolve(play.at)
         until_beat = None if play.until is None else tempo.resolve(play.until)
         take_shape = apply_to_take(play.do, 60.0 / tempo.bpm(begin_beat))
-        take_seconds = (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
+        take_seconds = (
+            take.duration - take_shape.front_cut - take_shape.back_cut
+        ) * take_shape.stretch
         length = Length(0.0, take_shape.shift.beats, take_shape.shift.seconds + take_seconds)
         try:
             return starts(tempo, begin_beat, length, times=play.times, until=until_beat)
@@ -343,31 +342,31 @@ class Hands:
         self,
         part_play: Play,
         gesture: Gesture,
-        chain: tuple[Transform, ...],
+        transforms: tuple[Transform, ...],
         start_beat: float,
         chance: Chance | None = None,
     ) -> None:
-        gesture_shape = self._known_shape(part_play, gesture, chain, start_beat, chance)
+        shape = self._known_shape(part_play, gesture, transforms, start_beat, chance)
         tempo = self.piece.tempo_map
-        instants = [gesture.instant(tempo, start_beat, time) for time in gesture_shape.times]
-        if instants[-1] <= self.window.after:
+        instants = [gesture.instant(tempo, start_beat, time) for time in shape.times]
+        if instants[-1] <= self.window.after_instant:
             return
-        key, struck_mat = self._keys[gesture_shape.key]
+        key_index, struck_mat = self._keys[shape.key]
         try:
             self.timeline.gesture(
-                key,
+                key_index,
                 instants,
-                gesture_shape.positions,
-                gesture_shape.curves,
-                sources=gesture_shape.sources,
-                **gesture_shape.options,
+                shape.positions,
+                shape.curves,
+                sources=shape.sources,
+                **shape.options,
             )
         except _core.EngineError as error:
-            key = min(error.index or 0, len(gesture_shape.sources) - 1)
+            point_index = min(error.index or 0, len(shape.sources) - 1)
             self.collector.error(
                 "E308",
                 f"{quote(part_play.what)}: {error.sentence}",
-                self.sources[gesture_shape.sources[key]],
+                self.sources[shape.sources[point_index]],
                 help=f"{part_play.player} plays the gesture at {part_play.place}",
             )
             return
@@ -375,17 +374,17 @@ class Hands:
             StagedGesture(
                 part_play.what,
                 part_play.player,
-                gesture_shape.key,
-                key,
+                shape.key,
+                key_index,
                 struck_mat,
                 instants[0],
                 instants[-1],
                 part_play.place,
                 array("d", instants),  # a quarter of the memory of a list
-                gesture_shape.positions,
-                gesture_shape.curves,
-                gesture_shape.options["layer"],
-                gesture_shape.options["touch"] == "tracked",
+                shape.positions,
+                shape.curves,
+                shape.options["layer"],
+                shape.options["touch"] == "tracked",
                 tempo.seconds(start_beat),
             )
         )
@@ -394,7 +393,7 @@ class Hands:
         self,
         play: Play,
         gesture: Gesture,
-        chain: tuple[Transform, ...],
+        transforms: tuple[Transform, ...],
         start: float,
         chance: Chance | None,
     ) -> _ShapedGesture:
@@ -406,32 +405,32 @@ class Hands:
         player_and_gesture = play.player, play.what
         occurrence_number = self._occurrences[player_and_gesture]
         self._occurrences[player_and_gesture] += chance is None
-        if chain and any(transform.word in _RANDOM_TRANSFORMS for transform in chain):
+        if transforms and any(transform.word in _RANDOM_TRANSFORMS for transform in transforms):
             if chance is None:
                 name = f"{play.player}/{play.what}"
                 chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence_number)
-            return self._shape_on_key(play, gesture, chain, start, chance)
+            return self._make_shape(play, gesture, transforms, start, chance)
         playing_options = None if play.manner is NO_OPTIONS else play.manner
-        beat = gesture.beat(self.piece.tempo_map, start) if chain else 0.0
+        beat = gesture.beat(self.piece.tempo_map, start) if transforms else 0.0
         shape_key = (*player_and_gesture, play.do, playing_options, beat)
         if shape_key not in self._shapes:
-            self._shapes[shape_key] = self._shape_on_key(
-                play, gesture, chain, start, MidpointChance()
+            self._shapes[shape_key] = self._make_shape(
+                play, gesture, transforms, start, MidpointChance()
             )
         return self._shapes[shape_key]
 
-    def _shape_on_key(
+    def _make_shape(
         self,
         part_play: Play,
         gesture: Gesture,
-        chain: tuple[Transform, ...],
+        transforms: tuple[Transform, ...],
         start_beat: float,
         chance: Chance,
     ) -> _ShapedGesture:
         gesture_points: Sequence[Point] = gesture.points
-        if chain:
+        if transforms:
             gesture_points, _ = apply(
-                gesture_points, chain, chance, gesture.beat(self.piece.tempo_map, start_beat)
+                gesture_points, transforms, chance, gesture.beat(self.piece.tempo_map, start_beat)
             )
         key_reach = self._key_reach(part_play)
         return _ShapedGesture(
@@ -439,22 +438,22 @@ class Hands:
             [point.at for point in gesture_points],
             array("d", [point.x * key_reach for point in gesture_points]),
             tuple(cast(Curve, point.curve) for point in gesture_points),
-            [self._source(gesture, point) for point in gesture_points],
-            self._options_of_line(part_play, gesture),
+            [self._point_source(gesture, point) for point in gesture_points],
+            self._line_options(part_play, gesture),
         )
 
-    def _options_of_line(self, part_play: Play, gesture: Gesture) -> _Options:
+    def _line_options(self, part_play: Play, gesture: Gesture) -> _EngineOptions:
         """The options by which a line plays a gesture; lines without options of their own share one
         object.
         """
         if part_play.manner is not NO_OPTIONS:
-            return self._merged_options(
+            return self._engine_options(
                 part_play,
                 part_play.manner.with_defaults(gesture.manner).with_defaults(DEFAULT_OPTIONS),
             )
         options_key = part_play.player, gesture.name
         if options_key not in self._known_options:
-            self._known_options[options_key] = self._merged_options(
+            self._known_options[options_key] = self._engine_options(
                 part_play, gesture.manner.with_defaults(DEFAULT_OPTIONS)
             )
         return self._known_options[options_key]
@@ -463,16 +462,19 @@ class Hands:
         tempo = self.piece.tempo_map
         take_shape = apply_to_take(part_play.do, 60.0 / tempo.bpm(start_beat))
         begin = tempo.instant(start_beat, take_shape.shift)
-        stop = begin + (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
-        if stop <= self.window.after:
+        stop = (
+            begin
+            + (take.duration - take_shape.front_cut - take_shape.back_cut) * take_shape.stretch
+        )
+        if stop <= self.window.after_instant:
             return
-        take_options = self._merged_options(
+        take_options = self._engine_options(
             part_play, part_play.manner.with_defaults(DEFAULT_OPTIONS)
         )
         key_index, struck_mat = self._keys[self._key_of(part_play)]
         try:
-            if take_shape.front or take_shape.back:
-                take = take.part(take_shape.front, take.duration - take_shape.back)
+            if take_shape.front_cut or take_shape.back_cut:
+                take = take.part(take_shape.front_cut, take.duration - take_shape.back_cut)
             self.timeline.take(
                 key_index,
                 take,
@@ -498,13 +500,13 @@ class Hands:
                 begin,
                 stop,
                 part_play.place,
-                layer=take_options["layer"],
-                tracked=take_options["touch"] == "tracked",
-                begins=tempo.seconds(start_beat),
+                is_layer=take_options["layer"],
+                is_tracked=take_options["touch"] == "tracked",
+                written_start=tempo.seconds(start_beat),
             )
         )
 
-    def _merged_options(self, play: Play, gesture_options: PlayingOptions) -> _Options:
+    def _engine_options(self, play: Play, gesture_options: PlayingOptions) -> _EngineOptions:
         force_limit = gesture_options.force_limit
         option_values = {
             "touch": gesture_options.touch,
@@ -515,9 +517,9 @@ class Hands:
             "force_limit": None if force_limit is None else force_limit / self._key_reach(play),
             "layer": gesture_options.layer,
         }
-        return cast(_Options, option_values)  # DEFAULT_OPTIONS has all options
+        return cast(_EngineOptions, option_values)  # DEFAULT_OPTIONS has all options
 
-    def _source(self, gesture: Gesture, point: Point) -> int:
+    def _point_source(self, gesture: Gesture, point: Point) -> int:
         source_key = gesture.name, point.offset
         if source_key not in self._point_sources:
             self._point_sources[source_key] = self.sources.add(lambda: gesture.place_of(point))

@@ -142,15 +142,15 @@ def _instant_of_factor(path_points: Points, factor: float) -> float:
 def _count_advice(mode: HighestMode) -> str:
     """What to write so that the highest mode is at about 5 kHz."""
     part_module, module_fields = mode.module, mode.module.fields
-    masses, factor_needed = (
+    masses, needed_factor = (
         member_count(part_module.kind, module_fields),
         FULL_BANDWIDTH_HZ / mode.frequency,
     )
     if part_module.kind == "STRING":
-        return f"`masses: {ceil(masses * factor_needed)}`"
+        return f"`masses: {ceil(masses * needed_factor)}`"
     # The highest mode of a lattice is inversely proportional to its spacing; if the plate bends, to
     # the square of it.
-    masses_factor = sqrt(factor_needed) if module_fields["bending"] is not None else factor_needed
+    masses_factor = sqrt(needed_factor) if module_fields["bending"] is not None else needed_factor
     if module_fields["shape"] == "rectangle":
         n_across, n_up = (ceil(count * masses_factor) for count in module_fields["sides"])
         return f"{n_across * n_up:,} masses ({n_across} by {n_up})"

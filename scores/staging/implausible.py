@@ -21,7 +21,7 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
 
     Instruments under `units: ca` have no SI values to check.
     """
-    scene = _ModulesByName.from_piece(piece)
+    lookup = _ModulesByName.from_piece(piece)
     warnings: list[Diagnostic] = []
     for instrument in piece.instruments.values():
         if instrument.form != "si":
@@ -30,9 +30,9 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
             module_name = ".".join(filter(None, (instrument.name, part_module.name)))
             warnings += _warn_pitches(piece, module_name, part_module)
             if part_module.kind == "BUT":
-                warnings += scene.contact_warnings(module_name, part_module)
+                warnings += lookup.contact_warnings(module_name, part_module)
             if part_module.kind in LINK_KINDS:
-                warnings += scene.stiffness_warnings(piece, module_name, part_module)
+                warnings += lookup.stiffness_warnings(piece, module_name, part_module)
             if part_module.kind == "BRISTLE":
                 warnings += _warn_friction_gains(module_name, part_module)
     return warnings
@@ -84,17 +84,17 @@ class _ModulesByName:
 
     keys: dict[str, Key]
     modules: dict[tuple[str, str], Module] = field(default_factory=dict)
-    imposed: set[tuple[str, str, object]] = field(default_factory=set)
+    imposed_points: set[tuple[str, str, object]] = field(default_factory=set)
 
     @classmethod
     def from_piece(cls, piece: Piece) -> _ModulesByName:
-        built_scene = cls(dict(piece.keys))
+        lookup = cls(dict(piece.keys))
         for part, part_module in piece.modules():
-            built_scene.modules[part, part_module.name] = part_module
-            to = part_module.fields.get("to")
-            if part_module.kind == "ENX" and isinstance(to, Target):
-                built_scene.imposed.add((to.part, to.module, to.first))
-        return built_scene
+            lookup.modules[part, part_module.name] = part_module
+            target = part_module.fields.get("to")
+            if part_module.kind == "ENX" and isinstance(target, Target):
+                lookup.imposed_points.add((target.part, target.module, target.first))
+        return lookup
 
     def contact_warnings(self, name: str, contact: Module) -> Iterator[Diagnostic]:
         """Report W327 for a contact that is pressed at the beginning, W329 for one that the travel
@@ -108,8 +108,8 @@ class _ModulesByName:
         deepest_overlap, nearest_gap = -inf, -inf  # the deepest of the points of a range
         for link in single_links(contact):
             (first_end, second_end), gap = link.ends, link.fields["gap"]
-            start = side_sign * (self._start(first_end) - self._start(second_end)) - gap
-            deepest_overlap = max(deepest_overlap, start) if gap < 0.0 else deepest_overlap
+            overlap = side_sign * (self._start(first_end) - self._start(second_end)) - gap
+            deepest_overlap = max(deepest_overlap, overlap) if gap < 0.0 else deepest_overlap
             (low_a, high_a), (low_b, high_b) = self._travel(first_end), self._travel(second_end)
             # The deepest overlap that the travels allow; an end without a travel stays where it
             # begins.
@@ -123,7 +123,7 @@ class _ModulesByName:
             message += f"by {_millimetres_text(deepest_overlap)} from the beginning"
             help_text = "write a gap of 0 or more, or a RES or REF where the two are tied for good"
             yield Diagnostic("W327", message, gap_place, None, help_text)
-        has_travel = any(self._key(end) is not None for end in contact.ends)
+        has_travel = any(self._travelling_key(end) is not None for end in contact.ends)
         if has_travel and nearest_gap <= 0.0:
             message = (
                 f"contact {quote(name)} is beyond the travel of its key: at the end of the travel "
@@ -166,12 +166,12 @@ class _ModulesByName:
             "W328", message, link.places.get(scaled_field, link.place), None, help_text
         )
 
-    def _key(self, end: Target) -> Key | None:
+    def _travelling_key(self, end: Target) -> Key | None:
         key = self.keys.get(end.part)
         return key if key is not None and key.travel and key.struck == end.module else None
 
     def _travel(self, end: Target) -> tuple[float, float]:
-        travel_key = self._key(end)
+        travel_key = self._travelling_key(end)
         if travel_key is None or travel_key.travel is None:
             start = self._start(end)
             return start, start
@@ -190,7 +190,7 @@ class _ModulesByName:
         imposed.
         """
         end_module = self.modules[end.part, end.module]
-        if end_module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
+        if end_module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed_points:
             return inf
         if end_module.kind == "PROXY":  # bound by its lightest mass
             shares = end_module.fields["shares"] or (1.0,)

@@ -29,12 +29,12 @@ _REACH_SECONDS = 0.01  # [s] in which a value of a MIDI file is reached, so that
 
 @dataclass(frozen=True, slots=True)
 class ModuleTracks:
-    """The entries of each parameter of a module, in order; `moves_from` is the beat on which the
-    first one begins that is no swing.
+    """The entries of each parameter of a module, in order; `first_move_beat` is the beat on which
+    the first one begins that is no swing.
     """
 
     entries: Mapping[str, list[Entry]]
-    moves_from: float
+    first_move_beat: float
 
 
 class _ConstantPoints(NamedTuple):
@@ -58,8 +58,8 @@ class KnownAutomation:
     _all_strikes: tuple[Strikes, ...] = ()
     _strikes: tuple[Strikes, ...] = ()  # those that have notes
     # The lines of each module, and those of strikes with notes.
-    _lines_of: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
-    _note_lines_of: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
+    _lines_by_module: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
+    _note_lines_by_module: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
     _tracks: dict[ModuleKey, ModuleTracks] = field(default_factory=dict)
     # By the id of what they are made of, which is kept with them so that no other has its id.
     _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
@@ -84,29 +84,29 @@ class KnownAutomation:
             self._lines, self._strikes, self._notes = (), (), {}
             changed_modules |= self._tracks.keys()
         self._tempo = piece.tempo_map
-        automation_lines = changed_part(self._lines, piece.automation)
-        struck_strikes = changed_part(self._strikes, strikes)
+        changed_lines = changed_part(self._lines, piece.automation)
+        changed_strikes = changed_part(self._strikes, strikes)
         self._lines, self._strikes = piece.automation, strikes
-        gone_notes = [self._notes.pop(id(line)) for line in struck_strikes.before]
+        gone_notes = [self._notes.pop(id(line)) for line in changed_strikes.before]
         new_notes = [
-            (line, [*_strike_automation(piece.tempo_map, line)]) for line in struck_strikes.now
+            (line, [*_strike_automation(piece.tempo_map, line)]) for line in changed_strikes.now
         ]
         self._notes |= {id(line): (line, notes) for line, notes in new_notes}
         notes = (notes for _, notes in (*gone_notes, *new_notes))
-        changed_lines = chain(automation_lines.before, automation_lines.now, *notes)
-        changed_modules |= {module_key for line in changed_lines for module_key in line.modules}
-        is_at_end = automation_lines.start + len(automation_lines.now) == len(piece.automation)
+        affected_lines = chain(changed_lines.before, changed_lines.now, *notes)
+        changed_modules |= {module_key for line in affected_lines for module_key in line.modules}
+        is_at_end = changed_lines.start + len(changed_lines.now) == len(piece.automation)
         if is_same_tempo and is_at_end:
-            self._set_last_lines(automation_lines)
+            self._set_last_lines(changed_lines)
         elif changed_modules:
             self._set_lines(changed_modules)
-        if struck_strikes or not is_same_tempo:
-            self._note_lines_of = {}
+        if changed_strikes or not is_same_tempo:
+            self._note_lines_by_module = {}
             for automation_line in chain.from_iterable(
                 self._notes[id(strikes_line)][1] for strikes_line in strikes
             ):
                 for module_key in automation_line.modules:
-                    self._note_lines_of.setdefault(module_key, []).append(automation_line)
+                    self._note_lines_by_module.setdefault(module_key, []).append(automation_line)
         if changed_modules:
             self._set_tracks(piece.tempo_map, changed_modules)
         return self._tracks
@@ -119,8 +119,8 @@ class KnownAutomation:
             for module_key in line.modules:
                 new_lines.setdefault(module_key, []).append(line)
         for module_key in {*n_removed, *new_lines}:
-            old_lines = self._lines_of.get(module_key, [])
-            self._lines_of[module_key] = old_lines[
+            old_lines = self._lines_by_module.get(module_key, [])
+            self._lines_by_module[module_key] = old_lines[
                 : len(old_lines) - n_removed[module_key]
             ] + new_lines.get(module_key, [])
 
@@ -132,15 +132,15 @@ class KnownAutomation:
         for line in self._lines:
             for module_key in changed_modules.intersection(line.modules):
                 lines_by_module[module_key].append(line)
-        self._lines_of |= lines_by_module
+        self._lines_by_module |= lines_by_module
 
     def _set_tracks(self, tempo: TempoMap, changed_modules: set[ModuleKey]) -> None:
         """Set the entries of modules whose lines have changed."""
         old_tracks, self._tracks = self._tracks, dict(self._tracks)
         for module_key in changed_modules:
             module_lines = [
-                *self._lines_of.get(module_key, ()),
-                *self._note_lines_of.get(module_key, ()),
+                *self._lines_by_module.get(module_key, ()),
+                *self._note_lines_by_module.get(module_key, ()),
             ]
             if not module_lines:
                 self._tracks.pop(module_key, None)
@@ -157,39 +157,34 @@ class KnownAutomation:
     def _track(self, tempo: TempoMap, parameters: Mapping[str, list[Automation]]) -> ModuleTracks:
         """The entries of a module: of each parameter one lasts until the next one begins."""
         entries_by_name: dict[str, list[Entry]] = {}
-        moves_from = math.inf
+        first_move_beat = math.inf
         for name, lines in parameters.items():
             spans = sorted([_entry_span(tempo, line) for line in lines], key=lambda span: span[1])
             entries = entries_by_name[name] = []
-            for place, (automation_line, begin_beat, end_beat) in enumerate(spans):
-                is_last = place + 1 == len(spans)
-                stop = end_beat if is_last else min(end_beat, spans[place + 1][1])
+            for index, (automation_line, begin_beat, end_beat) in enumerate(spans):
+                is_last = index + 1 == len(spans)
+                stop = end_beat if is_last else min(end_beat, spans[index + 1][1])
                 entries += _timed_entries(tempo, Entry(automation_line, begin_beat, stop))
                 if automation_line.swing is None:
-                    moves_from = min(moves_from, begin_beat)
-        return ModuleTracks(entries_by_name, moves_from)
+                    first_move_beat = min(first_move_beat, begin_beat)
+        return ModuleTracks(entries_by_name, first_move_beat)
 
-    def target_of(self, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
+    def automated_module(self, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
         """A module of a piece; None if it does not exist."""
-        owning_part = piece.keys.get(module_key[0]) or piece.instruments.get(module_key[0])
-        module_now, known_automated = (
-            self._module(owning_part, module_key),
-            self._automated_modules.get(module_key),
-        )
-        if known_automated is not None:
+        part = piece.keys.get(module_key[0]) or piece.instruments.get(module_key[0])
+        module, cached = (self._module(part, module_key), self._automated_modules.get(module_key))
+        if cached is not None:
             # The values of a key's module depend on its reach too.
-            is_same = known_automated[0] is module_now is not None and isinstance(
-                owning_part, Instrument
-            )
-            if is_same or known_automated[1] is owning_part:
-                return known_automated[2]
+            is_same = cached[0] is module is not None and isinstance(part, Instrument)
+            if is_same or cached[1] is part:
+                return cached[2]
         automated = AutomatedModule.from_piece(piece, module_key)
         if automated is None:
             self._automated_modules.pop(module_key, None)
         else:
-            if known_automated is not None and known_automated[2].is_same(automated):
-                automated = known_automated[2]
-            self._automated_modules[module_key] = module_now, owning_part, automated
+            if cached is not None and cached[2].is_same(automated):
+                automated = cached[2]
+            self._automated_modules[module_key] = module, part, automated
         return automated
 
     def _module(self, part: Key | Instrument | None, module_key: ModuleKey) -> Module | None:
@@ -231,7 +226,7 @@ class KnownAutomation:
         points: Points,
     ) -> None:
         """Keep the constant points of a module on which nothing acts from beat `since_beat` on."""
-        is_moved = any(point[1:] != automated_module.numbers_alone for point in points)
+        is_moved = any(point[1:] != automated_module.written_numbers for point in points)
         self._constant_points[module_key] = _ConstantPoints(
             tracks, automated_module, since_beat, points, is_moved
         )
@@ -280,18 +275,16 @@ def _file_glides(
     """
     last_instant = tempo.seconds(start_beat)
     for length, amount in automation_line.moves:
-        instant_seconds = tempo.seconds(tempo.after(start_beat, length))
-        glide_begin = max(last_instant, instant_seconds - _REACH_SECONDS)
+        instant = tempo.seconds(tempo.after(start_beat, length))
+        glide_begin = max(last_instant, instant - _REACH_SECONDS)
         yield replace(
             automation_line,
             at=Position(plus=Length(beats=tempo.beats(glide_begin))),
             points=(CurvePoint(Time(), amount, "line"),),
-            over=Length(seconds=instant_seconds - glide_begin)
-            if instant_seconds > glide_begin
-            else None,
+            over=Length(seconds=instant - glide_begin) if instant > glide_begin else None,
             moves=(),
         )
-        last_instant = instant_seconds
+        last_instant = instant
 
 
 def _strike_automation(tempo: TempoMap, strikes_line: Strikes) -> Iterator[Automation]:
@@ -325,30 +318,30 @@ def _wheel_automation(
     yield from _file_glides(tempo, wheel_entry, start_beat)
 
 
-def _note_automation(tempo: TempoMap, automation_line: Strikes) -> Iterator[Automation]:
+def _note_automation(tempo: TempoMap, strikes_line: Strikes) -> Iterator[Automation]:
     """Automation of the pitches of strikes that have notes."""
-    assert automation_line.pattern is not None
-    until_position = automation_line.until
-    if automation_line.span is not None:
+    assert strikes_line.pattern is not None
+    until_position = strikes_line.until
+    if strikes_line.span is not None:
         until_position = Position(
-            plus=Length(beats=tempo.after(tempo.resolve(automation_line.at), automation_line.span))
+            plus=Length(beats=tempo.after(tempo.resolve(strikes_line.at), strikes_line.span))
         )
-    pattern = replace(automation_line.pattern, chance=None)
-    for target in automation_line.to:
+    pattern = replace(strikes_line.pattern, chance=None)
+    for target in strikes_line.to:
         automation_arguments = (
             target,
             "f",
-            automation_line.at,
+            strikes_line.at,
             until_position,
-            automation_line.every,
-            automation_line.times,
+            strikes_line.every,
+            strikes_line.times,
             pattern,
-            automation_line.notes,
+            strikes_line.notes,
         )
         yield Automation(
             *automation_arguments,
             None,
-            automation_line.place,
-            automation_line.place,
-            automation_line.draw_key,
+            strikes_line.place,
+            strikes_line.place,
+            strikes_line.draw_key,
         )

@@ -23,7 +23,7 @@ from ergon.scores.staging.loudspeakers import Loudspeakers
 _INSTANT_MAX = 1e9  # [s]
 _ROUTE_NS, _ROOM_NS = 10.0, 300.0
 _REFERENCE_PRESSURE = 1.0  # pressure of a radiating route at the reference level [Pa]
-_Range = tuple[int, int, float]
+_WeightedRange = tuple[int, int, float]
 Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
 
 
@@ -31,15 +31,15 @@ Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is
 class TapRoute:
     """A way from a tap of the network to a channel (from 0).
 
-    Its gain is `ratio`, which all ways of a route have, by `share`. `quantity` is what the tap
-    gives at the reference level, in SI units.
+    Its gain is `ratio`, which all ways of a route have, by `share`. `reference_amount` is what the
+    tap gives at the reference level, in SI units.
     """
 
     part: str
     tap: int
     channel: int
     ratio: float
-    quantity: float
+    reference_amount: float
     is_squared: bool
     highpass: float | None
     share: float = 1.0
@@ -56,7 +56,7 @@ class TapRoute:
         which the reference level has this ratio of full scale.
         """
         gain = self.ratio / unit * self.share
-        return gain if reference is None else gain * (reference / self.quantity)
+        return gain if reference is None else gain * (reference / self.reference_amount)
 
 
 @dataclass(slots=True)
@@ -119,23 +119,23 @@ class Listening:
             mixer.fade(self.fade)
         # The routes of an instrument form a group, whose gain may change while it sounds.
         group_by_part = {name: group for group, name in enumerate(self.parts())}
-        for path in self.tap_routes:
-            is_chosen = is_wet is None or is_wet == (path.room is not None)
-            if is_chosen and (parts is None or path.part in parts):
-                cutoff = highpass if path.highpass is None else path.highpass
+        for tap_route in self.tap_routes:
+            is_chosen = is_wet is None or is_wet == (tap_route.room is not None)
+            if is_chosen and (parts is None or tap_route.part in parts):
+                cutoff = highpass if tap_route.highpass is None else tap_route.highpass
                 mixer.route(
-                    path.tap,
-                    path.channel if path.room is None else path.room,
-                    path.gain(reference, unit),
+                    tap_route.tap,
+                    tap_route.channel if tap_route.room is None else tap_route.room,
+                    tap_route.gain(reference, unit),
                     cutoff or None,
-                    group_by_part[path.part],
-                    tones=[(tone.kind, tone.frequency, tone.level) for tone in path.tones],
-                    delay=path.delay,
-                    echo=path.echo,
-                    curve=path.fade,
-                    pan=path.pan,
-                    to_room=path.room is not None,
-                    squared=path.is_squared,
+                    group_by_part[tap_route.part],
+                    tones=[(tone.kind, tone.frequency, tone.level) for tone in tap_route.tones],
+                    delay=tap_route.delay,
+                    echo=tap_route.echo,
+                    curve=tap_route.fade,
+                    pan=tap_route.pan,
+                    to_room=tap_route.room is not None,
+                    squared=tap_route.is_squared,
                 )
         return mixer
 
@@ -156,20 +156,20 @@ class Listening:
         rooms = [(room.size, room.t60, room.to, room.gain) for room in self.rooms]
         route_keys = [
             (
-                taps[path.tap],
-                path.channel,
-                path.gain(reference, unit),
-                highpass if path.highpass is None else path.highpass,
-                path.room,
-                path.delay,
-                path.fade,
-                path.tones,
-                path.echo,
-                path.pan,
-                *(("squared",) if path.is_squared else ()),
+                taps[tap_route.tap],
+                tap_route.channel,
+                tap_route.gain(reference, unit),
+                highpass if tap_route.highpass is None else tap_route.highpass,
+                tap_route.room,
+                tap_route.delay,
+                tap_route.fade,
+                tap_route.tones,
+                tap_route.echo,
+                tap_route.pan,
+                *(("squared",) if tap_route.is_squared else ()),
             )
-            for path in self.tap_routes
-            if (taps[path.tap] or with_silent) and (parts is None or path.part in parts)
+            for tap_route in self.tap_routes
+            if (taps[tap_route.tap] or with_silent) and (parts is None or tap_route.part in parts)
         ]
         return sha256(repr((self.n_channels, rooms, self.fade, route_keys)).encode()).hexdigest()
 
@@ -204,7 +204,7 @@ def audible_outputs(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
     ]
 
 
-def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Listening:
+def make_listening(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Listening:
     """Add the taps that the piece's routes need to the network. Raises EngineError.
 
     Taps of `silent` instruments exist, but give silence.
@@ -230,8 +230,8 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
                 taps[output_key] = _add_taps(listening, assembly, output_key, output)
             # With as many outputs as channels, each output has one channel, in order; else each
             # goes to all channels.
-            is_one_each = n_outputs_by_route[route] == len(route.to) and not route.is_panned
-            channels = route.to[output_index : output_index + 1] if is_one_each else route.to
+            has_channel_each = n_outputs_by_route[route] == len(route.to) and not route.is_panned
+            channels = route.to[output_index : output_index + 1] if has_channel_each else route.to
             for tap in taps[output_key]:
                 _add_tap_routes(
                     listening,
@@ -241,9 +241,9 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
                     route,
                     output,
                 )
-    channels_used = [tap_route.channel + 1 for tap_route in listening.tap_routes]
-    channels_used += [channel for room in listening.rooms for channel in room.to]
-    listening.n_channels = max(listening.n_channels, *channels_used, 1)
+    used_channels = [tap_route.channel + 1 for tap_route in listening.tap_routes]
+    used_channels += [channel for room in listening.rooms for channel in room.to]
+    listening.n_channels = max(listening.n_channels, *used_channels, 1)
     return listening
 
 
@@ -263,46 +263,38 @@ def _add_tap_routes(
     output: Output,
 ) -> None:
     ratio = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
-    delay, quantity = 0, output.kind_facts.reference_amount
+    delay, reference_amount = 0, output.kind_facts.reference_amount
     if route.radiation is not None:
-        quantity = _REFERENCE_PRESSURE
+        reference_amount = _REFERENCE_PRESSURE
         ratio *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _fade_frames(piece, route.fade) or None
-    path = TapRoute(
-        *(
-            route.part,
-            tap,
-            0,
-            ratio,
-            quantity,
-            output.kind_facts.is_energy,
-            route.highpass,
-        ),
+    tap_route = TapRoute(
+        *(route.part, tap, 0, ratio, reference_amount, output.kind_facts.is_energy, route.highpass),
         delay=delay,
         fade=fade,
         tones=route.tones,
     )
     if route.echo is not None:
-        echo_frames, ratio = route.echo.frames(piece.rate), route.echo.feedback
-        path = replace(
-            path,
+        echo_frames, feedback = route.echo.frames(piece.rate), route.echo.feedback
+        tap_route = replace(
+            tap_route,
             delay=delay + echo_frames,
-            echo=(echo_frames, ratio) if ratio and echo_frames else None,
+            echo=(echo_frames, feedback) if feedback and echo_frames else None,
         )
     pan_curve = _pan_frames(piece, route.pan_path)
     for channel_index, (channel, share) in enumerate(
         zip(channels, route.pan or repeat(1.0), strict=False)
     ):
         pan = (pan_curve, channel_index == 1) if pan_curve else None
-        listening.tap_routes.append(replace(path, channel=channel, share=share, pan=pan))
+        listening.tap_routes.append(replace(tap_route, channel=channel, share=share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
     for name, share in route.sends:
         room_index = rooms.index(name)
-        listening.tap_routes.append(replace(path, room=room_index, share=share))
+        listening.tap_routes.append(replace(tap_route, room=room_index, share=share))
 
 
-def fades(piece: Piece) -> list[Curve]:
+def fade_curves(piece: Piece) -> list[Curve]:
     """The fades of a piece in frames: that of the master, then those of the routes, then how these
     move between their channels.
     """
@@ -355,10 +347,10 @@ def _add_tap(
     listening: Listening, assembly: Assembly, output_name: tuple[str, str], output: Output
 ) -> int:
     """Add a tap for an output: the sum of its targets."""
-    positions: list[_Range] = []
-    forces: list[_Range] = []
-    ground_range: list[_Range] = []
-    lengths: list[_Range] = []
+    positions: list[_WeightedRange] = []
+    forces: list[_WeightedRange] = []
+    ground_ranges: list[_WeightedRange] = []
+    lengths: list[_WeightedRange] = []
     is_silent = output_name[0] in listening.silent_instruments
     if output.is_distance and not is_silent:
         lengths.append((_add_length_link(assembly, output_name, output.targets), 1, 1.0))
@@ -369,20 +361,17 @@ def _add_tap(
             module_key = target.part, target.module
             for links in assembly.walls.get(module_key, [assembly.links[module_key]]):
                 forces.append((links.start + int(target.first), target.count, 1.0))
-        elif (
-            target.part,
-            target.module,
-        ) in assembly.points:  # a net: all its springs
+        elif (target.part, target.module) in assembly.points:  # a net: all its springs
             springs = assembly.generator_links[target.part, target.module]
             forces.append((springs.start, len(springs), 1.0))
         else:
-            ground_range.append(_mat_range(assembly, target))
+            ground_ranges.append(_mat_range(assembly, target))
     listening.outputs.append(".".join(filter(None, output_name)))
     return assembly.network.listen(
         listening.outputs[-1],
         positions=positions,
         forces=forces,
-        ground_forces=ground_range,
+        ground_forces=ground_ranges,
         lengths=lengths,
         order=output.kind_facts.order,
     )
@@ -400,7 +389,7 @@ def _add_length_link(
     )
 
 
-def _mat_range(assembly: Assembly, target: Target) -> _Range:
+def _mat_range(assembly: Assembly, target: Target) -> _WeightedRange:
     members = assembly.members(target)
     return members.start, len(members), 1.0
 
@@ -414,10 +403,10 @@ def _add_nearest_taps(
     route: Route,
 ) -> None:
     """Route each member to the loudspeaker nearest to it: one tap for each loudspeaker."""
-    room = output.nearest or piece.mix.layout
-    assert room is not None
-    loudspeakers = Loudspeakers(room, instrument.placing)
-    ranges_by_speaker: dict[int, list[_Range]] = {}
+    layout = output.nearest or piece.mix.layout
+    assert layout is not None
+    loudspeakers = Loudspeakers(layout, instrument.placing)
+    ranges_by_speaker: dict[int, list[_WeightedRange]] = {}
     for target in targets_of(instrument, output):
         for mat in assembly.members(target):
             ranges = ranges_by_speaker.setdefault(
@@ -428,7 +417,7 @@ def _add_nearest_taps(
             else:
                 ranges.append((mat, 1, 1.0))
     for loudspeaker in sorted(ranges_by_speaker):
-        channel_index = room.channels[loudspeaker]
+        channel_index = layout.channels[loudspeaker]
         output_name = ".".join(filter(None, (instrument.name, output.name, str(channel_index + 1))))
         ranges = (
             ranges_by_speaker[loudspeaker]

@@ -13,7 +13,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.text.errors import Collector, quote
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Key, Player
-from ergon.scores.staging.drives import drive
+from ergon.scores.staging.drives import add_drives
 from ergon.scores.staging.hands import Hands, Window
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.takes import Takes
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from ergon.scores.staging.tick_forces import TickForces
 
     # Players whose hands are real, with the position at every tick (n_ticks,) [m] if it is known.
-    Real = Mapping[str, NDArray[np.float64] | None]
+    RealHands = Mapping[str, NDArray[np.float64] | None]
 
 # How often a device is read unless its player has a `tick` [Hz].
 TICK_HZ = 1000.0
-_BLOCK = 4096  # frames
+_BLOCK_FRAMES = 4096  # frames
 # The most positions of a hand that are known beforehand: 80 MB, held three times over.
 MAX_TICKS = 10_000_000
 # The most frames computed for the path of a key, an hour at 44.1 kHz: some 20 s of CPU time.
@@ -45,7 +45,7 @@ _REST_MOVEMENT_MAX = 1e-12  # largest movement of a key at rest [m]
 class LiveHand:
     """A real hand on a key. `standin` (n_ticks,) [m] are the positions that play without a person.
 
-    The player's part, or the stand-in, lasts `ticks`.
+    The player's part, or the stand-in, lasts `n_ticks`.
     """
 
     player: str
@@ -55,7 +55,7 @@ class LiveHand:
     tick_frames: int
     reach: float
     standin: NDArray[np.float64]
-    ticks: int
+    n_ticks: int
 
 
 def stand_in_players(piece: Piece) -> dict[str, None]:
@@ -78,9 +78,9 @@ def stand_in_players(piece: Piece) -> dict[str, None]:
     }
 
 
-def join(
+def join_hands(
     piece: Piece,
-    real_hands: Real,
+    real_hands: RealHands,
     assembly: Assembly,
     timeline: _core.Timeline,
     collector: Collector,
@@ -96,7 +96,7 @@ def join(
     for player_name, positions_known in real_hands.items():
         player = piece.players[player_name]
         player_key = piece.keys[player.key]
-        if not _is_alone(piece, player, real_hands, collector):
+        if not _check_alone(piece, player, real_hands, collector):
             continue
         standin_path = (
             np.zeros(2) if is_resting else standin_positions(piece, player, tick_frames, collector)
@@ -117,27 +117,27 @@ def join(
 
 
 def _with_standin(
-    recorded: NDArray[np.float64] | None, standin_path: NDArray[np.float64]
+    recorded_positions: NDArray[np.float64] | None, standin_path: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The recorded positions of a hand; where they are NaN, before it was there, those of the
     stand-in.
     """
     import numpy as np
 
-    if recorded is None:
+    if recorded_positions is None:
         return standin_path
-    missing_ticks = np.flatnonzero(np.isnan(recorded))
+    missing_ticks = np.flatnonzero(np.isnan(recorded_positions))
     if not len(missing_ticks):
-        return recorded
+        return recorded_positions
     return np.concatenate(
         [
             standin_path[np.minimum(missing_ticks, len(standin_path) - 1)],
-            recorded[len(missing_ticks) :],
+            recorded_positions[len(missing_ticks) :],
         ]
     )
 
 
-def check_players(piece: Piece, real_hands: Real, collector: Collector) -> None:
+def check_players(piece: Piece, real_hands: RealHands, collector: Collector) -> None:
     """Raise StageError if a real hand plays for a player that the piece does not have."""
     for name in real_hands:
         if name not in piece.players:
@@ -147,7 +147,7 @@ def check_players(piece: Piece, real_hands: Real, collector: Collector) -> None:
         raise StageError(collector.finish())
 
 
-def with_held_keys(piece: Piece, real_hands: Real) -> Piece:
+def with_reduced_keys(piece: Piece, real_hands: RealHands) -> Piece:
     """The piece with the keys in real hands reduced to their struck MAT.
 
     The real key has its own modes, friction and delay, so those that were measured are left out.
@@ -167,17 +167,19 @@ def _struck_modules(key: Key) -> tuple[Module, ...]:
     return tuple(module for module in key.modules if not is_measured or module.name == "")
 
 
-def _tick_frames(piece: Piece, real_hands: Real, collector: Collector) -> int:
+def _tick_frames(piece: Piece, real_hands: RealHands, collector: Collector) -> int:
     """Frames in a tick: all hands share one rate."""
-    ticks = {piece.players[name].tick or TICK_HZ: piece.players[name] for name in real_hands}
-    if len(ticks) > 1:
-        player = [*ticks.values()][-1]
+    players_by_rate = {
+        piece.players[name].tick or TICK_HZ: piece.players[name] for name in real_hands
+    }
+    if len(players_by_rate) > 1:
+        player = [*players_by_rate.values()][-1]
         message = f"{quote(player.name)}: live hands have different ticks; write one `tick` for all"
         collector.error("E308", message, player.place)
-    return max(1, round(piece.rate / next(iter(ticks), TICK_HZ)))
+    return max(1, round(piece.rate / next(iter(players_by_rate), TICK_HZ)))
 
 
-def _is_alone(piece: Piece, player: Player, real_hands: Real, collector: Collector) -> bool:
+def _check_alone(piece: Piece, player: Player, real_hands: RealHands, collector: Collector) -> bool:
     playing_players = {play.player for play in piece.parts}
     for other_player in piece.players.values():
         is_playing = other_player.name in playing_players
@@ -202,7 +204,7 @@ def standin_positions(
     """Positions of the key at every tick if the player's part, or its stand-in, plays alone [m]."""
     import numpy as np
 
-    network, hands = played_alone(piece, player, collector)
+    network, hands = solo_hands(piece, player, collector)
     # A part that is shifted to before the beginning has ended when the piece begins.
     end = max([0.0, *(gesture.stop for gesture in hands.gestures)])
     n_ticks = int(end * piece.rate) // tick_frames + 2
@@ -216,8 +218,8 @@ def standin_positions(
         help_text = "write a lower `tick` or a shorter part"
         collector.error("E308", message, player.place, help=help_text)
         return np.zeros(2)
-    path = _sparse_tick_positions(network, hands, tick_frames, n_ticks)
-    if path is None:
+    positions = _sparse_tick_positions(network, hands, tick_frames, n_ticks)
+    if positions is None:
         message = (
             f"{quote(player.name)}: the part that plays in place of a real hand moves its key "
             f"for more than {MAX_FRAMES / piece.rate:,.0f} s; that is the maximum, and pauses of "
@@ -225,16 +227,16 @@ def standin_positions(
         )
         collector.error("E308", message, player.place, help="write a shorter part")
         return np.zeros(2)
-    return path
+    return positions
 
 
-def played_alone(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
+def solo_hands(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
     """The network of a player's key, its position as output, and the part or stand-in on it."""
-    piece_alone = _solo_piece(piece, player)
-    network, hands = _network_and_hands(piece_alone, player, collector)
-    hands.play_parts(piece_alone)
-    if not piece_alone.parts and player.standin:
-        hands.standin(player)
+    solo = _solo_piece(piece, player)
+    network, hands = _network_and_hands(solo, player, collector)
+    hands.play_parts(solo)
+    if not solo.parts and player.standin:
+        hands.play_standin(player)
     return network, hands
 
 
@@ -258,26 +260,26 @@ def leading_positions(
     )
     hands.timeline.open()
     settling_start, end = (tick * tick_frames / piece.rate for tick in (settling_tick, ticks.stop))
-    for piece_of_span, window in spans:
-        if player_name not in piece_of_span.players:
+    for span_piece, window in spans:
+        if player_name not in span_piece.players:
             continue
-        piece_alone = _solo_piece(piece_of_span, piece_of_span.players[player_name])
-        until_beat = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
+        solo = _solo_piece(span_piece, span_piece.players[player_name])
+        until_beat = min(window.until, span_piece.tempo_map.beats(end) + SAME)
         span_hands = hands.for_piece(
-            piece_alone, window._replace(until=until_beat, after=settling_start)
+            solo, window._replace(until=until_beat, after_instant=settling_start)
         )
-        span_hands.play_parts(piece_alone)
+        span_hands.play_parts(solo)
     start = settling_tick * tick_frames
     simulation = _core.Simulation(
         network, hands.timeline, start=start, record=forces is not None, on_fault="mute"
     )
-    path = _tick_positions(simulation, tick_frames, ticks.stop - settling_tick)[
+    positions = _tick_positions(simulation, tick_frames, ticks.stop - settling_tick)[
         ticks.start - settling_tick :
     ]
     if forces is not None:
-        _tick_positions(simulation, tick_frames, forces.late)
+        _tick_positions(simulation, tick_frames, forces.n_late_ticks)
         forces.add(simulation)
-    return path, [(gesture.start, gesture.stop) for gesture in hands.gestures]
+    return positions, [(gesture.start, gesture.stop) for gesture in hands.gestures]
 
 
 def _network_and_hands(
@@ -286,14 +288,14 @@ def _network_and_hands(
     """The network of a player's key, with its position as output, and hands on it."""
     key = piece.keys[player.key]
     assembly = Assembly(seed=piece.seed)
-    for add_all in (assembly.add_part, assembly.add_links):
-        add_all(key.name, key.modules, ca_rate=None, reach=1.0)
+    for add_modules in (assembly.add_part, assembly.add_links):
+        add_modules(key.name, key.modules, ca_rate=None, reach=1.0)
     struck_mat = assembly.mats[key.name, key.struck]
     assembly.network.listen("key", positions=[(struck_mat, 1, 1.0)])
     timeline = _core.Timeline(assembly.network, piece.rate)
     hands = Hands(piece, timeline, Takes(piece, collector), collector)
-    drive(replace(piece, instruments={}), assembly, hands, {})
-    hands.key(key.name, struck_mat)
+    add_drives(replace(piece, instruments={}), assembly, hands, {})
+    hands.add_key(key.name, struck_mat)
     return assembly.network, hands
 
 
@@ -303,13 +305,13 @@ def _tick_positions(
     """The position at each of the next ticks (n_ticks,) [m]."""
     import numpy as np
 
-    block_ticks = max(1, _BLOCK // tick_frames)
+    block_ticks = max(1, _BLOCK_FRAMES // tick_frames)
     tick_positions = np.zeros(n_ticks)
     for first_tick in range(0, n_ticks, block_ticks):
         n_block_ticks = min(block_ticks, n_ticks - first_tick)
-        path = np.zeros((n_block_ticks * tick_frames, 1))
-        simulation.process(path)
-        tick_positions[first_tick : first_tick + n_block_ticks] = path[::tick_frames, 0]
+        frames = np.zeros((n_block_ticks * tick_frames, 1))
+        simulation.process(frames)
+        tick_positions[first_tick : first_tick + n_block_ticks] = frames[::tick_frames, 0]
     return tick_positions
 
 
@@ -323,39 +325,39 @@ def _sparse_tick_positions(
     import numpy as np
 
     rate = hands.piece.rate
-    block_ticks = max(1, _BLOCK // tick_frames)
-    moving_max = MAX_FRAMES // tick_frames
+    block_ticks = max(1, _BLOCK_FRAMES // tick_frames)
+    n_moving_max = MAX_FRAMES // tick_frames
     pauses = [*_pauses(hands, tick_frames, n_ticks)]
-    n_moving = n_ticks - sum(begins - busy_until for busy_until, begins in pauses)
-    if n_moving > moving_max:
+    n_moving = n_ticks - sum(pause_end - pause_start for pause_start, pause_end in pauses)
+    if n_moving > n_moving_max:
         return None
     tick_positions = np.zeros(n_ticks)
     simulation, first_tick = _core.Simulation(network, hands.timeline), 0
-    for busy_until, begins in pauses:
-        tick_positions[first_tick:busy_until] = _tick_positions(
-            simulation, tick_frames, busy_until - first_tick
+    for pause_start, pause_end in pauses:
+        tick_positions[first_tick:pause_start] = _tick_positions(
+            simulation, tick_frames, pause_start - first_tick
         )
-        first_tick, resumed_tick = busy_until, begins - round(rate) // tick_frames
+        first_tick, resumed_tick = pause_start, pause_end - round(rate) // tick_frames
         later_simulation = _core.Simulation(
             network, hands.timeline, start=resumed_tick * tick_frames
         )
-        resting_path = _tick_positions(later_simulation, tick_frames, 2)
+        resting_positions = _tick_positions(later_simulation, tick_frames, 2)
         # A new simulation that does not start at rest cannot replace the one that has come to rest.
-        if np.ptp(resting_path) > _REST_MOVEMENT_MAX:
-            n_moving += begins - busy_until
-        while first_tick < resumed_tick and np.ptp(resting_path) <= _REST_MOVEMENT_MAX:
+        if np.ptp(resting_positions) > _REST_MOVEMENT_MAX:
+            n_moving += pause_end - pause_start
+        while first_tick < resumed_tick and np.ptp(resting_positions) <= _REST_MOVEMENT_MAX:
             n_block_ticks = min(block_ticks, resumed_tick - first_tick)
             n_moving += n_block_ticks
-            if n_moving > moving_max:
+            if n_moving > n_moving_max:
                 return None
-            computed_path = tick_positions[first_tick : first_tick + n_block_ticks] = (
+            block_positions = tick_positions[first_tick : first_tick + n_block_ticks] = (
                 _tick_positions(simulation, tick_frames, n_block_ticks)
             )
             first_tick += n_block_ticks
-            if np.abs(computed_path - resting_path[0]).max() <= _REST_MOVEMENT_MAX:
-                tick_positions[first_tick : resumed_tick + 2] = resting_path[0]
+            if np.abs(block_positions - resting_positions[0]).max() <= _REST_MOVEMENT_MAX:
+                tick_positions[first_tick : resumed_tick + 2] = resting_positions[0]
                 simulation, first_tick = later_simulation, resumed_tick + 2
-    if n_moving > moving_max:
+    if n_moving > n_moving_max:
         return None
     tick_positions[first_tick:] = _tick_positions(simulation, tick_frames, n_ticks - first_tick)
     return tick_positions
@@ -376,16 +378,16 @@ def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int,
 
 def _solo_piece(piece: Piece, player: Player) -> Piece:
     """The piece reduced to one player's part, on a key without a lever."""
-    hand_plays = [
+    player_plays = [
         play_and_starts
         for play_and_starts in zip(piece.parts, piece.starts, strict=True)
         if play_and_starts[0].player == player.name
     ]
-    reached_key: Key = replace(piece.keys[player.key], reach=1.0)
+    direct_key: Key = replace(piece.keys[player.key], reach=1.0)
     return replace(
         piece,
-        keys={reached_key.name: reached_key},
+        keys={direct_key.name: direct_key},
         players={player.name: player},
-        parts=tuple(play for play, _ in hand_plays),
-        starts=tuple(starts for _, starts in hand_plays),
+        parts=tuple(play for play, _ in player_plays),
+        starts=tuple(starts for _, starts in player_plays),
     )

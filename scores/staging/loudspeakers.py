@@ -17,15 +17,15 @@ class Loudspeakers:
         self._is_in_space = self._placing.height is not None
         self._speakers = room.speakers
         if not self._is_in_space:
-            plan = equidistant if room.is_equidistant else _from_above
-            self._speakers = tuple((*plan(place), 0.0) for place in room.speakers)
+            projection = equidistant if room.is_equidistant else _top_view
+            self._speakers = tuple((*projection(place), 0.0) for place in room.speakers)
 
     def nearest(self, place: tuple[float, float]) -> int:
         """The index of the nearest loudspeaker, from 0; the first if several are equally near."""
-        bench_placing = self._placing
-        x = bench_placing.across * place[0] + bench_placing.at[0]
-        y = bench_placing.across * place[1] + bench_placing.at[1]
-        z = bench_placing.height or 0.0
+        placing = self._placing
+        x = placing.across * place[0] + placing.at[0]
+        y = placing.across * place[1] + placing.at[1]
+        z = placing.height or 0.0
 
         def distance(speaker_index: int) -> float:
             sx, sy, sz = self._speakers[speaker_index]
@@ -34,5 +34,5 @@ class Loudspeakers:
         return min(range(len(self._speakers)), key=distance)
 
 
-def _from_above(place: Point) -> tuple[float, float]:
+def _top_view(place: Point) -> tuple[float, float]:
     return place[0], place[1]

@@ -16,7 +16,7 @@ from ergon.common.changed import changed_part
 _Line = TypeVar("_Line", bound=tuple[Any, ...])
 _Columns = tuple[Sequence[Any], ...]
 _SELECTIONS_KEPT = 4  # looks; some are at earlier versions that still play
-NamesAndCount = tuple[Hashable, int]  # an item that a line plays, with its count
+NameAndCount = tuple[Hashable, int]  # an item that a line plays, with its count
 
 
 class _KnownSelection(NamedTuple):
@@ -33,7 +33,7 @@ class _KnownSelection(NamedTuple):
     counted_lines: dict[Hashable, int]
 
 
-class LinesNotOver(Generic[_Line]):
+class UnfinishedLines(Generic[_Line]):
     """Remembers the last looks: only lines that were not over then, or that have changed, are
     looked at.
     """
@@ -51,7 +51,7 @@ class LinesNotOver(Generic[_Line]):
         columns: _Columns,
         since: float,
         is_over: Callable[[_Line], bool],
-        names_and_count: Callable[[_Line], NamesAndCount | None],
+        name_and_count: Callable[[_Line], NameAndCount | None],
     ) -> tuple[list[_Line], dict[Hashable, int]]:
         """The lines that are not over on beat `since`, and how often the others have played what
         they play. A line behind another one that plays the same and is not over stays too:
@@ -60,30 +60,30 @@ class LinesNotOver(Generic[_Line]):
         A line is an item of each of the `columns`, which keep the items that do not change. A line
         that is over must be over on all later beats.
         """
-        selection = self._last_selection(columns, since, names_and_count)
+        selection = self._last_selection(columns, since, name_and_count)
         play_counts, counted_lines = dict(selection.counts), dict(selection.counted_lines)
-        numbers_left: list[int] = []
+        indices_left: list[int] = []
         uncounted_names: set[Hashable] = set()
-        for line_number in selection.line_indices if selection.since < since else ():
-            line = _line(columns, line_number)
-            played_name, n_played = names_and_count(line) or (None, 0)
+        for line_index in selection.line_indices if selection.since < since else ():
+            line = _line(columns, line_index)
+            played_name, n_played = name_and_count(line) or (None, 0)
             if played_name in uncounted_names or not is_over(line):
-                numbers_left.append(line_number)
+                indices_left.append(line_index)
                 if played_name is not None:
                     uncounted_names.add(played_name)
             elif played_name is not None:
                 play_counts[played_name] = play_counts.get(played_name, 0) + n_played
-                counted_lines[played_name] = line_number
+                counted_lines[played_name] = line_index
         if selection.since < since:
-            selection = _KnownSelection(columns, since, numbers_left, play_counts, counted_lines)
+            selection = _KnownSelection(columns, since, indices_left, play_counts, counted_lines)
             self._selections = [*self._selections[1 - _SELECTIONS_KEPT :], selection]
-        return [_line(columns, number) for number in selection.line_indices], selection.counts
+        return [_line(columns, index) for index in selection.line_indices], selection.counts
 
     def _last_selection(
         self,
         columns: _Columns,
         since: float,
-        names_and_count: Callable[[_Line], NamesAndCount | None],
+        name_and_count: Callable[[_Line], NameAndCount | None],
     ) -> _KnownSelection:
         """The last look at these lines at `since` or before, of which changed lines are left."""
         for selection in sorted(
@@ -91,10 +91,9 @@ class LinesNotOver(Generic[_Line]):
         ):
             if (
                 selection.since <= since
-                and (carried_look := _selection_for_lines(selection, columns, names_and_count))
-                is not None
+                and (adapted := _adapted_selection(selection, columns, name_and_count)) is not None
             ):
-                return carried_look
+                return adapted
         return _KnownSelection(columns, -math.inf, [*range(len(columns[0]))], {}, {})
 
 
@@ -102,19 +101,19 @@ def _line(columns: _Columns, number: int) -> Any:
     return tuple([column[number] for column in columns])
 
 
-def _selection_for_lines(
+def _adapted_selection(
     selection: _KnownSelection,
-    table_columns: _Columns,
-    names_and_count: Callable[..., NamesAndCount | None],
+    columns: _Columns,
+    name_and_count: Callable[..., NameAndCount | None],
 ) -> _KnownSelection | None:
     """A look for nearly the same lines: changed lines are left. None if one of them was over, or
     changes the count of one that was.
     """
-    column_pairs = zip(selection.columns, table_columns, strict=True)
+    column_pairs = zip(selection.columns, columns, strict=True)
     changes = [change for column_pair in column_pairs if (change := changed_part(*column_pair))]
     if not changes:
         return selection
-    n_old, n_new = len(selection.columns[0]), len(table_columns[0])
+    n_old, n_new = len(selection.columns[0]), len(columns[0])
     change_start = min(change.start for change in changes)
     n_after = min(n_old - change.start - len(change.before) for change in changes)
     first_changed, stop_changed = (
@@ -122,26 +121,26 @@ def _selection_for_lines(
     )
     if stop_changed - first_changed < n_old - n_after - change_start:
         return None
-    new_numbers = range(change_start, n_new - n_after)
-    for number in new_numbers:
-        played_name, _ = names_and_count(_line(table_columns, number)) or (None, 0)
+    new_indices = range(change_start, n_new - n_after)
+    for number in new_indices:
+        played_name, _ = name_and_count(_line(columns, number)) or (None, 0)
         if selection.counted_lines.get(played_name, -1) >= change_start:
             return None
     line_shift = n_new - n_old
-    numbers_left = [
+    indices_left = [
         *selection.line_indices[:first_changed],
-        *new_numbers,
+        *new_indices,
         *(number + line_shift for number in selection.line_indices[stop_changed:]),
     ]
     counted_lines = {
-        old_line: number_counted if number_counted < change_start else number_counted + line_shift
-        for old_line, number_counted in selection.counted_lines.items()
+        name: line_index if line_index < change_start else line_index + line_shift
+        for name, line_index in selection.counted_lines.items()
     }
     # The changed lines are looked at again, on the same beat too.
     return _KnownSelection(
-        table_columns,
+        columns,
         math.nextafter(selection.since, -math.inf),
-        numbers_left,
+        indices_left,
         selection.counts,
         counted_lines,
     )

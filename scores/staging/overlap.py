@@ -18,13 +18,13 @@ def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: C
     """Report gestures that begin before the previous one has ended (W310), and layers over a
     tracked gesture (W313), once for each line.
     """
-    keys: dict[str, list[StagedGesture]] = {}
+    gestures_by_key: dict[str, list[StagedGesture]] = {}
     for gesture in gestures:
-        keys.setdefault(gesture.key, []).append(gesture)
+        gestures_by_key.setdefault(gesture.key, []).append(gesture)
     reported_places: set[Place] = set()
-    for on_key in keys.values():
+    for key_gestures in gestures_by_key.values():
         sorted_gestures = sorted(
-            (gesture_on_key for gesture_on_key in on_key if not gesture_on_key.layer),
+            (gesture_on_key for gesture_on_key in key_gestures if not gesture_on_key.is_layer),
             key=lambda gesture: gesture.start,
         )
         for earlier_gesture, gesture in pairwise(sorted_gestures):
@@ -34,18 +34,18 @@ def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: C
             ):
                 reported_places.add(gesture.place)
                 _report_cut(piece, earlier_gesture, gesture, collector)
-        tracked_gestures = [gesture for gesture in sorted_gestures if gesture.tracked]
-        for layer in (gesture for gesture in on_key if gesture.layer and tracked_gestures):
+        tracked_gestures = [gesture for gesture in sorted_gestures if gesture.is_tracked]
+        for layer in (gesture for gesture in key_gestures if gesture.is_layer and tracked_gestures):
             gestures_below = (
                 gesture_on_key
                 for gesture_on_key in tracked_gestures
                 if gesture_on_key.start < layer.stop and layer.start < gesture_on_key.stop
             )
-            path = next(gestures_below, None)
-            if path is not None and layer.place not in reported_places:
+            tracked = next(gestures_below, None)
+            if tracked is not None and layer.place not in reported_places:
                 reported_places.add(layer.place)
                 message = (
-                    f"{quote(layer.name)} is a layer over {quote(path.name)}, which is tracked: "
+                    f"{quote(layer.name)} is a layer over {quote(tracked.name)}, which is tracked: "
                     "the key stays on the tracked path, so the layer has no effect"
                 )
                 collector.error("W313", message, layer.place)

@@ -93,67 +93,62 @@ class Extent(NamedTuple):
 
 def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> float:
     """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
-    tempo, line = piece.tempo_map, entry.automation
-    steps = line.steps(tempo, piece.seed)
+    tempo, automation = piece.tempo_map, entry.automation
+    steps = automation.steps(tempo, piece.seed)
     places = steps.places
-    first_place, stop = places_still_needed(steps, extent.since, min(entry.stop, extent.until))
-    for place in range(first_place, stop):
-        if not place % 1024:
+    first_place, stop_place = needed_places(steps, extent.since, min(entry.stop, extent.until))
+    for place_index in range(first_place, stop_place):
+        if not place_index % 1024:
             _core.poll(_PLACE_STEPS * 1024)
-        value_name, instant = (
-            places.played_name(place),
-            tempo.seconds(steps[place]),
-        )
+        value_name, instant = (places.played_name(place_index), tempo.seconds(steps[place_index]))
         if instant >= NEVER:
             break
-        if value_name is not None and line.struck:
+        if value_name is not None and automation.struck:
             # The pitch of a note is reached one step of the grid before its strike.
-            lead_seconds = GRID_FRAMES / piece.rate
+            grid_step = GRID_FRAMES / piece.rate
             curve.add_step(
-                instant - 2 * lead_seconds,
-                line.amounts[value_name].value,
-                instant - lead_seconds,
+                instant - 2 * grid_step, automation.amounts[value_name].value, instant - grid_step
             )
         elif value_name is not None:
-            next_instant = tempo.seconds(steps.beat(place + 1))
+            next_instant = tempo.seconds(steps.beat(place_index + 1))
             curve.add_step(
                 instant,
-                line.amounts[value_name].applied_to(curve.initial),
+                automation.amounts[value_name].applied_to(curve.initial),
                 max(next_instant, instant),
             )
     return steps.beat(len(steps))
 
 
-def places_still_needed(steps: Steps, since: float, stop_beat: float) -> tuple[int, int]:
+def needed_places(steps: Steps, since: float, stop_beat: float) -> tuple[int, int]:
     """The places before beat `stop_beat` from the value on that holds at `since` and the one that
     it comes from: the first, and the one behind the last.
     """
-    stop = n_before(steps, stop_beat - SAME)
-    first_place, n_values_missing = min(stop, n_before(steps, since - SAME)), 2
+    stop_place = n_before(steps, stop_beat - SAME)
+    first_place, n_values_missing = min(stop_place, n_before(steps, since - SAME)), 2
     for _ in range(_PLACES_BACK_MAX):
         if first_place == 0 or n_values_missing == 0:
             break
         first_place -= 1
         n_values_missing -= steps.places.played_name(first_place) is not None
-    return first_place, stop
+    return first_place, stop_place
 
 
 class GlidePath(NamedTuple):
     """The points of a glide or a written curve, on the scale on which it is linear.
 
-    It ends at the instant `last` [s], which is earlier than that of its last point if the entry
-    ends before.
+    It ends at the instant `last_instant` [s], which is earlier than that of its last point if the
+    entry ends before.
     """
 
     instants: list[float]
     values: list[float]
     approaches: list[Approach]
-    last: float
+    last_instant: float
 
     @property
     def is_complete(self) -> bool:
         """Whether the last point is reached: its value depends on nothing before."""
-        return self.last == self.instants[-1]
+        return self.last_instant == self.instants[-1]
 
 
 def glide_path(piece: Piece, entry: Entry, initial_value: float) -> GlidePath:
@@ -161,70 +156,58 @@ def glide_path(piece: Piece, entry: Entry, initial_value: float) -> GlidePath:
 
     `initial_value` is that of the parameter as written.
     """
-    tempo, line = piece.tempo_map, entry.automation
-    to_path, _ = _SCALES.get(line.parameter, (_identity, _identity))
-    values = [to_path(point.amount.applied_to(initial_value)) for point in line.points]
-    approaches: list[Approach] = [point.way for point in line.points]
-    if line.over is not None:
+    tempo, automation = piece.tempo_map, entry.automation
+    to_scale, _ = _SCALES.get(automation.parameter, (_identity, _identity))
+    values = [to_scale(point.amount.applied_to(initial_value)) for point in automation.points]
+    approaches: list[Approach] = [point.way for point in automation.points]
+    if automation.over is not None:
         start_instant = tempo.seconds(entry.begin)
-        instants = [
-            start_instant,
-            tempo.seconds(tempo.after(entry.begin, line.over)),
-        ]
+        instants = [start_instant, tempo.seconds(tempo.after(entry.begin, automation.over))]
         approaches.insert(0, "line")
     else:
-        instants = [tempo.instant(entry.begin, point.at) for point in line.points]
+        instants = [tempo.instant(entry.begin, point.at) for point in automation.points]
     if any(instant_after <= instant_before for instant_before, instant_after in pairwise(instants)):
         raise TextError("the points of the curve do not rise in time at this tempo")
-    return GlidePath(
-        instants,
-        values,
-        approaches,
-        min(instants[-1], tempo.seconds(entry.stop)),
-    )
+    return GlidePath(instants, values, approaches, min(instants[-1], tempo.seconds(entry.stop)))
 
 
-def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.inf) -> None:
+def add_glide(piece: Piece, entry: Entry, curve: Curve, begin_instant: float = -math.inf) -> None:
     """Add a glide or a written curve up to the end of its entry; afterwards the value stays.
 
-    Points before the last one at or before the instant `begins` [s] may be left out.
+    Points before the last one at or before the instant `begin_instant` [s] may be left out.
     """
-    tempo, line = piece.tempo_map, entry.automation
+    tempo, automation = piece.tempo_map, entry.automation
     start_instant = tempo.seconds(entry.begin)
     if isinstance(tempo, StoppedTempoMap):
         if start_instant < NEVER:  # the value on the present beat
             tempo_map = ShiftedTempoMap(tempo, 0.0)
-            scaled_curve = Curve(
-                curve.initial,
-                [tempo_map.seconds(entry.begin)],
-                [curve.evaluate(start_instant)],
+            present_curve = Curve(
+                curve.initial, [tempo_map.seconds(entry.begin)], [curve.evaluate(start_instant)]
             )
-            add_glide(replace(piece, tempo_map=tempo_map), entry, scaled_curve)
+            add_glide(replace(piece, tempo_map=tempo_map), entry, present_curve)
             curve.add_point(
-                start_instant, scaled_curve.evaluate(tempo_map.seconds(tempo.stop_beat))
+                start_instant, present_curve.evaluate(tempo_map.seconds(tempo.stop_beat))
             )
         return
-    to_path, from_scale = _SCALES.get(line.parameter, (_identity, _identity))
+    to_scale, from_scale = _SCALES.get(automation.parameter, (_identity, _identity))
     instants, values, approaches, stop_instant = glide_path(piece, entry, curve.initial)
     old_value = curve.evaluate(start_instant)
     is_over = (
-        stop_instant <= begins and stop_instant > start_instant + GLIDE_DURATION
+        stop_instant <= begin_instant and stop_instant > start_instant + GLIDE_DURATION
     )  # only its end is heard
-    if line.over is not None:
-        values.insert(0, to_path(old_value))
+    if automation.over is not None:
+        values.insert(0, to_scale(old_value))
         if not is_over:  # the swing starts from the grid value before it
             step = GRID_FRAMES / piece.rate
             curve.add_point(math.floor(start_instant / step) * step, old_value)
-    elif values[0] != to_path(old_value) and not is_over:
+    elif values[0] != to_scale(old_value) and not is_over:
         curve.add_step(
-            start_instant,
-            from_scale(values[0]),
-            instants[1] if len(instants) > 1 else math.inf,
+            start_instant, from_scale(values[0]), instants[1] if len(instants) > 1 else math.inf
         )
     path = list(zip(instants, values, approaches, strict=True))
     if len(path) > 1 and not is_over:
         times, grid_spacing = _glide_instants(piece, curve, start_instant, stop_instant)
-        times = times[max(0, bisect_right(times, begins) - 1) :]
+        times = times[max(0, bisect_right(times, begin_instant) - 1) :]
         # Points near a corner are not corrected for curvature.
         corner_reach = grid_spacing * (1.0 + SAME)
         curve.fixed_instants.update(
@@ -248,7 +231,7 @@ def _glide_instants(
         math.floor(first_instant / grid_step) + 1, math.ceil(stop_instant / grid_step)
     )
     stride = max(1, -(-len(grid_indices) // GLIDE_POINTS_MAX))
-    return [place * grid_step for place in grid_indices[::stride]], stride * grid_step
+    return [index * grid_step for index in grid_indices[::stride]], stride * grid_step
 
 
 def _identity(value: float) -> float:
@@ -299,8 +282,8 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     """Add a swing to a curve, from one period before the extent to its first point behind it."""
     swing = entry.automation.swing
     assert swing is not None
-    tempo, curve_value = piece.tempo_map, curve.initial
-    low, high = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
+    tempo, initial_value = piece.tempo_map, curve.initial
+    low, high = swing.low.applied_to(initial_value), swing.high.applied_to(initial_value)
     beat_of = swing_beats(tempo, entry, swing)
     first_point = 0
     if extent.since > entry.begin:
@@ -308,13 +291,10 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     phase_offset = round(swing.phase * SWING_SEGMENTS)
     edge_segments = {"square": (0, SWING_SEGMENTS // 2), "ramp": (0,)}.get(swing.shape, ())
     for number in range(first_point, first_point + _POINTS_MAX):
-        point_beat, segment_index = (
-            beat_of(number),
-            (number + phase_offset) % SWING_SEGMENTS,
-        )
+        point_beat, segment_index = (beat_of(number), (number + phase_offset) % SWING_SEGMENTS)
         if point_beat > entry.stop or (instant := tempo.seconds(point_beat)) >= NEVER:
             break
-        swing_value = low + (high - low) * _swing_share(swing.shape, segment_index)
+        swing_value = low + (high - low) * _swing_fraction(swing.shape, segment_index)
         if number == 0 or segment_index in edge_segments:
             curve.add_step(instant, swing_value, tempo.seconds(beat_of(number + 1)))
         elif swing.shape != "square" or not curve.t:
@@ -323,7 +303,7 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
             break
 
 
-def _swing_share(swing_shape: Shape, segment_index: int) -> float:
+def _swing_fraction(swing_shape: Shape, segment_index: int) -> float:
     """The position of a swing between its low end (0) and its high end (1), at a segment of its
     period.
     """

@@ -38,8 +38,8 @@ class AutomatedModule:
         """Take a module."""
         self.module = module
         self.scale = scale
-        self.numbers_written = _module_numbers(module)
-        self.numbers_alone = self.numbers({})
+        self.written_values = _written_values(module)
+        self.written_numbers = self.numbers({})
 
     @classmethod
     def from_piece(cls, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
@@ -73,20 +73,20 @@ class AutomatedModule:
         """The module's numbers, if some parameters have the values `values_by_name`."""
         module_kind = self.module.kind
         if module_kind == "CEL":
-            return _cel_constants(self.module, self.numbers_written, values_by_name, self.scale)
+            return _cel_constants(self.module, self.written_values, values_by_name, self.scale)
         if module_kind == "INSTRUMENT":
             return ()  # its modules have numbers
         if module_kind == "BANK":
             frequency, t60 = values_by_name.get("f", 1.0), values_by_name.get("t60", 1.0)
             return frequency * frequency, 1.0 / t60
         if module_kind in BODY_KINDS:
-            stiffness_number, decay_rate = _square_and_decay_rate(self.numbers_written)
-            new_k, new_sigma = _square_and_decay_rate({**self.numbers_written, **values_by_name})
-            return new_k / stiffness_number, new_sigma / decay_rate if decay_rate else 1.0
-        scaled_count = KINDS[module_kind].scaled
+            stiffness, decay_rate = _square_and_decay_rate(self.written_values)
+            new_k, new_rate = _square_and_decay_rate({**self.written_values, **values_by_name})
+            return new_k / stiffness, new_rate / decay_rate if decay_rate else 1.0
+        scaled_names = KINDS[module_kind].scaled
         return tuple(
-            values_by_name[name] / self.numbers_written[name] if name in values_by_name else 1.0
-            for name in scaled_count
+            values_by_name[name] / self.written_values[name] if name in values_by_name else 1.0
+            for name in scaled_names
         )
 
     def transposed(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
@@ -112,7 +112,7 @@ class AutomatedModule:
         timeline.lead(links.start, timed_pairs, n=len(links))
 
 
-def _module_numbers(part_module: Module) -> dict[str, float]:
+def _written_values(part_module: Module) -> dict[str, float]:
     """The parameters of a module as written."""
     module_fields = part_module.fields
     if part_module.kind == "INSTRUMENT":
@@ -145,14 +145,14 @@ def _module_numbers(part_module: Module) -> dict[str, float]:
 
 def _cel_constants(
     part_module: Module,
-    values_alone: Mapping[str, float],
+    written_values: Mapping[str, float],
     values_by_name: Mapping[str, float],
     scale: float,
 ) -> tuple[float, float, float]:
     """K, Z and M of a CEL, if some parameters have the values `values_by_name`."""
     module_fields: dict[str, Any] = dict(part_module.fields)
     if values_by_name.keys() & {"f", "t60"} and not module_fields.get("f"):
-        module_fields |= values_alone
+        module_fields |= written_values
     module_fields |= values_by_name
     if float(module_fields.get("t60") or 0.0) >= _INFINITE_T60_SECONDS:
         module_fields["t60"] = None

@@ -25,7 +25,7 @@ from ergon.scores.staging.parameter_curves import (
     Extent,
     glide_path,
     n_swing_points_before,
-    places_still_needed,
+    needed_places,
     swing_beats,
 )
 
@@ -38,9 +38,9 @@ class NeededEntries(NamedTuple):
 
 
 def point_margin(
-    piece: Piece, entries_by_parameter: Iterable[Sequence[Entry]], begins: float
+    piece: Piece, entries_by_parameter: Iterable[Sequence[Entry]], begin: float
 ) -> float:
-    """How long before the instant `begins` [s] points of modules are needed [s].
+    """How long before the instant `begin_instant` [s] points of modules are needed [s].
 
     Within a glide a point is corrected by its neighbours, so that of the last point at or before
     the instant must be there too.
@@ -48,14 +48,14 @@ def point_margin(
     grid_step = GRID_FRAMES / piece.rate
     margin_max = 0.0
     for entries in entries_by_parameter:
-        index = _n_begun(piece.tempo_map, entries, begins) - 1
+        index = _begun_count(piece.tempo_map, entries, begin) - 1
         if index >= 0 and entries[index].automation.points:
             try:
                 path = glide_path(piece, entries[index], 1.0)
             except TextError:
                 continue  # the expansion reports the mistake
-            if path.last >= begins:
-                span = path.last - min(begins, piece.tempo_map.seconds(entries[index].begin))
+            if path.last_instant >= begin:
+                span = path.last_instant - min(begin, piece.tempo_map.seconds(entries[index].begin))
                 margin_max = max(margin_max, span / GLIDE_POINTS_MAX + 2.0 * grid_step)
     return 2.0 * margin_max + grid_step
 
@@ -64,27 +64,27 @@ def needed_entries(
     piece: Piece, entries: Sequence[Entry], initial_value: float, extent: Extent
 ) -> NeededEntries:
     """The entries of one parameter, in order, that its curve needs within an extent."""
-    tempo, begins = piece.tempo_map, extent.begin_instant
-    if begins == -math.inf:
+    tempo, begin = piece.tempo_map, extent.begin_instant
+    if begin == -math.inf:
         return NeededEntries(0, Curve(initial_value))
-    index = _n_begun(tempo, entries, begins) - 1
+    index = _begun_count(tempo, entries, begin) - 1
     while index >= 0:
         entry = entries[index]
         next_entry = entries[index + 1] if index + 1 < len(entries) else None
         try:
             release = _release_instant(piece, entry, next_entry, extent.until)
-            if release <= begins:  # the parameter has its own value again
+            if release <= begin:  # the parameter has its own value again
                 return NeededEntries(index + 1, Curve(initial_value, [release], [initial_value]))
-            if _is_independent(piece, entry, initial_value, extent.since, begins):
+            if _is_independent(piece, entry, initial_value, extent.since, begin):
                 break
         except TextError:
             pass  # the expansion reports the mistake
-        begins = tempo.seconds(entry.begin)
+        begin = tempo.seconds(entry.begin)
         index -= 1
     return NeededEntries(max(0, index), Curve(initial_value))
 
 
-def _n_begun(tempo: TempoMap, entries: Sequence[Entry], instant: float) -> int:
+def _begun_count(tempo: TempoMap, entries: Sequence[Entry], instant: float) -> int:
     """How many entries have begun at an instant [s]."""
     return bisect_right(entries, instant, key=lambda entry: tempo.seconds(entry.begin))
 
@@ -116,47 +116,47 @@ def _release_instant(
 
 
 def _is_independent(
-    piece: Piece, entry: Entry, initial_value: float, since: float, begins: float
+    piece: Piece, entry: Entry, initial_value: float, since: float, begin: float
 ) -> bool:
     """Whether the points of an entry, from the last one at or before an instant [s] on, depend on
     no entry before it.
 
     What entries before it have left lasts until GLIDE after its beginning at most.
     """
-    tempo, line = piece.tempo_map, entry.automation
+    tempo, automation = piece.tempo_map, entry.automation
     glide_end = tempo.seconds(entry.begin) + GLIDE_DURATION
-    if line.points:
+    if automation.points:
         path = glide_path(piece, entry, initial_value)
-        is_over = glide_end < path.last <= begins
-        return is_over and (path.is_complete or line.over is None)
-    if line.swing is not None:
-        beat_of = swing_beats(tempo, entry, line.swing)
+        is_over = glide_end < path.last_instant <= begin
+        return is_over and (path.is_complete or automation.over is None)
+    if automation.swing is not None:
+        beat_of = swing_beats(tempo, entry, automation.swing)
         n_points = n_swing_points_before(beat_of, tempo.beats(glide_end)) + 1
-        if line.swing.shape == "square":  # a square has points only at its changes
+        if automation.swing.shape == "square":  # a square has points only at its changes
             n_points += SWING_SEGMENTS // 2
         beat = beat_of(n_points)
-        return beat <= entry.stop and tempo.seconds(beat) <= begins
-    return _has_set_value(piece, entry, since, begins)
+        return beat <= entry.stop and tempo.seconds(beat) <= begin
+    return _has_set_value(piece, entry, since, begin)
 
 
-def _has_set_value(piece: Piece, automation_entry: Entry, since: float, begins: float) -> bool:
+def _has_set_value(piece: Piece, automation_entry: Entry, since: float, begin: float) -> bool:
     """Whether a pattern has set a value before an instant [s], so that no earlier one holds."""
     tempo, automation_line = piece.tempo_map, automation_entry.automation
     glide_end = tempo.seconds(automation_entry.begin) + GLIDE_DURATION
     pattern_steps = automation_line.steps(tempo, piece.seed)
     grid_step = GRID_FRAMES / piece.rate
-    for place_index in range(*places_still_needed(pattern_steps, since, automation_entry.stop)):
+    for place_index in range(*needed_places(pattern_steps, since, automation_entry.stop)):
         if pattern_steps.places.played_name(place_index) is None:
             continue
         place_instant = tempo.seconds(pattern_steps[place_index])
-        if place_instant > begins:
+        if place_instant > begin:
             break
         if automation_line.struck:
             if place_instant - 2 * grid_step > glide_end:
                 return True
         else:
             next_instant = tempo.seconds(pattern_steps.beat(place_index + 1))
-            is_first_over = place_instant + GLIDE_DURATION <= min(begins, next_instant)
-            if is_first_over or (place_instant > glide_end and next_instant <= begins):
+            is_reached = place_instant + GLIDE_DURATION <= min(begin, next_instant)
+            if is_reached or (place_instant > glide_end and next_instant <= begin):
                 return True
     return False

@@ -31,7 +31,7 @@ _TRIAL_METHODS = ("ca", "ca2p", "bm4", "ieq")
 _EXACT_KINDS = ("modes", "complex modes", "oscillators", "unheard", "still")
 
 
-class Store(Protocol):
+class TrialStore(Protocol):
     """Keeps the results of trials of earlier plans."""
 
     def get(self, key: str) -> _core.TrialRecord | None:
@@ -47,17 +47,17 @@ class Store(Protocol):
 class _CountedStore:
     """A store that counts the records it found, and the new ones."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: TrialStore) -> None:
         self._store = store
         self.n_found = self.n_new = 0
 
     def get(self, key: str) -> _core.TrialRecord | None:
         record = self._store.get(key)
-        self.n_found += record is not None and _is_of_trials(record)
+        self.n_found += record is not None and _has_trials(record)
         return record
 
     def put(self, key: str, record: _core.TrialRecord) -> None:
-        self.n_new += _is_of_trials(record)
+        self.n_new += _has_trials(record)
         self._store.put(key, record)
 
     def forget(self) -> None:
@@ -65,7 +65,7 @@ class _CountedStore:
             self._store.forget()
 
 
-def _is_of_trials(record: _core.TrialRecord) -> bool:
+def _has_trials(record: _core.TrialRecord) -> bool:
     """Whether a record holds results of trials; those of modes and banks do not."""
     return record.reason != _NO_TRIAL_REASON
 
@@ -118,14 +118,14 @@ class _Planner:
         self,
         network: _core.Network,
         timeline: _core.Timeline,
-        store: Store | None,
+        store: TrialStore | None,
         earlier_plan: _core.Plan | None,
         watched: Watched,
     ) -> None:
         self._network_and_timeline = network, timeline
         self._watched = watched
         self._store = None if store is None else _CountedStore(store)
-        self._like = earlier_plan
+        self._earlier_plan = earlier_plan
 
     def plan(
         self, accuracy: Accuracy, share: float = 1.0, draft: tuple[float, float] | None = None
@@ -134,7 +134,7 @@ class _Planner:
         islands that no earlier plan has planned are planned by these, the others as they were then.
         """
         budget = _budget_of(accuracy)
-        store, earlier_plan, watched = self._store, self._like, self._watched
+        store, earlier_plan, watched = self._store, self._earlier_plan, self._watched
         return _core.Plan(
             *self._network_and_timeline,
             **budget,
@@ -158,7 +158,7 @@ def make_plan(
     timeline: _core.Timeline,
     accuracy: Accuracy,
     pins: Sequence[_core.IslandChoice] | None = None,
-    store: Store | None = None,
+    store: TrialStore | None = None,
     old_plan: _core.Plan | None = None,
     *,
     is_foreseen: bool = True,
@@ -184,17 +184,17 @@ def make_plan(
         pinned_plan = _core.Plan(network, timeline, **_budget_of(accuracy), **watched, pins=pins)
         return PlanWithNotes(pinned_plan, accuracy)
     planner = _Planner(network, timeline, store, old_plan, watched)
-    is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
+    is_cpu_only = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     if is_draft:
-        may_recall = recalls_sound and store is not None and old_plan is None and not is_free
+        may_recall = recalls_sound and store is not None and old_plan is None and not is_cpu_only
         return _draft_plan(planner, accuracy, may_recall=may_recall)
     work_share = 1.0 if accuracy.cpu is None else _WORK_SHARE
     if not is_foreseen:
         work_share *= _SESSION_WORK_SHARE
     plan = planner.plan(accuracy, work_share)
     plan_notes = _plan_notes(plan, accuracy, is_foreseen=is_foreseen)
-    cost_factor = 1.0 if is_free else correction
-    if accuracy.cpu is None or (not is_free and cost_factor * cost(plan) <= accuracy.cpu):
+    cost_factor = 1.0 if is_cpu_only else correction
+    if accuracy.cpu is None or (not is_cpu_only and cost_factor * cost(plan) <= accuracy.cpu):
         return PlanWithNotes(plan, accuracy, plan_notes, planner.finish())
     looser_accuracies = {error: Accuracy(error=error) for error in _LOOSER_ERRORS_DB}
     looser_plans = {
@@ -206,18 +206,15 @@ def make_plan(
         for error, looser_plan in looser_plans.items()
         if cost_factor * cost(looser_plan) <= accuracy.cpu
     ]
-    if is_free and fitting_errors:
+    if is_cpu_only and fitting_errors:
         return PlanWithNotes(
             looser_plans[fitting_errors[0]],
             looser_accuracies[fitting_errors[0]],
             is_kept=planner.finish(),
         )
-    all_made = (
-        (plan, accuracy),
-        *zip(looser_plans.values(), looser_accuracies.values(), strict=True),
-    )
+    plans = ((plan, accuracy), *zip(looser_plans.values(), looser_accuracies.values(), strict=True))
     cheapest_plan, cheapest_accuracy = min(
-        all_made, key=lambda plan_and_accuracy: cost(plan_and_accuracy[0])
+        plans, key=lambda plan_and_accuracy: cost(plan_and_accuracy[0])
     )
     hint = (
         f"error: {fitting_errors[0]:g}dB fits"
@@ -230,7 +227,7 @@ def make_plan(
         f"the plan takes {cost_text} of a core, above the {allowed_text} allowed; {hint}"
     )
     notes_with_cost = (*plan_notes, ("W402", excess_sentence))
-    chosen_plan = (cheapest_plan, cheapest_accuracy) if is_free else (plan, accuracy)
+    chosen_plan = (cheapest_plan, cheapest_accuracy) if is_cpu_only else (plan, accuracy)
     return PlanWithNotes(*chosen_plan, notes_with_cost, planner.finish())
 
 
@@ -251,11 +248,11 @@ def _plan_notes(
     plan: _core.Plan, accuracy: Accuracy, *, is_foreseen: bool
 ) -> tuple[tuple[str, str], ...]:
     """Notes on parts of a plan whose accuracy is missed or unknown."""
-    sentences = _missed_errors(plan, accuracy.error, is_foreseen=is_foreseen)
+    sentences = _error_misses(plan, accuracy.error, is_foreseen=is_foreseen)
     if accuracy.method is None and accuracy.error is None:
-        sentences += _missed_by_ear(plan, accuracy.cents)
-    sentences += _cut_short_sentence(plan, accuracy)
-    sentences += _diverging_sentence(plan)
+        sentences += _audible_misses(plan, accuracy.cents)
+    sentences += _cut_short_sentences(plan, accuracy)
+    sentences += _diverging_sentences(plan)
     return tuple(("W403", sentence) for sentence in sentences)
 
 
@@ -283,11 +280,11 @@ def draft_error(plan: _core.Plan) -> str:
     drafted_rows = [row for row in plan_rows if row.drafted]
     is_mixed = 0 < len(drafted_rows) < len(plan_rows)
     plan_rows = drafted_rows or plan_rows
-    left_out = [row.left_out_db for row in plan_rows if row.left_out_db is not None]
+    left_out_db = [row.left_out_db for row in plan_rows if row.left_out_db is not None]
     untried_rows = [row for row in plan_rows if needs_trial(row) and row.error_db is None]
     known_error = "nothing is left out"
-    if left_out:
-        known_error = f"modes that are left out are {max(left_out):.0f} dB below the sound"
+    if left_out_db:
+        known_error = f"modes that are left out are {max(left_out_db):.0f} dB below the sound"
     unmeasured_text = (
         f"; the error of {_part_names(untried_rows)} is not measured" if untried_rows else ""
     )
@@ -302,15 +299,15 @@ def _part_names(rows: Sequence[_core.PlanRow]) -> str:
     return " + ".join(dict.fromkeys(name for row in rows for name in row.parts))
 
 
-def _percent_text(part: float) -> str:
+def _percent_text(fraction: float) -> str:
     """A part of a core [%], with at least two digits and without an exponent."""
-    percent = 100 * part
+    percent = 100 * fraction
     digits = 0 if percent >= 10 or percent <= 0 else 1 - math.floor(math.log10(percent))
     digits_text = f"{percent:.{digits}f}"
     return f"{digits_text.rstrip('0').rstrip('.') if '.' in digits_text else digits_text}%"
 
 
-def _cut_short_sentence(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
+def _cut_short_sentences(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
     """A sentence for parts whose trials ended at the work limit, with what is known of their
     error. Nothing is said of parts that are known to be exact enough: they may cost more than
     others would.
@@ -318,7 +315,7 @@ def _cut_short_sentence(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
     error = accuracy.error
     names_by_error: dict[tuple[float | None, float | None], list[str]] = {}
     for row in plan.rows():
-        if row.cut_short and not row.diverges and not _is_met(row, accuracy):
+        if row.cut_short and not row.diverges and not _meets_accuracy(row, accuracy):
             names_by_error.setdefault((row.error_db, row.error_s), []).extend(row.parts)
     sentences = []
     for (db, trial_duration), error_parts in names_by_error.items():
@@ -337,7 +334,7 @@ def _cut_short_sentence(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
     return sentences
 
 
-def _diverging_sentence(plan: _core.Plan) -> list[str]:
+def _diverging_sentences(plan: _core.Plan) -> list[str]:
     """A sentence for parts that diverged in their trials: no method that was tried is stable."""
     diverging_names = dict.fromkeys(
         name for row in plan.rows() if row.diverges for name in row.parts
@@ -351,34 +348,34 @@ def _diverging_sentence(plan: _core.Plan) -> list[str]:
     ]
 
 
-def _is_met(plan_row: _core.PlanRow, accuracy: Accuracy) -> bool:
+def _meets_accuracy(plan_row: _core.PlanRow, accuracy: Accuracy) -> bool:
     """Whether the error of a row was measured to its end and is within the accuracy."""
     error_db, audible = plan_row.error_db, plan_row.audible
     if accuracy.error is None and audible is not None:
-        return _is_allowed(audible, _allowed_by_ear(accuracy.cents))
+        return _is_allowed(audible, _audible_limits(accuracy.cents))
     budget_db = _core.INAUDIBLE_ERROR_DB if accuracy.error is None else accuracy.error
     return error_db is not None and error_db <= budget_db and plan_row.spectral_db is None
 
 
-def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
+def _error_misses(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
     """A sentence for parts whose error is above `error`, or unknown.
 
     One sentence for each island. If hands or a session play, no error is known beforehand.
     """
     if error is None:
         return []
-    islands: dict[tuple[float, float, float | None], list[str]] = {}
-    unknown: list[str] = []
+    parts_by_error: dict[tuple[float, float, float | None], list[str]] = {}
+    unknown_parts: list[str] = []
     for plan_row in plan.rows():
         db, trial_duration = plan_row.error_db, plan_row.error_s
         if plan_row.cut_short or plan_row.diverges:
             continue
         if db is None or trial_duration is None:
             if plan_row.what in _TRIAL_METHODS and is_foreseen:
-                unknown.extend(plan_row.parts)
+                unknown_parts.extend(plan_row.parts)
             continue
         if db > error or plan_row.spectral_db is not None:
-            islands.setdefault((db, trial_duration, plan_row.spectral_db), []).extend(
+            parts_by_error.setdefault((db, trial_duration, plan_row.spectral_db), []).extend(
                 plan_row.parts
             )
     sentences = [
@@ -390,10 +387,10 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
             else "; after that the motion is chaotic: waveforms differ between methods, while the "
             f"spectra agree within {spectral:.1f} dB"
         )
-        for (db, seconds, spectral), parts in islands.items()
+        for (db, seconds, spectral), parts in parts_by_error.items()
     ]
-    if unknown:
-        names = " + ".join(dict.fromkeys(unknown))
+    if unknown_parts:
+        names = " + ".join(dict.fromkeys(unknown_parts))
         sentences.append(
             f"{names}: the error is unknown, because no trial of another method was finished; it "
             f"may be above the {error:g} dB that you asked for"
@@ -401,16 +398,16 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
     return sentences
 
 
-def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
+def _audible_misses(plan: _core.Plan, cents: float | None) -> list[str]:
     """A sentence for parts whose audible error is above what is allowed by ear, or in cents."""
-    allowed = _allowed_by_ear(cents)
-    allowed_error = _core.AudibleError(*allowed)
-    islands: dict[str, list[str]] = {}
+    limits = _audible_limits(cents)
+    allowed_error = _core.AudibleError(*limits)
+    misses: dict[str, list[str]] = {}
     for plan_row in plan.rows():
         audible, trial_duration, spectral = plan_row.audible, plan_row.error_s, plan_row.spectral_db
         if trial_duration is None or plan_row.cut_short:
             continue
-        if audible is not None and not _is_allowed(audible, allowed):
+        if audible is not None and not _is_allowed(audible, limits):
             error_sentence = (
                 f"over the first {trial_duration:.2g} s {error_text(audible)}; allowed are "
                 f"{allowed_error.cents:.2g} cents, {100 * allowed_error.t60:.2g}%, "
@@ -427,21 +424,19 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
             )
         else:
             continue
-        islands.setdefault(error_sentence, []).extend(plan_row.parts)
-    return [
-        f"{' + '.join(dict.fromkeys(parts))}: {sentence}" for sentence, parts in islands.items()
-    ]
+        misses.setdefault(error_sentence, []).extend(plan_row.parts)
+    return [f"{' + '.join(dict.fromkeys(parts))}: {sentence}" for sentence, parts in misses.items()]
 
 
-def _allowed_by_ear(cents: float | None) -> list[float]:
+def _audible_limits(cents: float | None) -> list[float]:
     """What is allowed by ear, in the order of `AudibleError`."""
     just_noticeable = _core.JUST_NOTICEABLE
     share = 1.0 if cents is None else cents / just_noticeable[0]
     return [share * value for value in just_noticeable]
 
 
-def _is_allowed(audible: _core.AudibleError, allowed: list[float]) -> bool:
-    return all(error <= limit for error, limit in zip(audible, allowed, strict=True))
+def _is_allowed(audible: _core.AudibleError, limits: list[float]) -> bool:
+    return all(error <= limit for error, limit in zip(audible, limits, strict=True))
 
 
 def error_text(audible: _core.AudibleError) -> str:

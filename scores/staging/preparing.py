@@ -18,7 +18,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.automating import (
     AutomatedPoints,
     automation_points,
-    complete_until,
+    last_complete_instant,
     takeover_points,
 )
 from ergon.scores.staging.built_network import (
@@ -28,17 +28,17 @@ from ergon.scores.staging.built_network import (
     coupling_spans,
 )
 from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes
-from ergon.scores.staging.drives import drive, sounds_in
-from ergon.scores.staging.hands import ALL, Hands, Window
+from ergon.scores.staging.drives import add_drives, add_inputs
+from ergon.scores.staging.hands import ALL_TIME, Hands, Window
 from ergon.scores.staging.known_automation import KnownAutomation
 from ergon.scores.staging.late_keys import check_delays
 from ergon.scores.staging.listening import check_mix
 from ergon.scores.staging.live import (
     LiveHand,
     check_players,
-    join,
+    join_hands,
     stand_in_players,
-    with_held_keys,
+    with_reduced_keys,
 )
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.parameter_values import ModuleKey, Points
@@ -49,7 +49,7 @@ from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
 
 if TYPE_CHECKING:
-    from ergon.scores.staging.live import Real
+    from ergon.scores.staging.live import RealHands
 
 TAIL_DURATION_MAX = 60.0  # [s] of a score whose tail is `auto`
 DURATION_MAX = 24 * 3600.0  # a day; a longer piece is a mistake
@@ -61,7 +61,7 @@ class EarlierStage(Protocol):
     built: BuiltNetwork
     takes: Mapping[Hashable, _core.Take]
     paths: Mapping[ModuleKey, Points]
-    paths_until: float
+    paths_end: float
     memory: StageMemory
     drawn_notes: Sequence[DrawnNote]
 
@@ -85,7 +85,7 @@ class PreparedPiece:
     live_hands: tuple[LiveHand, ...]
     paths: Mapping[ModuleKey, Points]
     paths_until: float
-    fades_from: int | None
+    fade_start: int | None
     memory: StageMemory
     drawn_notes: Sequence[DrawnNote]
 
@@ -98,7 +98,7 @@ class PreparedPiece:
 @without_gc
 def prepare(
     piece: Piece,
-    real_hands: Real | None = None,
+    real_hands: RealHands | None = None,
     silent: Container[str] = (),
     spans: Sequence[Span] | None = None,
     old_stage: EarlierStage | None = None,
@@ -118,7 +118,7 @@ def prepare(
     memory = StageMemory() if old_stage is None else old_stage.memory
     known_automation = memory.automation
     try:
-        computed_piece = with_held_keys(piece, real_hands)
+        computed_piece = with_reduced_keys(piece, real_hands)
         built = (old_stage and old_stage.built.for_piece(computed_piece, silent)) or build_network(
             computed_piece, silent
         )
@@ -133,37 +133,33 @@ def prepare(
         # A session has no end up to which a stand-in could play.
         is_resting = spans is not None
         live_hands = tuple(
-            join(piece, real_hands, assembly, timeline, collector, is_resting=is_resting)
+            join_hands(piece, real_hands, assembly, timeline, collector, is_resting=is_resting)
         )
-        played = [Span(piece, ALL)] if spans is None else spans
-        inputs = sounds_in(piece, timeline, takes)
-        drive(piece, assembly, hands, {name: index for name, (index, _) in inputs.items()})
-        begin = -math.inf if old_stage is None else start / piece.rate
-        notes = DrawnNotes(timeline, old_stage.drawn_notes if old_stage else (), begin, piece.rate)
-        plays_until = _put_events(
-            piece, assembly, hands, couplings, real_hands, played, memory, notes
+        played_spans = [Span(piece, ALL_TIME)] if spans is None else spans
+        inputs = add_inputs(piece, timeline, takes)
+        add_drives(piece, assembly, hands, {name: index for name, (index, _) in inputs.items()})
+        instant = -math.inf if old_stage is None else start / piece.rate
+        notes = DrawnNotes(
+            timeline, old_stage.drawn_notes if old_stage else (), instant, piece.rate
         )
-        end = max(plays_until, _hands_end(piece, live_hands))
+        events_end = _put_events(
+            piece, assembly, hands, couplings, real_hands, played_spans, memory, notes
+        )
+        end = max(events_end, _hands_end(piece, live_hands))
         end = max([end, *(seconds for _, seconds in inputs.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         check_delays(computed_piece, collector)
         check_mix(piece, collector)
         n_frames = _n_frames(piece, end, collector) if spans is None else 0
-        (paths, moved), paths_until = _automation_of_spans(
-            piece, spans, n_frames, collector, begin, known_automation
+        (paths, permanent_modules), paths_until = _automation_of_spans(
+            piece, spans, n_frames, collector, instant, known_automation
         )
         if old_stage is not None:
-            takeover = (
-                old_stage.paths,
-                paths,
-                piece,
-                begin,
-                old_stage.paths_until,
-            )
-            paths = takeover_points(*takeover, moved, known_automation)
+            takeover = (old_stage.paths, paths, piece, instant, old_stage.paths_end)
+            paths = takeover_points(*takeover, permanent_modules, known_automation)
         for module_key, points in paths.items():
-            if automated := known_automation.target_of(piece, module_key):
+            if automated := known_automation.automated_module(piece, module_key):
                 try:
                     automated.put(timeline, assembly, module_key, points)
                 except _core.EngineError as error:
@@ -172,10 +168,10 @@ def prepare(
         raise stage_error(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
+    fade_start = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
     path_arguments = paths, paths_until
     piece_arguments = built, timeline, n_frames, hands, collector, live_hands
-    return PreparedPiece(*piece_arguments, *path_arguments, fades_from, memory, notes.notes)
+    return PreparedPiece(*piece_arguments, *path_arguments, fade_start, memory, notes.notes)
 
 
 def _automation_of_spans(
@@ -201,12 +197,12 @@ def _automation_of_spans(
         return automation_points(piece, stopped_beat, stopped_beat, collector), math.inf
     since, until, _ = piece_spans[-1].window
     points = automation_points(piece, since, until, collector, begins, known_automation)
-    return points, complete_until(piece, until)
+    return points, last_complete_instant(piece, until)
 
 
 def _hands_end(piece: Piece, live_hands: Sequence[LiveHand]) -> float:
     """When the parts of real hands have ended [s]."""
-    return max((hand.tick_frames * hand.ticks / piece.rate for hand in live_hands), default=0.0)
+    return max((hand.tick_frames * hand.n_ticks / piece.rate for hand in live_hands), default=0.0)
 
 
 def _put_events(
@@ -214,7 +210,7 @@ def _put_events(
     assembly: Assembly,
     hands: Hands,
     couplings: Sequence[int],
-    real_hands: Real,
+    real_hands: RealHands,
     piece_spans: Sequence[Span],
     memory: StageMemory,
     drawn_notes: DrawnNotes,
@@ -224,10 +220,12 @@ def _put_events(
     live_keys = {piece.players[name].key for name in real_hands}
     for name, key in piece.keys.items():
         if name not in live_keys:
-            hands.key(name, assembly.mats[name, key.struck])
+            hands.add_key(name, assembly.mats[name, key.struck])
     for played_piece, window in piece_spans:
-        span_hands = hands if window is ALL else hands.for_piece(played_piece, window)
-        span_hands.play_parts(played_piece, live_keys, None if live_keys else memory.lines_not_over)
+        span_hands = hands if window is ALL_TIME else hands.for_piece(played_piece, window)
+        span_hands.play_parts(
+            played_piece, live_keys, None if live_keys else memory.unfinished_lines
+        )
     players = [
         player for player in piece.players.values() if player.hand == "live" and player.standin
     ]
@@ -236,11 +234,11 @@ def _put_events(
         names_with_part |= {play.player for play in piece.parts}
     for player in players:
         if player.name not in names_with_part:
-            hands.standin(player)
+            hands.play_standin(player)
     event_ends = [gesture.stop for gesture in hands.gestures]
     for played_piece, window in piece_spans:
         span_instants = _window_instants(played_piece, window)
-        for strikes in memory.strikes.not_over(played_piece, window.since):
+        for strikes in memory.strikes.unfinished(played_piece, window.since):
             targets = (
                 struck_target
                 for struck_target in strikes.to
@@ -262,7 +260,7 @@ def _put_events(
 
 def _window_instants(piece: Piece, window: Window) -> tuple[float, float]:
     """The instants of a window [s], in the engine's time."""
-    if window is ALL:
+    if window is ALL_TIME:
         return ALL_INSTANTS
     tempo = piece.tempo_map
     start_instant = tempo.seconds(window.since) if window.since > -math.inf else 0.0
@@ -279,8 +277,8 @@ def _n_frames(piece: Piece, end: float, collector: Collector) -> int:
         collector.error("E308", message, piece.place)
         return 0
     frames = duration * piece.rate
-    nearest = int(frames + 0.5)
-    return nearest if abs(frames - nearest) < 1e-6 else int(frames) + 1
+    nearest_frames = int(frames + 0.5)
+    return nearest_frames if abs(frames - nearest_frames) < 1e-6 else int(frames) + 1
 
 
 def _same_place(place: Place) -> Place:

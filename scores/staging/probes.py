@@ -15,7 +15,7 @@ from ergon.scores.reading.outputs import Route
 from ergon.scores.reading.piece import Piece
 
 MAX_POINTS = 256  # measured at once; a piece of 10,000 masses is not read line by line
-_NAME = "measured points"  # no instrument of a score has a name with a space
+_PROBE_NAME = "measured points"  # no instrument of a score has a name with a space
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,30 +44,30 @@ class ProbedLink:
 
 @dataclass(frozen=True, slots=True)
 class ProbedPiece:
-    """The piece with outputs at its points; `left_out` counts contacts and points without an
+    """The piece with outputs at its points; `left_out_count` counts contacts and points without an
     output.
     """
 
     piece: Piece
     points: tuple[Point, ...]
     contacts: tuple[ProbedLink, ...]
-    left_out: int
-    rubbings: tuple[ProbedLink, ...] = ()
+    n_left_out: int
+    friction_links: tuple[ProbedLink, ...] = ()
 
 
 def probe_piece(piece: Piece) -> ProbedPiece:
     """The piece with an output for each end of a contact, each single mass and each member that is
     heard.
     """
-    contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
-    end_targets = (end for _, _, module in (*contacts, *rubbings) for end in module.ends)
+    contacts, friction_links = list(_contacts(piece)), list(_friction_links(piece))
+    end_targets = (end for _, _, module in (*contacts, *friction_links) for end in module.ends)
     probed_targets = {
         _point_key(target): target for target in (*end_targets, *_single_mass_targets(piece))
     }
     first_targets = list(probed_targets.items())[:MAX_POINTS]
-    kinds = {(part, module.name): module for part, module in piece.modules()}
+    modules_by_key = {(part, module.name): module for part, module in piece.modules()}
     points_by_target = {
-        point_key: _point(target, number, kinds[target.part, target.module])
+        point_key: _point(target, number, modules_by_key[target.part, target.module])
         for number, (point_key, target) in enumerate(first_targets)
     }
     measured_contacts = []
@@ -79,23 +79,23 @@ def probe_piece(piece: Piece) -> ProbedPiece:
             measured_contacts.append(
                 ProbedLink(module_name, contact_name, part_module, first_point, second_point)
             )
-    measured_rubbings = []
-    for module_name, contact_name, part_module in rubbings:
+    measured_frictions = []
+    for module_name, contact_name, part_module in friction_links:
         first_point, second_point = (
             points_by_target.get(_point_key(end)) for end in part_module.ends
         )
         if first_point is not None and second_point is not None:
-            measured_rubbings.append(
+            measured_frictions.append(
                 ProbedLink(module_name, contact_name, part_module, first_point, second_point)
             )
     probed_outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
         for number, (_, target) in enumerate(first_targets)
     )
-    probe_instrument = Instrument(_NAME, (), probed_outputs, None, piece.place)
-    mix = replace(piece.mix, routes=(Route(_NAME, None, (1,), 1.0, None, piece.place),))
+    probe_instrument = Instrument(_PROBE_NAME, (), probed_outputs, None, piece.place)
+    mix = replace(piece.mix, routes=(Route(_PROBE_NAME, None, (1,), 1.0, None, piece.place),))
     probed_piece = replace(
-        piece, instruments={**piece.instruments, _NAME: probe_instrument}, mix=mix
+        piece, instruments={**piece.instruments, _PROBE_NAME: probe_instrument}, mix=mix
     )
     left_out = len(probed_targets) - len(first_targets) + len(contacts) - len(measured_contacts)
     return ProbedPiece(
@@ -103,7 +103,7 @@ def probe_piece(piece: Piece) -> ProbedPiece:
         tuple(points_by_target.values()),
         tuple(measured_contacts),
         left_out,
-        tuple(measured_rubbings),
+        tuple(measured_frictions),
     )
 
 
@@ -112,14 +112,14 @@ def _point_key(target: Target) -> tuple[str, str, int | str]:
 
 
 def _point(end_target: Target, output_number: int, part_module: Module) -> Point:
-    member_total, member_index, axis = (
+    n_members, member_index, axis = (
         member_count(part_module.kind, part_module.fields),
         end_target.first,
         "",
     )
     if "axes" in part_module.fields and isinstance(member_index, int):
-        member_index, axis = member_index % member_total, AXES[member_index // member_total]
-    member = "" if member_total == 1 else str(member_index)
+        member_index, axis = member_index % n_members, AXES[member_index // n_members]
+    member = "" if n_members == 1 else str(member_index)
     name = ".".join(filter(None, (end_target.part, end_target.module, member, axis)))
     return Point(name, output_number, part_module.kind == "SOL")
 
@@ -130,7 +130,7 @@ def _contacts(piece: Piece) -> Iterator[tuple[str, str, Module]]:
             yield from _single_links(part, module)
 
 
-def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
+def _friction_links(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for instrument in piece.instruments.values():
         for part_module in instrument.modules if instrument.ca_rate is None else ():
             is_damped = part_module.kind == "LNL" and part_module.fields.get("damping")
@@ -148,11 +148,11 @@ def _single_links(part_name: str, part_module: Module) -> Iterator[tuple[str, st
 def _single_mass_targets(piece: Piece) -> Iterable[Target]:
     """Modules of one mass, and single members that outputs of the piece listen to."""
     for part_name, part_module in piece.modules():
-        is_one = (
+        is_single = (
             part_module.kind in POINT_KINDS
             and member_count(part_module.kind, part_module.fields) == 1
         )
-        if is_one and part_module.kind != "SOL" and "axes" not in part_module.fields:
+        if is_single and part_module.kind != "SOL" and "axes" not in part_module.fields:
             yield Target(part_name, part_module.name, 0, 1, "", part_module.place)
     for instrument in piece.instruments.values():
         for output in instrument.outputs:

@@ -37,14 +37,14 @@ class Link(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class FreezeObstacle:
     """Why `part` cannot be frozen: `links` lead from it to a live `player`, or to another
-    instrument `other`.
+    instrument `other_part`.
     """
 
     part: str
     links: tuple[Link, ...]
     player: str | None = None
     key: str | None = None
-    other: str | None = None
+    other_part: str | None = None
 
     def __str__(self) -> str:
         """The reason as a sentence that names the links."""
@@ -58,7 +58,7 @@ class FreezeObstacle:
             f"{path_text} connects them" if len(self.links) == 1 else f"{path_text} connect them"
         )
         path_text = path_text if self.links else "both listen to one module"
-        return f"{self.part} cannot be frozen without {self.other}: {path_text}"
+        return f"{self.part} cannot be frozen without {self.other_part}: {path_text}"
 
 
 def freeze_obstacles(
@@ -66,18 +66,18 @@ def freeze_obstacles(
 ) -> list[FreezeObstacle]:
     """Reasons why instruments cannot be frozen; empty if they can. `players` have live hands."""
     graph = _LinkGraph(piece)
-    hands = {}
+    hand_by_mat = {}
     for player in players:
         key = piece.keys[piece.players[player].key]
-        hands[graph.assembly.mats[key.name, key.struck]] = (player, key.name)
-    other_players = {
+        hand_by_mat[graph.assembly.mats[key.name, key.struck]] = (player, key.name)
+    part_by_mat = {
         mat: part
         for part in dict.fromkeys(instrument.name for _, instrument, _ in audible_outputs(piece))
         if part not in frozen_parts
         for mat in graph.audible_points(piece, part)
     }
     obstacles = (
-        graph.first_obstacle(part, graph.audible_points(piece, part), hands, other_players)
+        graph.first_obstacle(part, graph.audible_points(piece, part), hand_by_mat, part_by_mat)
         for part in frozen_parts
     )
     return [obstacle for obstacle in obstacles if obstacle is not None]
@@ -110,30 +110,28 @@ class _LinkGraph:
                 link = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
-                pairs = dict.fromkeys(
+                mat_pairs = dict.fromkeys(
                     self._end_points(single_link) for single_link in single_links(part_module)
                 )
                 self._link_mats[part_name, part_module.name] = {
-                    end for pair in pairs for end in pair
+                    end for pair in mat_pairs for end in pair
                 }
-                for pair in pairs:
+                for pair in mat_pairs:
                     self._add_edge(link, *pair)
             elif part_module.kind == "PROXY":
-                link_module = Link(
+                link = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
-                mat_of_module = self.assembly.mats[part_name, part_module.name]
+                module_mat = self.assembly.mats[part_name, part_module.name]
                 for target in proxies.targets(part_module.fields):
                     for mat in self._points(target):
-                        self._add_edge(link_module, mat_of_module, mat)
+                        self._add_edge(link, module_mat, mat)
             elif part_module.kind == "SURFACE":
-                link_module = Link(
+                link = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
-                mat_of_module = self.assembly.mats[part_name, part_module.name]
-                self._add_edge(
-                    link_module, mat_of_module, self._points(part_module.fields["of"])[0]
-                )
+                module_mat = self.assembly.mats[part_name, part_module.name]
+                self._add_edge(link, module_mat, self._points(part_module.fields["of"])[0])
         for coupling in piece.duet:
             first_point, second_point = (
                 self._points(target)[0] for target in (coupling.a, coupling.b)
@@ -183,20 +181,20 @@ class _LinkGraph:
         self,
         part_name: str,
         start_mats: set[int],
-        hands: Mapping[int, tuple[str, str]],
+        hand_by_mat: Mapping[int, tuple[str, str]],
         part_by_mat: Mapping[int, str],
     ) -> FreezeObstacle | None:
         """The shortest path to a live hand, or else to an instrument that is not frozen."""
         previous_by_mat: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start_mats))
         queue = deque(previous_by_mat)
-        path = None
+        part_obstacle = None
         while queue:
             mat = queue.popleft()
-            if mat in hands:
-                return FreezeObstacle(part_name, _path_to(mat, previous_by_mat), *hands[mat])
-            if mat in part_by_mat and path is None:
-                path = FreezeObstacle(
-                    part_name, _path_to(mat, previous_by_mat), other=part_by_mat[mat]
+            if mat in hand_by_mat:
+                return FreezeObstacle(part_name, _path_to(mat, previous_by_mat), *hand_by_mat[mat])
+            if mat in part_by_mat and part_obstacle is None:
+                part_obstacle = FreezeObstacle(
+                    part_name, _path_to(mat, previous_by_mat), other_part=part_by_mat[mat]
                 )
             if mat in self._fixed_mats:
                 continue
@@ -204,7 +202,7 @@ class _LinkGraph:
                 if other_mat not in previous_by_mat:
                     previous_by_mat[other_mat] = mat, link
                     queue.append(other_mat)
-        return path
+        return part_obstacle
 
 
 def _path_to(mat: int, previous_by_mat: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:

@@ -14,7 +14,7 @@ from ergon.scores.staging.stage import Stage, stage
 
 if TYPE_CHECKING:
     from ergon.scores.gesture.transforms import Transform
-    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.planning import TrialStore
 
 # Ergons are recorded at up to this multiple of the audio rate; and at up to the second if nothing
 # else can record them: a second of sound then takes some minutes.
@@ -33,7 +33,9 @@ def stage_or_plan(piece: Piece, **stage_options: Any) -> Stage:
         return stage(piece, planned=True, **stage_options)
 
 
-def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | None = None) -> Stage:
+def stage_recording(
+    piece: Piece, *, seed: int | None = None, store: TrialStore | None = None
+) -> Stage:
     """Stage a piece so that its simulation records its ergons.
 
     If the scheme is unstable at the audio rate but a plan can play the piece, these ways are
@@ -44,10 +46,10 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
     """
     try:
         return stage(piece, seed=seed, record=True)
-    except StageError as refused:
+    except StageError as error:
         if any(
             diagnostic.code != "E309"
-            for diagnostic in refused.diagnostics
+            for diagnostic in error.diagnostics
             if diagnostic.severity == "error"
         ):
             raise
@@ -60,18 +62,22 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
         raise
 
 
-def _recording_options(piece: Piece, store: Store | None) -> Iterator[dict[str, Any]]:
+def _recording_options(piece: Piece, store: TrialStore | None) -> Iterator[dict[str, Any]]:
     """Options of `stage` that may record the ergons of a piece, in the order in which they are
     tried.
     """
-    rate_factors = [2**doubling for doubling in range(1, _FINEST_FACTOR.bit_length())]
+    rate_factors = [2**exponent for exponent in range(1, _FINEST_FACTOR.bit_length())]
     yield from (
-        {"piece": _oversampled(piece, times)} for times in rate_factors if times <= _FINE_FACTOR_MAX
+        {"piece": _oversampled(piece, factor)}
+        for factor in rate_factors
+        if factor <= _FINE_FACTOR_MAX
     )
     yield {"piece": piece, "fine_contacts": True}
     yield {"piece": piece, "planned": True, "store": store}
     yield from (
-        {"piece": _oversampled(piece, times)} for times in rate_factors if times > _FINE_FACTOR_MAX
+        {"piece": _oversampled(piece, factor)}
+        for factor in rate_factors
+        if factor > _FINE_FACTOR_MAX
     )
 
 
@@ -85,10 +91,10 @@ def _oversampled(piece: Piece, rate_factor: int) -> Piece:
     )
 
 
-def _with_slow_rates(part_names: Mapping[str, Any], factor: int) -> dict[str, Any]:
+def _with_slow_rates(parts: Mapping[str, Any], factor: int) -> dict[str, Any]:
     return {
         name: part if part.every == 1 else replace(part, every=part.every * factor)
-        for name, part in part_names.items()
+        for name, part in parts.items()
     }
 
 

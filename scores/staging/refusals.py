@@ -32,12 +32,10 @@ def place_of(piece: Piece, engine_name: str | None) -> Place:
         for instrument in piece.instruments.values()
         for module in instrument.modules
     ]
-    for part, part_module, module_place in (*keys, *instrument_modules, *coupling_links):
+    for part, part_module, part_place in (*keys, *instrument_modules, *coupling_links):
         full_name = ".".join(filter(None, (part, part_module.name)))
         if engine_name == full_name or engine_name.startswith(f"{full_name}."):
-            return (
-                part_module.place if part_module.place.file == module_place.file else module_place
-            )
+            return part_module.place if part_module.place.file == part_place.file else part_place
     return piece.place
 
 

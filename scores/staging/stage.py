@@ -19,7 +19,7 @@ from ergon.scores.staging.hands import ErgonPlaces, StagedGesture
 from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand
 from ergon.scores.staging.parameter_values import ModuleKey, Points
-from ergon.scores.staging.planning import PlanWithNotes, Store, Watched, make_plan
+from ergon.scores.staging.planning import PlanWithNotes, TrialStore, Watched, make_plan
 from ergon.scores.staging.preparing import PreparedPiece, Span, prepare
 from ergon.scores.staging.refusals import place_of, stage_error
 from ergon.scores.staging.stage_memory import StageMemory
@@ -27,7 +27,7 @@ from ergon.scores.staging.trial_strikes import put_trial_strikes
 from ergon.scores.staging.version_glides import Glide
 
 if TYPE_CHECKING:
-    from ergon.scores.staging.live import Real
+    from ergon.scores.staging.live import RealHands
 
 _STIFF_ADVICE = (
     "make its springs and contacts softer (a smaller K, or smaller constants of a law), strike or "
@@ -44,7 +44,7 @@ _TAIL_SECONDS_ANALYSED = 5.0  # [s] of a tail `auto` that is analysed
 class Stage:
     """Everything that plays a piece. `diagnostics` are warnings and notes.
 
-    `planned_for` is the accuracy that the plan was made for.
+    `planned_accuracy` is the accuracy that the plan was made for.
     """
 
     piece: Piece
@@ -59,10 +59,10 @@ class Stage:
     live_hands: tuple[LiveHand, ...] = ()
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
     paths: Mapping[ModuleKey, Points] = field(default_factory=dict)  # of modules with automation
-    paths_until: float = math.inf  # [s] up to which these paths are complete
-    planned_for: Accuracy | None = None
+    paths_end: float = math.inf  # [s] up to which these paths are complete
+    planned_accuracy: Accuracy | None = None
     # From this frame on a render may end when the sound has faded; None: it ends at `n_frames`.
-    fades_from: int | None = None
+    fade_start: int | None = None
     memory: StageMemory = field(default_factory=StageMemory)
     recalled_outputs: Sequence[RecalledOutputs] = ()  # frozen outputs, mixed with the computed ones
     timeline: _core.Timeline | None = None  # all events
@@ -91,9 +91,9 @@ class Stage:
         """Frames that are analysed: all, or up to 5 s after the last event if the tail is
         `auto`.
         """
-        if self.fades_from is None:
+        if self.fade_start is None:
             return self.n_frames
-        return min(self.n_frames, self.fades_from + int(_TAIL_SECONDS_ANALYSED * self.rate + 0.5))
+        return min(self.n_frames, self.fade_start + int(_TAIL_SECONDS_ANALYSED * self.rate + 0.5))
 
     @property
     def n_channels(self) -> int:
@@ -124,8 +124,8 @@ class Stage:
             is_wet=is_wet,
             unit=unit,
         )
-        for placed_sample in self.recalled_outputs:
-            mixer.freeze(*placed_sample)
+        for recalled in self.recalled_outputs:
+            mixer.freeze(*recalled)
         return mixer
 
     def stems(
@@ -145,14 +145,14 @@ class Stage:
         }
         stems = []
         for part_name, instrument_parts in self._stem_parts().items():
-            stem_parts: dict[str, bool | None] = {part_name: None}
+            is_wet_by_name: dict[str, bool | None] = {part_name: None}
             if is_split and not parts_with_room.isdisjoint(instrument_parts):
-                stem_parts = {f"{part_name}-dry": False, f"{part_name}-wet": True}
-            for piece, is_wet in stem_parts.items():
+                is_wet_by_name = {f"{part_name}-dry": False, f"{part_name}-wet": True}
+            for stem_name, is_wet in is_wet_by_name.items():
                 mixer = self.mixer(
                     highpass=highpass, reference=reference, parts=instrument_parts, is_wet=is_wet
                 )
-                stems.append((piece, mixer))
+                stems.append((stem_name, mixer))
         return stems
 
     def measured_stems(
@@ -230,13 +230,15 @@ class Stage:
         """A diagnostic for a part that became non-finite during the run, at the place where it is
         written.
         """
-        return Diagnostic("E401", str(error), place_of(self.piece, error.module), None, self._hint)
+        return Diagnostic(
+            "E401", str(error), place_of(self.piece, error.module), None, self._advice
+        )
 
     @property
-    def _hint(self) -> str:
+    def _advice(self) -> str:
         """The help text for a part that is too stiff for its steps."""
-        planned_for = self.planned_for
-        is_chosen = planned_for is not None and planned_for.method is not None
+        accuracy = self.planned_accuracy
+        is_chosen = accuracy is not None and accuracy.method is not None
         return _STIFF_ADVICE_WITH_METHOD if is_chosen else _STIFF_ADVICE
 
     def energy_gains(self) -> list[Diagnostic]:
@@ -245,7 +247,7 @@ class Stage:
         """
         reports = self.simulation if self.reports is None else self.reports
         return [
-            Diagnostic("W404", gain.sentence, place_of(self.piece, gain.name), None, self._hint)
+            Diagnostic("W404", gain.sentence, place_of(self.piece, gain.name), None, self._advice)
             for gain in reports.gains()
         ]
 
@@ -271,7 +273,7 @@ class RecalledOutputs(NamedTuple):
     Their first frame is frame `begin_frame` of the engine.
     """
 
-    frozen: _core.FrozenOutputs
+    outputs: _core.FrozenOutputs
     taps: tuple[int, ...]
     begin_frame: int
 
@@ -302,9 +304,9 @@ def stage(
     planned: bool = False,
     fine_contacts: bool = False,
     pins: Sequence[_core.IslandChoice] | None = None,
-    store: Store | None = None,
+    store: TrialStore | None = None,
     threads: int = 1,
-    real_hands: Real | None = None,
+    real_hands: RealHands | None = None,
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
     takeover: StageTakeover | None = None,
@@ -342,7 +344,7 @@ def stage(
     plan, planning = None, None
     try:
         if planned:
-            all_parts = (*piece.keys, *piece.instruments) if is_seen else ()
+            seen_parts = (*piece.keys, *piece.instruments) if is_seen else ()
             planning = make_plan(
                 prepared_piece.network,
                 prepared_piece.timeline,
@@ -354,7 +356,7 @@ def stage(
                 correction=correction,
                 is_draft=is_draft,
                 recalls_sound=recalls_sound,
-                watched=Watched(seen=all_parts, seen_every=piece.motion_step_frames),
+                watched=Watched(seen=seen_parts, seen_every=piece.motion_step_frames),
             )
             plan = prepared_piece.memory.plan = planning.plan
             _report_planning(piece, planning, prepared_piece.collector, is_seen=is_seen)
@@ -393,11 +395,11 @@ def _make_stage(
         plan,
         planning is not None and planning.is_kept,
         prepared.live_hands,
-        prepared.hands.takes.files,
+        prepared.hands.takes.known_takes,
         prepared.paths,
         prepared.paths_until,
         None if planning is None else planning.accuracy,
-        prepared.fades_from,
+        prepared.fade_start,
         prepared.memory,
         timeline=prepared.timeline,
         drawn_notes=prepared.drawn_notes,
@@ -408,7 +410,7 @@ def _make_stage(
 def _add_glides(piece: Piece, prepared: PreparedPiece, takeover: StageTakeover) -> None:
     try:
         for glide in takeover.glides:
-            if glide.written in prepared.paths:
+            if glide.module_key in prepared.paths:
                 continue  # automation changes it
             glide.put(prepared.timeline, prepared.built.assembly)
     except _core.EngineError as error:

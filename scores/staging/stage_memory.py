@@ -15,7 +15,7 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.staging.hands import LineAndBeats
 from ergon.scores.staging.known_automation import KnownAutomation
-from ergon.scores.staging.not_over import LinesNotOver
+from ergon.scores.staging.not_over import UnfinishedLines
 
 _OVER_MARGIN_BEATS = 1e-6  # margin [beats] for strikes to count as over
 
@@ -25,18 +25,18 @@ class KnownStrikes:
     """Keeps the strikes that are not over."""
 
     _meters: list[tuple[float, int, Meter]] = field(default_factory=list)
-    _not_over: LinesNotOver[tuple[Strikes]] = field(default_factory=LinesNotOver)
+    _unfinished_strikes: UnfinishedLines[tuple[Strikes]] = field(default_factory=UnfinishedLines)
 
-    def not_over(self, piece: Piece, beat: float) -> Sequence[Strikes]:
+    def unfinished(self, piece: Piece, beat: float) -> Sequence[Strikes]:
         """The strikes of a piece that may fall on a beat or later."""
         tempo = piece.tempo_map
         if beat == -math.inf:
             return piece.strikes
         if (meters := tempo.bars.changes()) != self._meters:  # the end beats depend on the meters
             self._meters = meters
-            self._not_over.forget()
+            self._unfinished_strikes.forget()
         beat_before = beat - _OVER_MARGIN_BEATS
-        strikes_left, _ = self._not_over.select(
+        strikes_left, _ = self._unfinished_strikes.select(
             (piece.strikes,),
             beat_before,
             lambda line: _end_beat(line[0], tempo) < beat_before,
@@ -70,5 +70,5 @@ class StageMemory:
 
     automation: KnownAutomation = field(default_factory=KnownAutomation)
     strikes: KnownStrikes = field(default_factory=KnownStrikes)
-    lines_not_over: LinesNotOver[LineAndBeats] = field(default_factory=LinesNotOver)
+    unfinished_lines: UnfinishedLines[LineAndBeats] = field(default_factory=UnfinishedLines)
     plan: _core.Plan | None = None

@@ -21,11 +21,11 @@ from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.rhythms import LONGEST_CYCLES
 from ergon.scores.reading.sweep_fields import Passing
-from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes, Place
+from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes, ModuleKey
 from ergon.scores.staging.sweep_members import member_visits
 
 ALL_INSTANTS = (-math.inf, math.inf)
-_first, _last = (lambda low, high: low), (lambda low, high: high)
+_low_end, _high_end = (lambda low, high: low), (lambda low, high: high)
 _STRIKE_STEPS = 2_000  # steps of work for a strike
 _OPEN_NOTE_SECONDS = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
 
@@ -38,16 +38,16 @@ def _beat_of_instant(tempo: TempoMap, instant: float) -> float:
     return tempo.beats(instant) if math.isfinite(instant) else instant
 
 
-class MatsHeldByNote(NamedTuple):
+class NoteHolds(NamedTuple):
     """What lasts as long as the note of a MAT: other MATs, and the MAT itself if it `is_drawn`."""
 
     mats: Sequence[tuple[int, Hold]]
-    reach: ImpulseRange
+    impulse_range: ImpulseRange
     is_drawn: bool
 
     def strength(self, impulse: float) -> float:
         """The strength of a note that strikes with an impulse [N·s]."""
-        return self.reach.strength(impulse)
+        return self.impulse_range.strength(impulse)
 
 
 @dataclass(frozen=True)
@@ -61,26 +61,26 @@ class Striking:
     source: int
     interval: tuple[float, float] = ALL_INSTANTS  # interval of instants [s]
     assembly: Assembly | None = None  # for targets of melodies, sweeps, paths and strengths
-    drawn: DrawnNotes | None = None  # where drawn notes are played, with an assembly
+    drawn_notes: DrawnNotes | None = None  # where drawn notes are played, with an assembly
 
     def play(self, collector: Collector) -> float:
         """Put the strikes on the timeline; returns when they end [s]."""
         piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
         if strikes.along:
             return max(axis.play(collector) for axis in self._strikes_by_axis())
-        begin_beat, stop_beat = tempo.resolve(strikes.at), strikes.stop(tempo)
+        begin_beat, stop_beat = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
         try:
             if strikes.is_melody:
                 return self._strike_melody()
             if strikes.passing is not None:
-                return self._strike_passed(strikes.passing)
+                return self._strike_along_path(strikes.passing)
             if strikes.pattern is not None:
                 return self._strike_by_pattern(strikes.steps(piece))
             if strikes.rate is not None and strikes.levels is not None and stop_beat is not None:
                 end = tempo.seconds(stop_beat)
                 if self._gain == 0.0:
                     return end
-                first_level, impulse_reach = (
+                first_level, impulse_range = (
                     strikes.levels.steps[0],
                     next(iter(strikes.reaches.values()), None),
                 )
@@ -90,8 +90,8 @@ class Striking:
                     stop=end,
                     rate=strikes.rate,
                     impulse=(
-                        self._gain * first_level.impulse(impulse_reach, _first),
-                        self._gain * first_level.impulse(impulse_reach, _last),
+                        self._gain * first_level.impulse(impulse_range, _low_end),
+                        self._gain * first_level.impulse(impulse_range, _high_end),
                     ),
                     seed=piece.seed,
                     name=strikes.name,
@@ -148,16 +148,16 @@ class Striking:
                 continue
             strike_seconds, strike_number = seconds(place_index), place_index + pattern.skip
             strike_end = seconds(place_index + 1) if place_index + 1 < len(pattern_steps) else None
-            for member, mat in enumerate(self._voice(note_name)):
+            for member, mat in enumerate(self._voice_mats(note_name)):
                 if pattern.chance is None or places.draws.happens(
                     pattern.chance, strike_number, member
                 ):
                     self._strike(
                         mat, (strike_seconds, strike_end), member, strike_number, len(pattern_steps)
                     )
-        return self._last_end(tempo.seconds(pattern_steps[-1])) if pattern_steps else 0.0
+        return self._strikes_end(tempo.seconds(pattern_steps[-1])) if pattern_steps else 0.0
 
-    def _voice(self, name: str) -> Sequence[int]:
+    def _voice_mats(self, name: str) -> Sequence[int]:
         """The MATs that a name of the pattern strikes: all, unless it is a note of an
         instrument.
         """
@@ -186,20 +186,15 @@ class Striking:
             stop = (
                 None if note_length is None else tempo.seconds(tempo.after(hit_beat, note_length))
             )
-            if stop is not None and any(map(self._is_bowed, mats)):
+            if stop is not None and any(map(self._is_drawn, mats)):
                 end = max(end, stop)
             for member, mat in enumerate(mats):
-                self._impel(
-                    mat,
-                    (start, stop),
-                    melody_hit.level,
-                    melody_hit.reach,
-                    member,
-                    hit_index,
+                self._strike_at_level(
+                    mat, (start, stop), melody_hit.level, melody_hit.reach, member, hit_index
                 )
         return end
 
-    def _strike_passed(self, passing: Passing) -> float:
+    def _strike_along_path(self, passing: Passing) -> float:
         """Strike the members that a sweep or a path passes, in every round."""
         strikes, tempo, end = self.strikes, self.piece.tempo_map, 0.0
         draws = Draws(self.piece.seed, strikes.draw_key)
@@ -208,11 +203,11 @@ class Striking:
         parts = list(dict.fromkeys(target.part for target in strikes.to))
         visits = member_visits(passing, self.assembly.network, parts, self.mats)
         rounds = strikes.rounds(tempo)
-        for turn, round_start in enumerate(rounds):
+        for cycle, round_start in enumerate(rounds):
             passing_beats = tempo.after(round_start, strikes.length) - round_start
             end = max(end, tempo.seconds(round_start + passing_beats))
             _core.poll(_STRIKE_STEPS * len(visits))
-            for strike_number, (fraction, struck_member) in enumerate(visits, turn * len(visits)):
+            for strike_number, (fraction, struck_member) in enumerate(visits, cycle * len(visits)):
                 instant = tempo.seconds(round_start + fraction * passing_beats)
                 if not self._is_inside(instant):
                     continue
@@ -243,11 +238,11 @@ class Striking:
             span = instant, None if is_last else strike_instants[strike_number + 1]
             for member, mat in enumerate(self.mats):
                 self._strike(mat, span, member, strike_number, len(strike_instants))
-        return self._last_end(strike_instants[-1]) if strike_instants else 0.0
+        return self._strikes_end(strike_instants[-1]) if strike_instants else 0.0
 
-    def _last_end(self, instant: float) -> float:
+    def _strikes_end(self, instant: float) -> float:
         """When strikes end whose last begins at an instant, both in s."""
-        is_drawn = any(held_mats.is_drawn for held_mats in self._held_mats.values())
+        is_drawn = any(note_holds.is_drawn for note_holds in self._note_holds.values())
         return instant + _OPEN_NOTE_SECONDS if is_drawn else instant
 
     def _strike(self, mat: int, span: Span, member: int, number: int, count: int) -> None:
@@ -255,19 +250,19 @@ class Striking:
         strikes, strike_gain = self.strikes, self._gain
         if strikes.levels is not None:
             level = strikes.levels.step(number, count)
-            self._impel(mat, span, level, self._impulse_ranges.get(mat), member, number)
+            self._strike_at_level(mat, span, level, self._impulse_ranges.get(mat), member, number)
             return
         self._hold_mats(mat, span, MEZZO_FORTE.low)
         if strike_gain > 0.0 and self._is_inside(span[0]):
             speed = None if strikes.speed is None else strikes.speed * strike_gain
             self.timeline.strike(mat, span[0], mass=strikes.mass, speed=speed, source=self.source)
 
-    def _impel(
+    def _strike_at_level(
         self,
         mat: int,
         stroke_span: Span,
         stroke_level: Level,
-        impulse_reach: ImpulseRange | None,
+        impulse_range: ImpulseRange | None,
         member: int,
         strike_number: int,
     ) -> None:
@@ -278,25 +273,25 @@ class Striking:
             chance = _core.Chance(self.piece.seed, "strikes", name, member, strike_number)
             return chance.uniform(low, high)
 
-        held_mats = self._held_mats.get(mat)
-        if held_mats is None and not self._is_inside(stroke_span[0]):
+        note_holds = self._note_holds.get(mat)
+        if note_holds is None and not self._is_inside(stroke_span[0]):
             return  # most notes of a version that plays from its middle
-        impulse = stroke_level.impulse(impulse_reach, draw)
-        if impulse_reach is not None and impulse_reach.turns and strike_number % 2:
+        impulse = stroke_level.impulse(impulse_range, draw)
+        if impulse_range is not None and impulse_range.turns and strike_number % 2:
             impulse = -impulse
-        if held_mats is not None:
-            self._hold_mats(mat, stroke_span, held_mats.strength(impulse))
-        if self._is_bowed(mat):
-            self._bow(mat, stroke_span, self._gain * impulse)
+        if note_holds is not None:
+            self._hold_mats(mat, stroke_span, note_holds.strength(impulse))
+        if self._is_drawn(mat):
+            self._play_drawn(mat, stroke_span, self._gain * impulse)
         elif self._gain > 0.0:
             self._push(mat, stroke_span[0], self._gain * impulse)
 
-    def _bow(self, mat: int, span: Span, impulse: float) -> None:
+    def _play_drawn(self, mat: int, span: Span, impulse: float) -> None:
         """Strike a MAT, and by the opposite impulse where the note ends."""
         begin, end = span[0], span[0] + _OPEN_NOTE_SECONDS if span[1] is None else span[1]
-        assert self.drawn is not None
-        note = DrawnNote(self.strikes.name, self._places[mat], begin, end, impulse)
-        self.drawn.play(note, mat, self.source, self.interval)
+        assert self.drawn_notes is not None
+        note = DrawnNote(self.strikes.name, self._module_keys[mat], begin, end, impulse)
+        self.drawn_notes.play(note, mat, self.source, self.interval)
 
     def _push(self, mat: int, instant: float, impulse: float) -> None:
         if self._is_inside(instant):
@@ -307,19 +302,19 @@ class Striking:
 
     def _hold_mats(self, mat: int, stroke_span: Span, strength: float) -> None:
         """Let what lasts as long as a note begin and end with it."""
-        held_mats = self._held_mats.get(mat)
-        for held, hold in () if held_mats is None else held_mats.mats:
+        note_holds = self._note_holds.get(mat)
+        for other_mat, hold in () if note_holds is None else note_holds.mats:
             impulse = hold.impulse(strength)
             if not hold.is_lifted:
-                self._bow(held, stroke_span, impulse if self._gain > 0.0 else 0.0)
+                self._play_drawn(other_mat, stroke_span, impulse if self._gain > 0.0 else 0.0)
             elif self.strikes.passing is None:  # a sweep or path has no end of its own
-                self._push(held, stroke_span[0], impulse)
+                self._push(other_mat, stroke_span[0], impulse)
                 if stroke_span[1] is not None:
-                    self._push(held, stroke_span[1], -impulse)
+                    self._push(other_mat, stroke_span[1], -impulse)
 
-    def _is_bowed(self, mat: int) -> bool:
+    def _is_drawn(self, mat: int) -> bool:
         """Whether what strikes a MAT lasts as long as the note."""
-        return mat in self._held_mats and self._held_mats[mat].is_drawn
+        return mat in self._note_holds and self._note_holds[mat].is_drawn
 
     def _contact_seconds(self, mat: int | None = None) -> float | None:
         """How long a strike lasts [s]: as the strikes say, or else what is struck."""
@@ -342,9 +337,9 @@ class Striking:
         }
 
     @cached_property
-    def _held_mats(self) -> Mapping[int, MatsHeldByNote]:
+    def _note_holds(self) -> Mapping[int, NoteHolds]:
         """What lasts as long as the note of each MAT."""
-        holds: dict[int, MatsHeldByNote] = {}
+        holds: dict[int, NoteHolds] = {}
         for part in self.strikes.parts:
             instrument = self.piece.instruments.get(part)
             for act in () if instrument is None else instrument.acts:
@@ -356,15 +351,15 @@ class Striking:
                 ]
                 for target in act.targets if mats or act.is_drawn else ():
                     for mat in self._members(target):
-                        old_holds = holds.get(mat, MatsHeldByNote((), act.reach, is_drawn=False))
+                        old_holds = holds.get(mat, NoteHolds((), act.reach, is_drawn=False))
                         is_drawn = old_holds.is_drawn or act.is_drawn
-                        holds[mat] = MatsHeldByNote(
+                        holds[mat] = NoteHolds(
                             (*old_holds.mats, *mats), act.reach, is_drawn=is_drawn
                         )
         return holds
 
     @cached_property
-    def _places(self) -> Mapping[int, Place]:
+    def _module_keys(self) -> Mapping[int, ModuleKey]:
         """The place of each MAT that is drawn or pressed."""
         acts = [
             act

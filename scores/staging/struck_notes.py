@@ -52,7 +52,7 @@ def _struck_parts(piece: Piece) -> list[str]:
 
 
 def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[StruckNote]:
-    dampers = list(_held_mats(stage.built.assembly, instrument))
+    dampers = list(_damper_mats(stage.built.assembly, instrument))
     impulse_range = instrument.acts[0].reach if instrument.acts else None
     strokes = _stroke_impulses(stage, instrument, {*dampers})
     lift_instants = sorted(
@@ -62,15 +62,15 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
         if stroke.impulse > 0.0
     )
     note_spans = [*_drawn_spans(stage, instrument)]
-    for number, (note_begin, impulse) in enumerate(strokes):
-        next_strike = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
-        let_down = next(
+    for index, (note_begin, impulse) in enumerate(strokes):
+        next_strike = strokes[index + 1][0] if index + 1 < len(strokes) else math.inf
+        damp_time = next(
             (instant for instant in lift_instants if instant > note_begin + _SAME_STROKE_SECONDS),
             math.inf,
         )
         # A damper that comes down after the next stroke ends that one.
-        is_ended = let_down <= next_strike + _SAME_STROKE_SECONDS and math.isfinite(let_down)
-        note_end = min(next_strike, let_down if is_ended else note_begin + _NOTE_SECONDS_MAX)
+        is_ended = damp_time <= next_strike + _SAME_STROKE_SECONDS and math.isfinite(damp_time)
+        note_end = min(next_strike, damp_time if is_ended else note_begin + _NOTE_SECONDS_MAX)
         note_spans.append((note_begin, note_end, impulse))
     impulse_max = max((impulse for *_, impulse in note_spans), default=0.0)
     for note_begin, note_end, impulse in sorted(note_spans):
@@ -80,7 +80,7 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
         )
 
 
-def _held_mats(assembly: Assembly, instrument: Instrument) -> Iterator[int]:
+def _damper_mats(assembly: Assembly, instrument: Instrument) -> Iterator[int]:
     """The MATs of dampers, which a note lifts."""
     for act in instrument.acts:
         for hold in act.holds:
@@ -100,7 +100,7 @@ def _drawn_spans(stage: Stage, instrument: Instrument) -> Iterator[tuple[float, 
         for target in act.targets
     }
     for note in stage.drawn_notes:
-        if note.place in drawn_places and note.impulse:
+        if note.module_key in drawn_places and note.impulse:
             yield note.begin, note.end, abs(note.impulse)
 
 
@@ -121,9 +121,9 @@ def _stroke_impulses(
     drawn_mats = {mat for target in drawn_targets for mat in _members(assembly, target)}
     for mat in sorted(mats - dampers - drawn_mats):
         for stroke in _strikes_on(stage, mat):
-            key = round(stroke.at / _SAME_STROKE_SECONDS)
-            release_before = strokes_by_frame.get(key, (stroke.at, 0.0))[1]
-            strokes_by_frame[key] = stroke.at, max(release_before, abs(stroke.impulse))
+            frame = round(stroke.at / _SAME_STROKE_SECONDS)
+            impulse_before = strokes_by_frame.get(frame, (stroke.at, 0.0))[1]
+            strokes_by_frame[frame] = stroke.at, max(impulse_before, abs(stroke.impulse))
     return [stroke for _, stroke in sorted(strokes_by_frame.items()) if stroke[1] > 0.0]
 
 

@@ -44,10 +44,8 @@ def member_visits(
         fractions = _scaled_to_unit(_log_frequencies(network, part_names, mats))
     else:
         fractions = _sweep_positions(quantity, np.array([network.position_of(mat) for mat in mats]))
-    shares_and_members = [
-        (1.0 - share if is_falling else share, i) for i, share in enumerate(fractions)
-    ]
-    return sorted(shares_and_members)
+    visits = [(1.0 - share if is_falling else share, i) for i, share in enumerate(fractions)]
+    return sorted(visits)
 
 
 def _sweep_positions(quantity: str, positions: _Floats) -> list[float]:
@@ -132,13 +130,13 @@ def _path_passes(path: tuple[Point, ...], width: float, positions: _Floats) -> l
 def _path_corners(path: tuple[Point, ...]) -> list[tuple[float, float, float]]:
     """The path as chords: (share of the way, x, y) of each corner."""
     corners = []
-    legs = len(path) - 1
+    n_legs = len(path) - 1
     for leg, ((r0, a0), (r1, a1)) in enumerate(pairwise(path)):
-        steps = max(1, ceil(abs(a1 - a0) / _CHORD_ANGLE))
+        n_steps = max(1, ceil(abs(a1 - a0) / _CHORD_ANGLE))
         first_step = 0 if leg == 0 else 1
-        for step in range(first_step, steps + 1):
-            fraction = step / steps
+        for step in range(first_step, n_steps + 1):
+            fraction = step / n_steps
             radius = r0 + fraction * (r1 - r0)
             sine, cosine = sine_cosine(a0 + fraction * (a1 - a0))
-            corners.append(((leg + fraction) / legs, 0.0 - radius * sine, radius * cosine))
+            corners.append(((leg + fraction) / n_legs, 0.0 - radius * sine, radius * cosine))
     return corners

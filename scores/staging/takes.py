@@ -22,35 +22,35 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Takes:
-    """Takes of a piece, read and splined when first needed, unless they are in `before`.
+    """Takes of a piece, read and splined when first needed, unless they are in `earlier_takes`.
 
-    `files` gets the takes that are needed, each by the values that it is made of.
+    `takes_by_identity` gets the takes that are needed, each by the values that it is made of.
     """
 
     piece: Piece
     collector: Collector
-    before: Mapping[Hashable, _core.Take] = field(default_factory=dict)
-    files: dict[Hashable, _core.Take] = field(default_factory=dict)
-    _read: dict[str, _core.Take | None] = field(default_factory=dict)
+    old_takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
+    known_takes: dict[Hashable, _core.Take] = field(default_factory=dict)
+    _takes_by_name: dict[str, _core.Take | None] = field(default_factory=dict)
 
     def for_piece(self, piece: Piece) -> Takes:
         """The takes of another piece, sharing the files that were read."""
-        return Takes(piece, self.collector, self.before, self.files)
+        return Takes(piece, self.collector, self.old_takes, self.known_takes)
 
     def get(self, name: str) -> _core.Take | None:
         """The take; None if an error was reported."""
-        if name not in self._read:
-            self._read[name] = self._load(self.piece.takes[name])
-        return self._read[name]
+        if name not in self._takes_by_name:
+            self._takes_by_name[name] = self._load(self.piece.takes[name])
+        return self._takes_by_name[name]
 
     def _load(self, take: TakeFile) -> _core.Take | None:
         identity = _take_key(take)
-        if (take_read := self.files.get(identity) or self.before.get(identity)) is None:
-            return self._new(take, identity)
-        self.files[identity] = take_read
-        return take_read
+        if (known_take := self.known_takes.get(identity) or self.old_takes.get(identity)) is None:
+            return self._read_take(take, identity)
+        self.known_takes[identity] = known_take
+        return known_take
 
-    def sound(self, name: str) -> NDArray[np.float64] | None:
+    def input_samples(self, name: str) -> NDArray[np.float64] | None:
         """The samples that an input gives without a sound card (n_frames,), full scale 1; None if
         an error was reported.
 
@@ -66,12 +66,12 @@ class Takes:
             n_frames = int(samples.t[-1] * rate) + 1
             return _core.Take(samples.t, samples.x).positions(np.arange(n_frames) / rate)
         except TakeError as error:
-            self._refuse(take, error.field, error.message, error.suggestion)
+            self._report_error(take, error.field, error.message, error.suggestion)
         except _core.EngineError as error:
-            self._refuse(take, error.module or "file", str(error))
+            self._report_error(take, error.module or "file", str(error))
         return None
 
-    def _new(self, take: TakeFile, identity: Hashable) -> _core.Take | None:
+    def _read_take(self, take: TakeFile, identity: Hashable) -> _core.Take | None:
         if take.path is None or take.input is not None:
             message = f"take {quote(take.name)} is an input: it drives an ENX or ENF, and no key"
             self.collector.error("E308", message, take.place)
@@ -81,17 +81,17 @@ class Takes:
             if samples.damage is not None:
                 message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
                 self.collector.error("W314", message, take.places.get("file", take.place))
-            take_of_engine = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
+            engine_take = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
             if samples.damage is None:  # damage is reported once
-                self.files[identity] = take_of_engine
-            return take_of_engine
+                self.known_takes[identity] = engine_take
+            return engine_take
         except TakeError as error:
-            self._refuse(take, error.field, error.message, error.suggestion)
+            self._report_error(take, error.field, error.message, error.suggestion)
         except _core.EngineError as error:
-            self._refuse(take, error.module or "file", str(error))
+            self._report_error(take, error.module or "file", str(error))
         return None
 
-    def _refuse(
+    def _report_error(
         self, take: TakeFile, field: str, message: str, suggestion: str | None = None
     ) -> None:
         place = take.places.get(field, take.place)

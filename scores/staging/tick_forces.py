@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TickForces:
-    """The mean force of ergons in each tick, `delay` [s] after it begins: `newtons` (n_ticks,)."""
+    """The mean force of ergons in each tick, `delay` [s] after it begins: `forces` (n_ticks,)."""
 
     period: float  # period of a tick [s]
     delay: float
-    first: int  # number of the first tick
-    newtons: NDArray[np.float64]
+    first_tick: int  # number of the first tick
+    forces: NDArray[np.float64]
 
     @property
-    def late(self) -> int:
+    def n_late_ticks(self) -> int:
         """How many ticks after the last one its ergons are over."""
         return int(np.ceil(self.delay / self.period)) + 1
 
@@ -31,6 +31,6 @@ class TickForces:
         """Add the ergons of a simulation since the last call; it was made with record=True."""
         ergons = simulation.ergons()
         ticks = np.floor((ergons["time"] - self.delay) / self.period + 1e-6).astype(int)
-        ticks -= self.first
-        is_inside = (ticks >= 0) & (ticks < len(self.newtons))
-        np.add.at(self.newtons, ticks[is_inside], ergons["impulse"][is_inside] / self.period)
+        ticks -= self.first_tick
+        is_inside = (ticks >= 0) & (ticks < len(self.forces))
+        np.add.at(self.forces, ticks[is_inside], ergons["impulse"][is_inside] / self.period)

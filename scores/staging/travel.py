@@ -32,10 +32,7 @@ _RATE_HZ_MIN, _STEPS_PER_PERIOD = 1000.0, 64.0
 
 
 def check_travel(
-    piece: Piece,
-    timeline: _core.Timeline,
-    gestures: Sequence[StagedGesture],
-    collector: Collector,
+    piece: Piece, timeline: _core.Timeline, gestures: Sequence[StagedGesture], collector: Collector
 ) -> None:
     """Report gestures that leave the travel (E307) and throws that can hardly be aimed (W312).
 
@@ -55,28 +52,34 @@ def check_travel(
             low_position >= position_min - _TRAVEL_TOLERANCE
             and high_position <= position_max + _TRAVEL_TOLERANCE
         )
-        if gesture.layer or (is_inside and "throw" not in gesture.curves):
+        if gesture.is_layer or (is_inside and "throw" not in gesture.curves):
             continue
         player_key = piece.keys[gesture.key]
-        if gesture.throws and rehearsal_counts[gesture.place] == _REHEARSALS_MAX:
+        if gesture.throw_indices and rehearsal_counts[gesture.place] == _REHEARSALS_MAX:
             continue
         points = zip(gesture.t, gesture.x, strict=True)
         relative_points = tuple((round(t - gesture.start, 9), x) for t, x in points)
-        gesture_key = gesture.key, gesture.name, relative_points, gesture.throws, gesture.curves
+        gesture_key = (
+            gesture.key,
+            gesture.name,
+            relative_points,
+            gesture.throw_indices,
+            gesture.curves,
+        )
         if gesture_key in reported_keys:
             continue
         reported_keys.add(gesture_key)
         rehearsal_counts[gesture.place] += 1
-        if gesture.place not in singular_places and (message := _is_singular(player_key, gesture)):
+        if gesture.place not in singular_places and (message := _aim_warning(player_key, gesture)):
             singular_places.add(gesture.place)
             collector.error("W312", message, gesture.place)
         if player_key.travel is None:
             continue
         swing_text = ""
-        if gesture.throws:
-            thrown_low, thrown_high, thrown_at = _free_range(piece, player_key, gesture)
+        if gesture.throw_indices:
+            thrown_low, thrown_high, thrown_instant = _free_range(piece, player_key, gesture)
             if thrown_low < low_position or thrown_high > high_position:
-                swing_text = f"between {_throw_bounds(gesture, thrown_at)} the free key swings"
+                swing_text = f"between {_throw_bounds(gesture, thrown_instant)} the free key swings"
             low_position, high_position = (
                 min(low_position, thrown_low),
                 max(high_position, thrown_high),
@@ -160,8 +163,8 @@ def _free_range(
 
     A long gesture is rehearsed at a lower rate, because every frame of it is computed.
     """
-    seconds = gesture.stop - gesture.start
-    rate = min(piece.rate, max(_FRAMES_MAX / max(seconds, 1.0), _rehearsal_rate(player_key)))
+    duration = gesture.stop - gesture.start
+    rate = min(piece.rate, max(_FRAMES_MAX / max(duration, 1.0), _rehearsal_rate(player_key)))
     while rate < piece.rate:
         try:
             return _rehearsed_range(player_key, gesture, rate, piece.seed)
@@ -198,27 +201,26 @@ def _rehearsed_range(
     simulation = _core.Simulation(network, timeline)
     start_frame, stop_frame = int(lead_seconds * rate), int(t[-1] * rate) + 1
     simulation.process(np.zeros((start_frame, 1)))
-    low_position, high_position = (math.inf, 0), (-math.inf, 0)
+    lowest, highest = (math.inf, 0), (-math.inf, 0)
     for first_frame in range(start_frame, stop_frame, _BLOCK_FRAMES):
         frame_block = np.zeros((min(_BLOCK_FRAMES, stop_frame - first_frame), 1))
         simulation.process(frame_block)
         lowest_index, highest_index = int(frame_block.argmin()), int(frame_block.argmax())
-        low_position = min(
-            low_position,
-            (float(frame_block[lowest_index, 0]), first_frame + lowest_index - start_frame),
+        lowest = min(
+            lowest, (float(frame_block[lowest_index, 0]), first_frame + lowest_index - start_frame)
         )
-        if frame_block[highest_index, 0] > high_position[0]:
-            high_position = (
+        if frame_block[highest_index, 0] > highest[0]:
+            highest = (
                 float(frame_block[highest_index, 0]),
                 first_frame + highest_index - start_frame,
             )
-    farthest_position = high_position if high_position[0] > -low_position[0] else low_position
-    return low_position[0], high_position[0], farthest_position[1] / rate
+    farthest = highest if highest[0] > -lowest[0] else lowest
+    return lowest[0], highest[0], farthest[1] / rate
 
 
 def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
     """The two points of the throw during which an instant falls: `0.125 s and 0.375 s`."""
-    for throw_index in gesture.throws:
+    for throw_index in gesture.throw_indices:
         begin, end = (
             gesture.t[point_index] - gesture.start for point_index in (throw_index - 1, throw_index)
         )
@@ -227,11 +229,11 @@ def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
     return "its points"
 
 
-def _is_singular(player_key: Key, gesture: StagedGesture) -> str | None:
+def _aim_warning(player_key: Key, gesture: StagedGesture) -> str | None:
     natural_frequency = _natural_frequency(player_key)
     if natural_frequency is None:
         return None
-    for throw_index in gesture.throws:
+    for throw_index in gesture.throw_indices:
         throw_seconds = gesture.t[throw_index] - gesture.t[throw_index - 1]
         if (
             abs(math.sin(natural_frequency * throw_seconds)) < _AIM_SINE_MIN

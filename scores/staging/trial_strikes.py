@@ -19,7 +19,7 @@ class _Strike(NamedTuple):
 
     target: Target
     impulse: float
-    lasts: float | None
+    contact_seconds: float | None
 
 
 def put_trial_strikes(piece: Piece, assembly: Assembly, timeline: _core.Timeline) -> None:
@@ -36,24 +36,24 @@ def put_trial_strikes(piece: Piece, assembly: Assembly, timeline: _core.Timeline
             if mat not in hardest_by_mat or abs(strike.impulse) > abs(hardest_by_mat[mat].impulse):
                 hardest_by_mat[mat] = strike
     for mat, strike in hardest_by_mat.items():
-        timeline.trial_strike(mat, strike.impulse, lasts=strike.lasts)
+        timeline.trial_strike(mat, strike.impulse, lasts=strike.contact_seconds)
 
 
 def _strikes(piece: Piece) -> Iterator[_Strike]:
-    rubbed_names = {
+    drawn_names = {
         name
         for name, instrument in piece.instruments.items()
         if any(act.is_drawn for act in instrument.acts)
     }
     durations: dict[tuple[str, str], float | None] = {}
     for name, instrument in piece.instruments.items():
-        for act in () if name in rubbed_names else instrument.acts:
+        for act in () if name in drawn_names else instrument.acts:
             for target in act.targets:
                 durations[target.part, target.module] = act.lasts
                 yield _Strike(target, act.reach.hard, act.lasts)
     for strikes in piece.strikes:
         for target, impulse in _impulses(strikes):
-            if target.part not in rubbed_names:
+            if target.part not in drawn_names:
                 act_lasts = durations.get((target.part, target.module))
                 contact_seconds = act_lasts if strikes.lasts is None else strikes.lasts
                 yield _Strike(target, impulse, contact_seconds)

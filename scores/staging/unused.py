@@ -16,19 +16,19 @@ class _PartGroups:
     """Groups of keys and instruments that links connect."""
 
     def __init__(self) -> None:
-        self._above: dict[str, str] = {}
+        self._parents: dict[str, str] = {}
 
     def representative(self, part_name: str) -> str:
         """The part that represents a group."""
-        while part_name in self._above:
-            part_name = self._above[part_name]
+        while part_name in self._parents:
+            part_name = self._parents[part_name]
         return part_name
 
     def join(self, first_part: str, second_part: str) -> None:
         """Put two parts in one group."""
         first_part, second_part = self.representative(first_part), self.representative(second_part)
         if first_part != second_part:
-            self._above[first_part] = second_part
+            self._parents[first_part] = second_part
 
 
 def warn_unused(piece: Piece) -> list[Diagnostic]:

@@ -44,7 +44,7 @@ class Glide:
     network_value: float | None = None
 
     @property
-    def written(self) -> tuple[str, str]:
+    def module_key(self) -> tuple[str, str]:
         """The part and the module as the score names them: a link over a range is one module."""
         return self.part, self.module.partition(".")[0]
 
@@ -86,23 +86,19 @@ class Glide:
 
 
 def glides(
-    old_piece: Piece,
-    new_piece: Piece,
-    running: Iterable[Glide],
-    start_s: float,
-    duration: float,
+    old_piece: Piece, new_piece: Piece, running: Iterable[Glide], start_s: float, duration: float
 ) -> tuple[Glide, ...]:
     """Glides from `start_s` [s] on, when a piece takes over from another: values that differ
     glide for `duration`, `running` glides to the same values go on to their end. A new link
     fades in from no force if it joins parts that were there before.
     """
-    under_way = {
+    active = {
         (glide_running.part, glide_running.module): glide_running
         for glide_running in running
         if glide_running.stop > start_s
     }
     old_values, new_values = (
-        dict(_gliding_values(*piece_pair, under_way))
+        dict(_gliding_values(*piece_pair, active))
         for piece_pair in ((old_piece, new_piece), (new_piece, old_piece))
     )
     forms_by_piece = (
@@ -111,7 +107,7 @@ def glides(
     )
     glides_by_module = {}
     for module_key, values in new_values.items():
-        running_glide = under_way.get(module_key)
+        running_glide = active.get(module_key)
         if module_key not in old_values or len(old_values[module_key]) != len(values):
             continue
         if len(values) == 2 and forms_by_piece[0].get(module_key) != forms_by_piece[1].get(
@@ -129,12 +125,12 @@ def glides(
             )
     old_links = _changed_links(old_piece, new_piece)
     for module_key, new_link in _changed_links(new_piece, old_piece).items():
-        running_glide = under_way.get(module_key)
-        if module_key not in old_links and _joins_earlier_part(new_link, old_piece):
+        running_glide = active.get(module_key)
+        if module_key not in old_links and _has_old_end(new_link, old_piece):
             values = _module_values(new_link) or (1.0,)
             current_values = (0.0,) if running_glide is None else running_glide.evaluate(start_s)
             glide = Glide(*module_key, current_values, values, start_s, start_s + duration)
-            if glide.written not in glides_by_module:  # a link over a range glides as one
+            if glide.module_key not in glides_by_module:  # a link over a range glides as one
                 glides_by_module[module_key] = (
                     running_glide
                     if running_glide is not None and running_glide.after == values
@@ -144,43 +140,43 @@ def glides(
 
 
 @dataclass(frozen=True, slots=True)
-class LeavingLink:
+class FadingLink:
     """A link that was removed, and fades out."""
 
     module: Module
     glide: Glide
 
 
-def leaving_links(
+def fading_links(
     old_piece: Piece,
     new_piece: Piece,
     running: Iterable[Glide],
-    earlier_links: Iterable[LeavingLink],
+    earlier_links: Iterable[FadingLink],
     start_s: float,
-) -> tuple[LeavingLink, ...]:
+) -> tuple[FadingLink, ...]:
     """Links that fade out from `start_s` [s] on if both their ends stay, and `earlier_links`
     ones that still do.
     """
     staying_links = _changed_links(new_piece, old_piece)
-    under_way = {
+    active = {
         (glide_running.part, glide_running.module): glide_running
         for glide_running in running
         if glide_running.stop > start_s
     }
-    links_leaving = [link for link in earlier_links if link.glide.stop > start_s]
+    fading = [link for link in earlier_links if link.glide.stop > start_s]
     removed_links = {
         module_key: link
         for module_key, link in _changed_links(old_piece, new_piece).items()
         if module_key not in staying_links
     }
-    for module_key, gone_module in removed_links.items():
-        full_values = _module_values(gone_module) or (1.0,)
+    for module_key, removed_link in removed_links.items():
+        full_values = _module_values(removed_link) or (1.0,)
         current_values = (
-            under_way[module_key].evaluate(start_s) if module_key in under_way else full_values
+            active[module_key].evaluate(start_s) if module_key in active else full_values
         )
-        links_leaving.append(
-            LeavingLink(
-                gone_module,
+        fading.append(
+            FadingLink(
+                removed_link,
                 Glide(
                     *module_key,
                     current_values,
@@ -193,13 +189,13 @@ def leaving_links(
         )
     return tuple(
         link
-        for link in links_leaving
+        for link in fading
         if (link.glide.part, link.glide.module) not in staying_links
         and all(_end_stays(end, old_piece, new_piece) for end in link.module.ends)
     )
 
 
-def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
+def with_fading_links(piece: Piece, links: Iterable[FadingLink]) -> Piece:
     """A piece with the links that fade out."""
     instruments = dict(piece.instruments)
     for link in links:
@@ -216,7 +212,7 @@ def _changed_modules(piece: Piece, other_piece: Piece) -> Iterator[tuple[Key | I
         if other_part is part:
             continue
         unchanged_ids: set[int] = set()
-        if other_part is not None and _owner_setting(other_part) == _owner_setting(part):
+        if other_part is not None and _part_settings(other_part) == _part_settings(part):
             unchanged_ids = {id(module) for module in other_part.modules}
         for module in part.modules:
             if id(module) not in unchanged_ids:
@@ -227,7 +223,7 @@ def _parts(piece: Piece) -> tuple[Key | Instrument, ...]:
     return *piece.keys.values(), *piece.instruments.values()
 
 
-def _owner_setting(part: Key | Instrument) -> tuple[float | None, float | None]:
+def _part_settings(part: Key | Instrument) -> tuple[float | None, float | None]:
     """What the values of a part's modules depend on besides the modules."""
     if isinstance(part, Instrument):
         return None, part.ca_rate
@@ -262,7 +258,7 @@ def _module_at(end: Target, piece: Piece) -> Module | None:
     return next((module for module in modules if module.name == end.module), None)
 
 
-def _joins_earlier_part(module: Module, old_piece: Piece) -> bool:
+def _has_old_end(module: Module, old_piece: Piece) -> bool:
     """Whether a link has an end in a part that the earlier piece has too."""
     end_parts = {end.part for end in module.ends}
     return any(end in old_piece.keys or end in old_piece.instruments for end in end_parts)
@@ -284,7 +280,7 @@ def _gliding_values(
             if module_key not in gliding_keys:
                 continue
             # Parameters under `units: ca` belong to their rate: they are set at once.
-            lever_ratio, ca_rate = _owner_setting(piece_part)
+            lever_ratio, ca_rate = _part_settings(piece_part)
             if ca_rate is None and (values := _module_values(part_module)) is not None:
                 scale = 1.0 if lever_ratio is None else 1.0 / (lever_ratio * lever_ratio)
                 yield module_key, tuple(value * scale for value in values)

@@ -12,7 +12,7 @@ from motions import Piece
 from ergon import _core
 from ergon.api.options import FileOptions
 from ergon.api.render import render
-from ergon.api.viewing import for_two_ears, render_view, sound_beside
+from ergon.api.viewing import binaural_file, render_view, sound_beside
 from ergon.common.report import Report
 from ergon.exchange import sound
 from ergon.exchange.safe import open_for_writing
@@ -84,7 +84,7 @@ def test_fold_of_room_channels_to_stereo(tmp_path: Path) -> None:
 def test_fold_of_channels_without_a_layout_alternates_sides(tmp_path: Path, channels: int) -> None:
     frames = np.random.default_rng(1).uniform(-0.5, 0.5, (5000, channels))
     text = SentenceReport()
-    built = read(for_two_ears(written(tmp_path / "a.wav", frames, "double"), tmp_path, text))
+    built = read(binaural_file(written(tmp_path / "a.wav", frames, "double"), tmp_path, text))
     left, right = frames[:, 0::2].mean(axis=1), frames[:, 1::2].mean(axis=1) if channels > 1 else 0
     wanted = left[:, None] if channels == 1 else np.stack([left, right], axis=1)
     assert np.abs(built - wanted).max() < 2**-15
@@ -93,7 +93,7 @@ def test_fold_of_channels_without_a_layout_alternates_sides(tmp_path: Path, chan
 
 def test_for_two_ears_with_stereo_file_unchanged(tmp_path: Path) -> None:
     path = written(tmp_path / "a.wav", np.zeros((100, 2)))
-    assert for_two_ears(path, tmp_path, Report()) == path
+    assert binaural_file(path, tmp_path, Report()) == path
     assert {one.name for one in tmp_path.iterdir()} == {"a.wav"}
 
 

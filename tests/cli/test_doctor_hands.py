@@ -104,7 +104,7 @@ def finding(url: str, gaps: list[float], wait: float) -> dict[str, object]:
         result = describe_arrivals(Board(url, ((0, "ada"),)), lead)
     finally:
         lead.close()
-    return {"todo": result.todo, "said": result.sentence, **result.numbers}
+    return {"todo": result.advice, "said": result.sentence, **result.numbers}
 
 
 def test_doctor_of_delayed_positions():

@@ -104,7 +104,7 @@ def test_doctor_stores_measured_speed(monkeypatch: pytest.MonkeyPatch, capsys: C
 
 def test_measure_speed_returns_ratios():
     result = fitness.measure_speed(0.0)  # one block of each
-    assert result.what == "speed"
+    assert result.topic == "speed"
     each = result.numbers["each"]
     assert isinstance(each, list)
     assert len(each) == 3

@@ -53,7 +53,7 @@ def test_live_hand_part_ending_before_piece_start():
     piece = load("s.yaml", text=live.replace("every: 1, times: 2", "do: [shift -9999]")).piece
     assert piece is not None
     (hand,) = prepare(piece, {"ada": None}).live_hands
-    assert hand.ticks == 2
+    assert hand.n_ticks == 2
 
 
 @pytest.mark.parametrize("text", ["0mm@0 3mm@900ms 0mm@1", "0mm@0 throw 1mm@0.0000001"])
@@ -96,8 +96,8 @@ def test_live_hand_pauses_without_computation(
 
     monkeypatch.setattr(live, "_tick_positions", counted)
     (hand,) = prepare(piece, {"ada": None}).live_hands
-    assert hand.ticks > 200_000
-    assert sum(ticks) <= min(1e3 * seconds, hand.ticks + 2)
+    assert hand.n_ticks > 200_000
+    assert sum(ticks) <= min(1e3 * seconds, hand.n_ticks + 2)
     monkeypatch.setattr(live, "_pauses", lambda *_: ())
     (complete,) = prepare(piece, {"ada": None}).live_hands
     assert np.abs(hand.standin - complete.standin).max() < 1e-11
@@ -114,7 +114,7 @@ def test_live_hand_moving_for_hours_is_refused(key: str, monkeypatch: pytest.Mon
     piece = load("s.yaml", text=text).piece
     assert piece is not None
     if key == "Z: 1.2Ns/m":
-        assert prepare(piece, {"ada": None}).live_hands[0].ticks > 200_000
+        assert prepare(piece, {"ada": None}).live_hands[0].n_ticks > 200_000
         return
     with pytest.raises(StageError, match="moves its key for more than 20 s") as refused:
         prepare(piece, {"ada": None})

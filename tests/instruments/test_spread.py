@@ -13,7 +13,7 @@ from ergon.scores.staging.built_network import build_network
 from ergon.scores.staging.implausible import warn_implausible
 from ergon.scores.staging.reach import freeze_obstacles
 from ergon.scores.staging.stage import stage
-from ergon.scores.staging.version_glides import glides, leaving_links, with_leaving
+from ergon.scores.staging.version_glides import fading_links, glides, with_fading_links
 
 SCORE = """\
 ergon: 1
@@ -277,10 +277,10 @@ def test_spread_contact_points_fade_in_and_out():
         ("c.3", (0.0,), (2e4,)),
         ("c.4", (0.0,), (2e4,)),
     ]
-    going = leaving_links(long, short, (), (), 0.0)
+    going = fading_links(long, short, (), (), 0.0)
     assert [one.glide.module for one in going] == ["c.3", "c.4"]
-    saved = with_leaving(short, going)
-    assert {one.glide.written for one in going} == {("s", "c")}
+    saved = with_fading_links(short, going)
+    assert {one.glide.module_key for one in going} == {("s", "c")}
     assert build_network(saved, ()).network.n_lia == build_network(long, ()).network.n_lia
     # A new value of K is one glide of all points.
     stiffer = check((SCORE % (SOL, over(3, 7, "0mm"), "c")).replace("20kN/m", "40kN/m")).piece

@@ -22,7 +22,7 @@ from ergon.common.report import Report
 from ergon.live.boards import BoardError, boards
 from ergon.live.datagrams import encode_message
 from ergon.live.led_address import Finger, parse_led_address
-from ergon.live.led_gamepad import GamepadPort, GamepadValues, events
+from ergon.live.led_gamepad import GamepadAxis, GamepadPort, events
 from ergon.live.led_sources import MidiValues, OscValues
 from ergon.live.midi_ports import ProcessPort
 
@@ -140,7 +140,7 @@ def by_bend(
 def by_pad(ready: PreparedPlay, data: bytes, steps: int) -> None:
     """Through the port of a gamepad, from a pipe of its events; its stick has so many steps."""
     os.mkfifo("pad")
-    values = GamepadValues(parse_led_address("gamepad:ly?lockstep"), lead_of(ready))
+    values = GamepadAxis(parse_led_address("gamepad:ly?lockstep"), lead_of(ready))
     writer = os.open("pad", os.O_RDWR)
     port = GamepadPort(Path("pad"), [values])
     values.range = (0, steps)
@@ -334,7 +334,7 @@ EVENTS = b"".join(
 
 def test_gamepad_stick_values_to_positions():
     lead = NotedLead()
-    values = GamepadValues(parse_led_address("gamepad:ly?lockstep"), lead)  # type: ignore[arg-type]
+    values = GamepadAxis(parse_led_address("gamepad:ly?lockstep"), lead)  # type: ignore[arg-type]
     rows = [row for row in events(EVENTS) if row[0] == values.code]
     for _, value, instant in rows:
         values.receive(value, instant)
@@ -347,7 +347,7 @@ def test_unplugged_gamepad_leaves_key(tmp_path: Path):
     os.mkfifo(pipe)
     writer = os.open(pipe, os.O_RDWR)
     lead = NotedLead()
-    values = GamepadValues(parse_led_address("gamepad:ly"), lead)  # type: ignore[arg-type]
+    values = GamepadAxis(parse_led_address("gamepad:ly"), lead)  # type: ignore[arg-type]
     port = GamepadPort(pipe, [values])
     os.write(writer, EVENTS)
     until(lambda: len(lead.placed) == 3, "three places")

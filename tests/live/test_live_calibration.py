@@ -17,9 +17,9 @@ from ergon.live import boards
 from ergon.live.boards import BoardError, config_path, device_urls
 from ergon.live.calibration import (
     Axis,
-    axes_as_known,
     axis_key,
     calibrated_axes,
+    confirmed_axes,
     known_axes,
     store_axis,
 )
@@ -380,5 +380,5 @@ def test_axes_as_known_pushes_still_axes_again(
     device = PassedOverDevice(still, held)
     monkeypatch.setattr(_core, "Device", lambda url, axes: device)
     known = {number: Axis(1, 0.0, 1.0, (-0.01, 0.01), 2.0) for number in range(4)}
-    assert list(axes_as_known("frame:x", known)) == moved
+    assert list(confirmed_axes("frame:x", known)) == moved
     assert device.pushes == [[0, 1, 2, 3], *pushed_again]

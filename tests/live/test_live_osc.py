@@ -350,12 +350,12 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
     import soundfile
 
     osc = OscServer(("127.0.0.1", 0), None)
-    performance = perform(staged, PlaybackConfig(audio=f"file:{path}", gain=0.1, ahead=256))
+    performance = perform(staged, PlaybackConfig(audio=f"file:{path}", gain=0.1, frames_ahead=256))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:  # open until it is heard
         if address is not None:
             osc.begin(performance, staged, 0.1)
-            assert osc.place is not None
-            asking.sendto(encode_message(address, [float("-inf")]), osc.place)
+            assert osc.address is not None
+            asking.sendto(encode_message(address, [float("-inf")]), osc.address)
         while not performance.wait(1.0):
             pass
         osc.close()
@@ -366,11 +366,11 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
 def test_osc_panic_and_release(listener: Listener):
     staged = stage(piece(), planned=True)
     with played(staged, PlaybackConfig(audio="null"), listener.port) as (performance, osc):
-        assert osc.place is not None
+        assert osc.address is not None
         listener.until("/ergon/strike")
-        listener.say(osc.place[1], "/ergon/panic", 1.0)
+        listener.say(osc.address[1], "/ergon/panic", 1.0)
         until(lambda: performance.status().played > 0 and not _moves(performance), "silence")
-        listener.say(osc.place[1], "/ergon/release")
+        listener.say(osc.address[1], "/ergon/release")
         until(lambda: _moves(performance), "sound again")
 
 
@@ -432,18 +432,18 @@ def test_osc_bundle_with_bad_size_or_depth_malformed():
 
 def test_osc_flood_of_errors_rate_limited(listener: Listener):
     with played(stage(piece(), planned=True), PlaybackConfig(audio="null")) as (_, osc):
-        assert osc.place is not None
+        assert osc.address is not None
         began = time.monotonic()
         for i in range(100):
-            listener.say(osc.place[1], "/ergon/cmd", "a" * 2000)
-            listener.say(osc.place[1], f"/x{i}")
-            listener.socket.sendto(bytes(DATAGRAM_BYTES_MAX + 1), ("127.0.0.1", osc.place[1]))
-        until(lambda: osc.malformed > 0, "what is no OSC is counted")
+            listener.say(osc.address[1], "/ergon/cmd", "a" * 2000)
+            listener.say(osc.address[1], f"/x{i}")
+            listener.socket.sendto(bytes(DATAGRAM_BYTES_MAX + 1), ("127.0.0.1", osc.address[1]))
+        until(lambda: osc.n_malformed > 0, "what is no OSC is counted")
         listener.until("/ergon/error")
         listener.drain()
         text = len(listener.messages_to("/ergon/error")) + len(osc.remarks())
         assert 0 < text <= 10 * (time.monotonic() - began + 1.0)
-        assert osc.malformed > 0
+        assert osc.n_malformed > 0
 
 
 # --- places ---------------------------------------------------------------------------------------

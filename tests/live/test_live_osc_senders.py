@@ -29,8 +29,8 @@ class Served:
         self.osc = OscServer((host, 0), None, key=key)
         values = InputValues(lambda name, value: True)
         self.osc.serve(self, lambda send: None, values, lambda: hands)  # type: ignore[arg-type, return-value]
-        assert self.osc.place is not None
-        self.port = self.osc.place[1]
+        assert self.osc.address is not None
+        self.port = self.osc.address[1]
 
     def get(self, address: str) -> Any:
         return lambda arguments: self.requests.append((address, arguments))
@@ -159,7 +159,7 @@ def test_osc_force_needs_key_without_socket_tables(
     key: str, hands: bool, expected: list[str]
 ) -> None:
     served = Served(key=key, hands=hands)
-    served.osc._senders = SenderCheck(tables=(Path("/nowhere"),))
+    served.osc._sender_check = SenderCheck(tables=(Path("/nowhere"),))
     client = Client(served)
     for address in ("/ergon/cmd", "/ergon/release", "/ergon/gain", "/ergon/panic"):
         client.say(address)
@@ -203,16 +203,16 @@ class Table:
         sender = ("127.0.0.1", port)
         self.check.look_up_senders([sender])
         verdict = self.check.access(sender)
-        self.check.queue_is_empty()
-        assert verdict.is_told
-        return "" if verdict.is_own else verdict.reason
+        self.check.count_empty_queue()
+        assert verdict.is_identified
+        return "" if verdict.is_user else verdict.reason
 
 
 @pytest.fixture
 def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Table:
     from ergon.live import osc_senders
 
-    monkeypatch.setattr(osc_senders, "_can_be_shared", lambda address, port: False)
+    monkeypatch.setattr(osc_senders, "_is_shareable", lambda address, port: False)
     return Table(tmp_path)
 
 

@@ -16,9 +16,9 @@ def shown(kind: str, count: int, every: float, seconds: float = 0.0) -> list[tup
     sentence = event_sentence((0, kind, seconds), ["remi"], ["pad"]) or "the card was late"
     for index in range(count):
         frame = int(index * every * RATE)
-        lines += notices.due(frame)
-        lines += notices.shown(frame, kind, sentence, seconds)
-    return lines + notices.rest()
+        lines += notices.due_lines(frame)
+        lines += notices.add_notice(frame, kind, sentence, seconds)
+    return lines + notices.last_lines()
 
 
 def test_notices_of_thousand_thread_stops_summarised() -> None:
@@ -57,8 +57,8 @@ def test_notices_of_rare_stops_shown_each_time() -> None:
 
 def test_notices_order_after_pause() -> None:
     notices = RepeatedNotices(RATE)
-    notices.shown(0, "lost", "stopped", 0.5)
-    notices.shown(100, "lost", "stopped", 0.5)
-    assert notices.due(int(9.9 * RATE)) == []
-    assert len(notices.due(int(10.0 * RATE))) == 1
-    assert notices.rest() == []
+    notices.add_notice(0, "lost", "stopped", 0.5)
+    notices.add_notice(100, "lost", "stopped", 0.5)
+    assert notices.due_lines(int(9.9 * RATE)) == []
+    assert len(notices.due_lines(int(10.0 * RATE))) == 1
+    assert notices.last_lines() == []

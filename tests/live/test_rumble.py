@@ -8,7 +8,7 @@ import pytest
 from patience import until
 
 from ergon.live.led_address import parse_led_address
-from ergon.live.led_gamepad import GamepadPort, GamepadValues
+from ergon.live.led_gamepad import GamepadAxis, GamepadPort
 from ergon.live.rumble import FULL_FORCE, Rumble, RumbleEnvelope
 from tests.live.test_led_hands import NotedLead
 
@@ -55,7 +55,7 @@ def pad(monkeypatch: pytest.MonkeyPatch) -> Pad:
 def test_rumble_uploads_one_effect_and_plays_it(pad: Pad):
     read, write = os.pipe()
     rumble = Rumble(write)
-    assert rumble.is_there
+    assert rumble.is_available
     rumble.set_force(0.0)
     rumble.set_force(FULL_FORCE)
     assert pad.effects == [(-1, 200, 0, 0), (3, 200, 0xFFFF, 0xFFFF)]
@@ -68,7 +68,7 @@ def test_rumble_uploads_one_effect_and_plays_it(pad: Pad):
 def test_rumble_of_gamepad_without_motors():
     read, write = os.pipe()
     rumble = Rumble(write)
-    assert not rumble.is_there
+    assert not rumble.is_available
     rumble.set_force(FULL_FORCE)
     os.close(write)
     assert os.read(read, 1) == b""
@@ -85,9 +85,9 @@ def test_gamepad_port_rumbles_with_finger_force(pad: Pad, tmp_path: Path):
     pipe = tmp_path / "pad"
     os.mkfifo(pipe)
     writer = os.open(pipe, os.O_RDWR)
-    values = GamepadValues(parse_led_address("gamepad:ly"), PulledLead())  # type: ignore[arg-type]
+    values = GamepadAxis(parse_led_address("gamepad:ly"), PulledLead())  # type: ignore[arg-type]
     port = GamepadPort(pipe, [values])
-    assert port.rumbles
+    assert port.has_rumble
     until(lambda: len(pad.effects) > 20, "an effect that is renewed")
     port.close()
     os.close(writer)

@@ -205,7 +205,7 @@ def test_compare_modes_at_same_pitch():
     assert ("mode2.f", "mode1.f") in rows
     assert rows["mode2.f", "mode1.f"].deviation is None
     alone = rows["mode1.f", "mode0.f"]
-    assert (alone.first, alone.other, alone.deviations) == (900.0, None, None)
+    assert (alone.first, alone.second, alone.deviations) == (900.0, None, None)
     again = {each.names: each for each in differences(other, other)}
     assert again["mode1.f", "mode1.f"].deviation == pytest.approx(0.5 * np.sqrt(2))
 

@@ -96,7 +96,7 @@ def test_faust_law_force_equals_engine() -> None:
     built, laws = Laws(), [law(fields) for fields in LAWS]
     names = [built.name(item, f"w{index}") for index, item in enumerate(laws)]
     called = ", ".join(f"{name}(d, v)" for name in names)
-    Path("l.dsp").write_text("\n".join([*built.lines_written(), f"process(d, v) = {called};\n"]))
+    Path("l.dsp").write_text("\n".join([*built.program_lines(), f"process(d, v) = {called};\n"]))
     # Also where a table's lines meet, and beyond its ends.
     index = [0.0, -0.0, *(1e-4 * n**3 for n in (-9, -8, 2, 13)), *np.linspace(-3e-3, 3e-3, 41), 1.0]
     fed = np.array(list(product(index, (-1.0, -0.3, 0.0, 1e-3, 0.5))))
@@ -116,7 +116,7 @@ def test_faust_laws_of_equal_links_share_function() -> None:
     )
     names = [built.name(one, word) for one, word in ((cubic, "a"), (same, "b"), (other, "c"))]
     assert names == ["law_a", "law_a", "law_c"]
-    assert sum(line.startswith("law_") for line in built.lines_written()) == 2
+    assert sum(line.startswith("law_") for line in built.program_lines()) == 2
 
 
 @needs_faust

@@ -12,7 +12,7 @@ from models_compared import RATE, miphysics_off, off, pmpd_score
 from oracle import mims, pmpd
 
 from ergon.workshop.models.mims.grammar import Dialect
-from ergon.workshop.models.mims.reading import parse, text_of
+from ergon.workshop.models.mims.reading import parse, read_text
 from ergon.workshop.models.mims.score import written
 
 FRAMES = 500
@@ -86,7 +86,7 @@ def test_pmpd_lists_of_other_programs(seed: int, tmp_path: Path) -> None:
     path.write_bytes(encoded(chance, pure_data_text(chance, messages)))
     plain = "\n".join(" ".join([word, *map(repr, rest)]) for word, rest in messages)
     exact = pmpd.audio(plain, FRAMES)
-    score = pmpd_score(text_of(path), "pmpd~")
+    score = pmpd_score(read_text(path), "pmpd~")
     assert off(rendered(score, (FRAMES + 1) / RATE)[1:], exact) < 1e-9
 
 
@@ -143,7 +143,7 @@ def test_mdl_files_of_other_programs(seed: int, dialect: Dialect, tmp_path: Path
     path.write_bytes(encoded(chance, mims_text(chance, rows, dialect)))
     params = [row for row in rows if row[1] == "param"]
     plain = "\n".join(" ".join(row) for row in [*params, *[r for r in rows if r not in params]])
-    sound = rendered(written(parse(text_of(path), dialect)), FRAMES / RATE)
+    sound = rendered(written(parse(read_text(path), dialect)), FRAMES / RATE)
     assert off(sound, mims.played(plain, dialect, FRAMES / RATE)) < 1e-9
 
 
@@ -221,4 +221,4 @@ def test_miphysics_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     ends = chance.choice(["\n", "\r\n"])
     path.write_bytes(text.replace("\n", ends).encode(chance.choice(["utf-8", "utf-8-sig"])))
-    assert miphysics_off(text_of(path), FRAMES, played_text=plain) < 1e-9
+    assert miphysics_off(read_text(path), FRAMES, played_text=plain) < 1e-9

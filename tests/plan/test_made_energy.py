@@ -91,10 +91,7 @@ def test_small_created_energy_warns_w404_unless_planned(capsys: Capture) -> None
 
 @pytest.mark.parametrize(
     ("scene", "error"),
-    few(
-        [("hard-14", None), ("hard-4", -60.0), ("hard-4", None), ("hard-14", -60.0)],
-        2,
-    ),
+    few([("hard-14", None), ("hard-4", -60.0), ("hard-4", None), ("hard-14", -60.0)], 2),
 )
 def test_plan_warns_of_diverged_trial(
     scene: str, error: float | None, monkeypatch: pytest.MonkeyPatch, capsys: Capture
@@ -149,11 +146,11 @@ def test_plan_warns_of_unmeasured_error() -> None:
         diverges=False,
     )
     plan = SimpleNamespace(rows=lambda: [row])
-    (text,) = planning._missed_errors(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]
+    (text,) = planning._error_misses(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]
     assert text.startswith("gong: the error is unknown")
     assert "it may be above the -60 dB that you asked for" in text
     # Where hands play nothing can be measured beforehand.
-    assert planning._missed_errors(plan, -60.0, is_foreseen=False) == []  # type: ignore[arg-type]
+    assert planning._error_misses(plan, -60.0, is_foreseen=False) == []  # type: ignore[arg-type]
 
 
 def _frames(simulation: _core.Simulation) -> NDArray[np.float64]:

@@ -195,7 +195,7 @@ def test_audible_errors_above_the_threshold_are_reported(
     plan = cast(
         _core.Plan, SimpleNamespace(rows=lambda: [row(*listened), row(9, 9, 9, cut_short=True)])
     )
-    text = planning._missed_by_ear(plan, cents)
+    text = planning._audible_misses(plan, cents)
     assert len(text) == is_said
     if is_said:
         assert text[0].startswith("bell: over the first 0.5 s pitches are off by up to ")
@@ -219,13 +219,13 @@ def test_truncated_plan_note_only_for_unknown_error(
     ended = row(2.0, 0.0, 0.5, spectral=spectral, cut_short=True)
     ended.error_db = db
     plan = cast(_core.Plan, SimpleNamespace(rows=lambda: [ended]))
-    assert len(planning._cut_short_sentence(plan, accuracy)) == is_said
+    assert len(planning._cut_short_sentences(plan, accuracy)) == is_said
 
 
 @pytest.mark.parametrize(("spectral", "is_said"), [(1.9, False), (3.3, True)])
 def test_plan_note_of_chaotic_spectral_error(spectral: float, is_said: bool):
     plan = cast(_core.Plan, SimpleNamespace(rows=lambda: [row(0, 0, 0, spectral=spectral)]))
-    text = planning._missed_by_ear(plan, None)
+    text = planning._audible_misses(plan, None)
     assert len(text) == is_said
     if is_said:
         assert text[0].startswith("bell: after the first 0.5 s the motion is chaotic")

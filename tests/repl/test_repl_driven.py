@@ -72,7 +72,7 @@ def test_drive_in_a_session(tmp_path: Path):
     texts = Texts.read(tmp_path / "score.yaml")
     with paced(stiffness=0.0, damping=0.0) as board:
         boards = [Board(board.url, ((0, "ada"),))]
-        order = PlaybackConfig(audio="null:fast", boards=boards, driven=frozenset({"ada"}))
+        order = PlaybackConfig(audio="null:fast", boards=boards, driven_players=frozenset({"ada"}))
         session = Session(
             Version(0, "", texts, piece_of(texts)),
             lambda stage: LiveEngine(stage, order),

@@ -88,7 +88,7 @@ def test_random_edits_load_as_score_after_every_line(path, number):
     texts = Texts.read(path)
     is_crlf = number % 2 == 1
     if is_crlf:
-        texts = texts.changed(texts.text.replace("\n", "\r\n"))
+        texts = texts.with_text(texts.text.replace("\n", "\r\n"))
     position, taken = 0.0, 0
     for _ in range(12):
         position += chance.choice([0.0, 1.0, 2.5, 4.0, 8.0])

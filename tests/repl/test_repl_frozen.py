@@ -64,7 +64,7 @@ def is_gong(sound: np.ndarray, since: int, until: int, begins: int) -> bool:
 
 def begins(stepped: Stepped) -> int:
     """The frame at which the piece that goes on has its first frame."""
-    by = stepped.session.schedule.running.clock.began_at
+    by = stepped.session.schedule.running.clock.begin_instant
     assert by is not None
     return int(np.floor(by * RATE + 0.5))
 

@@ -12,7 +12,7 @@ import sessions
 from sessions import Stepped
 
 from ergon.scores.reading.load import load
-from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.automating import value_on_beat
 from ergon.scores.staging.stage import stage
 
 SCORE = """\
@@ -57,7 +57,7 @@ def test_pitch_glide_of_string_live_and_saved(session, tmp_path):
     session.ok("play from 1|1")
     session.ok("set bell.s.f A3 over 2bar")
     session.run(8.0)
-    begun = session.session.schedule.running.clock.began_at
+    begun = session.session.schedule.running.clock.begin_instant
     (entry,) = session.session.schedule.head.piece.automation
     tempo = session.session.schedule.head.piece.tempo_map
     start = begun + tempo.seconds(tempo.resolve(entry.at))
@@ -144,7 +144,7 @@ def test_set_factor_applies_to_reached_value(session):
     session.run(6.0)
     piece = session.session.schedule.head.piece
     beat = piece.tempo_map.beats(100.0)
-    assert value_on(piece, ("bell", "m"), "f", beat) == pytest.approx(220.0)
+    assert value_on_beat(piece, ("bell", "m"), "f", beat) == pytest.approx(220.0)
     session.ok("set bell.b.K x2 over 1bar")
     session.run(4.0)
     session.ok("undo")
@@ -152,7 +152,7 @@ def test_set_factor_applies_to_reached_value(session):
     session.ok("set bell.m.f A4")
     session.run(4.5)
     piece = session.session.schedule.head.piece
-    assert value_on(piece, ("bell", "m"), "f", piece.tempo_map.beats(100.0)) == 440.0
+    assert value_on_beat(piece, ("bell", "m"), "f", piece.tempo_map.beats(100.0)) == 440.0
     session.close()
     assert np.array_equal(session.again(), session.sound)
 
@@ -206,5 +206,5 @@ def test_keep_of_bars_within_a_glide(session, tmp_path):
     assert [one.name for one in saved.automation] == ["bell.m.f"]
     # From 2|1 on for 12 beats; of these beats 4 to 8 are kept.
     for beat in (0.2, 2.0, 4.0):
-        value = value_on(saved, ("bell", "m"), "f", beat)
+        value = value_on_beat(saved, ("bell", "m"), "f", beat)
         assert math.log2(value / 220.0) == pytest.approx((beat + 4.0) / 12.0, abs=1e-3)

@@ -190,7 +190,7 @@ def test_resume_from_cut_journal(tmp_path: Path):
     version, clock, _ = resumed_state(read_journal(cut))
     assert version.texts.text == head.texts.text
     assert version.faders == head.faders
-    assert clock.began_at is None
+    assert clock.begin_instant is None
 
 
 @pytest.mark.parametrize(

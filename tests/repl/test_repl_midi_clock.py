@@ -212,7 +212,7 @@ def test_clock_follower_estimate_without_valid_clock():
         follower.receive(Transport.CLOCK, 5.0 + n / 48)
     result = follower.estimate()
     assert result is not None
-    assert result.length == pytest.approx(0.5)
+    assert result.beat_length == pytest.approx(0.5)
     assert follower.is_receiving(5.9)
     follower.receive(Transport.CLOCK, 4.0)  # a clock that goes back
     assert follower.estimate() is None

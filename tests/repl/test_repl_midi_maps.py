@@ -8,7 +8,13 @@ import pytest
 from one_bell import SCORE
 from sessions import Stepped
 
-from ergon.live.midi_messages import Control, Pressure, Program, Wheel, parse_message
+from ergon.live.midi_messages import (
+    ControlChange,
+    PitchWheel,
+    Pressure,
+    ProgramChange,
+    parse_message,
+)
 from ergon.live.midi_ports import ProcessPort
 from tests.repl.test_repl_midi import PLAYED
 
@@ -41,12 +47,12 @@ def _is_replayed(session):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ([0xE3, 0, 64], Wheel(8192)),
-        ([0xE0, 127, 127], Wheel(16383)),
+        ([0xE3, 0, 64], PitchWheel(8192)),
+        ([0xE0, 127, 127], PitchWheel(16383)),
         ([0xD5, 99], Pressure(99)),
         ([0xA0, 60, 12], Pressure(12, 60)),
-        ([0xC1, 7], Program(7)),
-        ([0xBF, 33, 1], Control(33, 1)),
+        ([0xC1, 7], ProgramChange(7)),
+        ([0xBF, 33, 1], ControlChange(33, 1)),
         ([0xD5, 128], None),
         ([0xD5, 1, 1], None),
         ([0xE0, 1], None),

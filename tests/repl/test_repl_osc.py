@@ -22,8 +22,8 @@ def served(folder: Path, there: int | None = None):
     osc = OscServer(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
     with closing(session_on(folder, "null")) as session:
         session.attach(SessionOsc(session, osc, session.schedule.engine.performance))
-        assert osc.place is not None
-        yield session, osc.place[1]
+        assert osc.address is not None
+        yield session, osc.address[1]
 
 
 def _lines(folder: Path) -> list[str]:

@@ -65,8 +65,8 @@ class OscSession:
 
     def tell(self, name: str, value: float) -> None:
         """Say a value by UDP, and wait until it acts, at the frame that is next."""
-        assert self._osc.place is not None
-        self._listener.say(self._osc.place[1], f"/ergon/input/{name}", value)
+        assert self._osc.address is not None
+        self._listener.say(self._osc.address[1], f"/ergon/input/{name}", value)
         before = len(self.values())
         until(
             lambda: self.stepped.session.do_once() or len(self.values()) > before, "the value acts"
@@ -158,9 +158,9 @@ def test_osc_input_refuses_non_finite_values(
     listener: Listener,  # noqa: F811
     value: Any,
 ):
-    assert session_osc._osc.place is not None
+    assert session_osc._osc.address is not None
     text = () if value is None else (value,)
-    listener.say(session_osc._osc.place[1], "/ergon/input/breath", *text)
+    listener.say(session_osc._osc.address[1], "/ergon/input/breath", *text)
     assert listener.until("/ergon/error")[3] == [
         "the argument has to be one finite number; 1 is full scale"
     ]
@@ -170,9 +170,9 @@ def test_osc_input_refuses_non_finite_values(
 
 
 def test_osc_address_of_unknown_input(session_osc: OscSession, listener: Listener):  # noqa: F811
-    assert session_osc._osc.place is not None
-    listener.say(session_osc._osc.place[1], "/ergon/input/nobody", 1.0)
-    listener.say(session_osc._osc.place[1], "/ergon/input/", 1.0)
+    assert session_osc._osc.address is not None
+    listener.say(session_osc._osc.address[1], "/ergon/input/nobody", 1.0)
+    listener.say(session_osc._osc.address[1], "/ergon/input/", 1.0)
     session_osc.tell("breath", 0.0)
     assert len(session_osc._osc.remarks()) == 2
 
@@ -251,8 +251,8 @@ def served(folder: Path, audio: str) -> Iterator[tuple[Any, int]]:
     osc = OscServer(("127.0.0.1", 0), None)
     with closing(session_on(folder, audio, text=SCORE)) as session:
         session.attach(SessionOsc(session, osc, session.schedule.engine.performance))
-        assert osc.place is not None
-        yield session, osc.place[1]
+        assert osc.address is not None
+        yield session, osc.address[1]
 
 
 def test_journal_renders_live_osc_inputs_to_the_bit(folder: Path, listener: Listener):  # noqa: F811
@@ -297,9 +297,9 @@ def test_osc_inputs_of_play_command_act_at_ticks(folder: Path, listener: Listene
 
     text = {"breath": 0.5, "place": -0.25}
     with played(staged, listened) as (performance, osc):
-        assert osc.place is not None
+        assert osc.address is not None
         for number, (name, value) in enumerate(text.items(), 1):
-            listener.say(osc.place[1], f"/ergon/input/{name}", value)
+            listener.say(osc.address[1], f"/ergon/input/{name}", value)
             until(has(number), "the value acts")
         until(lambda: performance.wait(0.1), "the end of the piece")
         result = troubles(performance.status(), (), None, is_endless=False)

@@ -44,10 +44,7 @@ def gestures(session: Stepped, player: str = "ada") -> list[tuple[str, float]]:
     ("line", "row"),
     few(
         [
-            (
-                "ada plays knock lean knock",
-                "{at: 2|1, play: knock lean knock}",
-            ),
+            ("ada plays knock lean knock", "{at: 2|1, play: knock lean knock}"),
             (
                 "ada plays knock (tap tap) ~ every 1/2 times 3",
                 "{at: 2|1, play: knock (tap tap) ~, every: 1/2, times: 3}",
@@ -79,7 +76,7 @@ def test_pattern_line_sounds_as_written_part(session, tmp_path, line, row):
     if "now" not in line:
         assert row in added.replace('"', "'")
     session.run(5.0)
-    begun = session.session.schedule.running.clock.began_at
+    begun = session.session.schedule.running.clock.begin_instant
     wanted = written(text, tmp_path, 3.0)
     shift = round(begun * session.rate)
     result = session.sound[shift : shift + len(wanted)]
@@ -270,10 +267,7 @@ _ACTS = st.lists(
 
 def sessions(n: int):
     return settings(
-        max_examples=n,
-        derandomize=True,
-        database=None,
-        suppress_health_check=list(HealthCheck),
+        max_examples=n, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
     )
 
 
@@ -341,7 +335,7 @@ def test_strikes_with_play_from_middle(tmp_path):
             session.ok("rain strikes drum.m every 1/4 impulse 1mNs chance 0.5")
             session.ok(f"play from {start}")
             session.run(22.0 if name == "a" else 6.0)
-            begun = session.session.schedule.running.clock.began_at
+            begun = session.session.schedule.running.clock.begin_instant
             shift = round((begun + 16.0) * session.rate)
             step = np.abs(np.diff(session.sound[shift:, 1], 2))[: int(4 * session.rate)]
             listened.append(np.flatnonzero(step > 0.2 * step.max()) // 1000)
@@ -389,7 +383,7 @@ def test_automation_pattern_with_undo_and_save(session, tmp_path):
     session.ok("ada plays knock every 1")
     session.ok("set bell.m.f A3 C4 E4 every 1")
     session.run(4.0)
-    begun = session.session.schedule.running.clock.began_at
+    begun = session.session.schedule.running.clock.begin_instant
     listened = [round(hertz(value(session, begun + 2.0 + beat / 2 + 0.1)), 1) for beat in range(4)]
     assert listened == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.6, 329.6, 220.0)]
     session.ok("lfo bell.m.t60 0.5..2 period 1bar shape triangle")
@@ -462,7 +456,7 @@ def test_automation_values_with_play_from_middle(tmp_path, line):
             if name == "b":
                 session.ok("play from 9|1")
             session.run(18.0 if name == "a" else 4.0)
-            by = session.session.schedule.running.clock.began_at
+            by = session.session.schedule.running.clock.begin_instant
             result.append([value(session, by + at) for at in np.arange(17.0, 19.0, 0.02)])
             same(session)
     assert result[0] == pytest.approx(result[1], rel=1e-9)
@@ -506,7 +500,7 @@ def test_notes_are_typed_undone_rested_and_rendered(session, tmp_path):
     reply = session.ok("bell notes A3 C4 E4 euclid 5 8")
     assert "2|1" in reply.text
     session.run(4.0)
-    begun = session.session.schedule.running.clock.began_at
+    begun = session.session.schedule.running.clock.begin_instant
     beats = [4 + at / 2 for at in (0, 2, 3, 5, 6)]  # the second bar's pulses, eight to a bar
     listened = [hertz(value(session, begun + beat / 2)) for beat in beats]
     assert listened == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.63, 329.63, 220.0, 261.63)]

@@ -15,7 +15,7 @@ from terminals import CTRL_C, CTRL_D, CTRL_S, CTRL_Z, ENTER, F12, Terminal
 from ergon.repl.prompt import history
 from ergon.repl.prompt.message_throttle import HELD_MAX, PER_SECOND, MessageThrottle
 from ergon.repl.prompt.output import clean, echo, reply_lines, valid_unicode
-from ergon.repl.prompt.run import history_of_user
+from ergon.repl.prompt.run import user_history
 from ergon.repl.prompt.status import status
 from ergon.repl.session_protocol import Reply, State
 
@@ -240,9 +240,9 @@ def test_valid_unicode_of_surrogates():
 
 
 def test_history_path_of_user(tmp_path: Path):
-    assert history_of_user({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "ergon" / "history"
+    assert user_history({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "ergon" / "history"
     ours = Path.home() / ".local" / "state" / "ergon" / "history"
-    assert history_of_user({"XDG_STATE_HOME": "not/absolute"}) == history_of_user({}) == ours
+    assert user_history({"XDG_STATE_HOME": "not/absolute"}) == user_history({}) == ours
 
 
 def test_history_file_permissions_and_content(tmp_path: Path):

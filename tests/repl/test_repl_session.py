@@ -86,7 +86,7 @@ def onset(sound: np.ndarray, channel: int = 0) -> int:
 def test_typed_line_sounds_as_written_score(session, tmp_path):
     """Check 9: what is typed in bar 1 for bar 2 is what a score says of bar 2, to the sample."""
     session.ok("play")
-    begun = session.session.schedule.running.clock.began_at
+    begun = session.session.schedule.running.clock.begin_instant
     assert begun is not None
     session.run(0.7)
     assert session.ok("ada plays knock every 1 times 3").text.startswith("ok 2|1 ada: knock")
@@ -407,7 +407,7 @@ def test_strikes_end_and_begin_at_bar(tmp_path):
         assert onset(stepped.sound) < 0.5 * stepped.rate
         stepped.ok("hush at 4|1")
         stepped.run(5.0)
-        by = stepped.session.schedule.running.clock.began_at
+        by = stepped.session.schedule.running.clock.begin_instant
         last = len(stepped.sound) - 1 - onset(stepped.sound[::-1])
         tempo = stepped.session.schedule.head.piece.tempo_map
         end = (tempo.seconds(tempo.bars.start(4)) + by) * stepped.rate

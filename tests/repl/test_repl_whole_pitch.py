@@ -12,7 +12,7 @@ from sessions import Stepped
 from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
-from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.automating import value_on_beat
 from ergon.scores.staging.parameter_values import AutomatedModule
 from ergon.scores.staging.stage import stage
 from tests.repl.test_repl_glides import pitch
@@ -56,7 +56,7 @@ def stepped_session(tmp_path: Path):
 
 def numbers(piece, part):
     return {
-        module.name: AutomatedModule.from_piece(piece, (part, module.name)).numbers_alone
+        module.name: AutomatedModule.from_piece(piece, (part, module.name)).written_numbers
         for module in piece.instruments[part].modules
         if module.name in MOVED
     }
@@ -76,7 +76,7 @@ def test_instrument_pitch_glide_ends_as_transposed_instrument(tmp_path, part, to
     led = staged(SCORE + line, tmp_path)
     piece = led.piece
     begun = piece.instruments[part].pitch
-    end = value_on(piece, (part, ""), "f", 99.0)
+    end = value_on_beat(piece, (part, ""), "f", 99.0)
     assert {name for own, name in led.paths if own == part} == {*MOVED}  # no hammer, no friction
     text = SCORE.replace("    f: A3\n", f"    f: A3\n    transpose: x{end / begun!r}\n")
     if part == "bell2":
@@ -114,7 +114,7 @@ def test_set_instrument_pitch_over_bar_live_and_saved(stepped_session, tmp_path)
     stepped_session.ok("keep 1bar as verse\nsave typed")
     for name in ("typed", "verse"):
         _, piece = opened(str(stepped_session.journal.with_name(f"{name}.yaml")))
-        assert value_on(piece, ("bell", ""), "f", 99.0) == pytest.approx(440.0)
+        assert value_on_beat(piece, ("bell", ""), "f", 99.0) == pytest.approx(440.0)
     stepped_session.ok("set bell.f x1.5 over 1bar")
     stepped_session.run(2.5)
     assert pitch(stepped_session.sound[-int(0.7 * rate) :, 0], rate) == pytest.approx(

@@ -212,7 +212,7 @@ class StoringActions(Acted):
     def let_go(self) -> None:
         self.asked.append("let go")
 
-    def input_ends(self) -> None:
+    def end_input(self) -> None:
         self.asked.append("input ends")
 
 
@@ -324,6 +324,6 @@ def test_pan_line_with_instrument_named_pan(tmp_path: Path):
 
 def test_session_classes_implement_stop_methods():
     for face in (ErrorBoundary, RemoteSession, Acted):
-        for name in ("panic", "let_go", "input_ends"):
+        for name in ("panic", "let_go", "end_input"):
             assert callable(getattr(face, name)), (face, name)
     assert SessionProtocol is not None

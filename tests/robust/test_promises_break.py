@@ -144,7 +144,7 @@ BREAKS = {
     ),
     "live/test_live_osc_senders.py::test_osc_from_second_user_ignored": (
         "ergon/live/osc_senders.py",
-        "if known_access.is_shared:",
+        "if known_sender.is_shared:",
         "if False:",
     ),
     "live/test_live_osc_senders.py::test_sender_of_a_shared_port_needs_the_key": (

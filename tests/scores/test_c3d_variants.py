@@ -141,7 +141,7 @@ def test_c3d_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     ours = np.concatenate([*motion.blocks()])
     assert motion.points == tuple(names)
     assert motion.rate == pytest.approx(stated["rate"])
-    assert motion.metres == pytest.approx(
+    assert motion.unit_metres == pytest.approx(
         {"mm": 1e-3, "cm": 1e-2, "m": 1.0}[stated["units"].strip()]
     )
     np.testing.assert_allclose(ours, places, rtol=1e-6, atol=1e-9)

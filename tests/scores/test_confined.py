@@ -206,7 +206,7 @@ def test_texts_keep_trust_of_first_reading(piece):
     assert trusted.load().piece is not None
     assert "g" in trusted.names()[0].names("gestures")
     assert "g" not in Texts.read("s.yaml").names()[0].names("gestures")
-    assert trusted.changed(text + "title: x\n").load().piece is not None
+    assert trusted.with_text(text + "title: x\n").load().piece is not None
 
 
 def test_journal_reads_only_files_of_its_folder(piece):

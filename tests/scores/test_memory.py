@@ -163,13 +163,13 @@ def test_memory_of_instruments_after_reading_names(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(
         matter, "make_instrument", lambda node, *rest: read.append("one") or instrument(node, *rest)
     )
-    assert texts.changed(_BELL + "seed: 2\n").load().piece is not None
+    assert texts.with_text(_BELL + "seed: 2\n").load().piece is not None
     assert not read
     for _ in range(3):
         texts.names()
-    assert texts.changed(_BELL + "seed: 3\n").load().piece is not None
+    assert texts.with_text(_BELL + "seed: 3\n").load().piece is not None
     assert not read
-    changed = texts.changed(_BELL.replace("440Hz", "450Hz")).load().piece
+    changed = texts.with_text(_BELL.replace("440Hz", "450Hz")).load().piece
     assert changed is not None
     assert read == ["one"]
 

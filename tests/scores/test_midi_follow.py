@@ -14,7 +14,7 @@ from ergon.notation.text.errors import Collector
 from ergon.scores.edits.excerpt import excerpt_between
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
-from ergon.scores.staging.automating import automation_points, value_at
+from ergon.scores.staging.automating import automation_points, numbers_at
 
 SCORE = """\
 ergon: 1
@@ -50,7 +50,7 @@ def written(folder: Path, fields: str, meter: str = "4/4", bpm: float = 60.0) ->
 def stiffness(loaded, instant: float) -> float:
     """K of the link at an instant [s]."""
     points = automation_points(loaded.piece, -math.inf, 400.0, Collector()).points
-    return 100.0 * value_at(points["bars.C4", "ab"], instant)[0]
+    return 100.0 * numbers_at(points["bars.C4", "ab"], instant)[0]
 
 
 def control(tick: int, number: int, value: int, channel: int = 0):
@@ -127,7 +127,7 @@ def test_follow_values_equal_mido_in_every_meter(tmp_path: Path, meter, source, 
         later = now + message.time * 0.8 / TICKS
         if later - now > 0.03:  # it stands, but for the time in which the next is reached
             expected = 50.0 + 200.0 * reader.shares[source] if source in reader.shares else 100.0
-            assert 100.0 * value_at(curve, later - 0.015)[0] == pytest.approx(expected, rel=1e-9)
+            assert 100.0 * numbers_at(curve, later - 0.015)[0] == pytest.approx(expected, rel=1e-9)
             compared.add(expected)
         now = later
         if channel in (None, getattr(message, "channel", -1) + 1):

@@ -22,13 +22,7 @@ instruments:
   cell: {CEL: {M: 1g, f: A4, t60: 2s}, notes: C3..C5, out: {SOX: cell}}
 render: {tail: 0.1s}
 """
-TUNE = (
-    (0, 48, 1, 0),
-    (240, 52, 127, 0),
-    (240, 55, 64, 0),
-    (720, 49, 64, 2),
-    (960, 50, 100, 0),
-)
+TUNE = ((0, 48, 1, 0), (240, 52, 127, 0), (240, 55, 64, 0), (720, 49, 64, 2), (960, 50, 100, 0))
 
 
 def tune(path: Path, notes=TUNE, kind: int = 1, end: int = 1920) -> Path:
@@ -173,7 +167,7 @@ def test_pedal_holds_notes_until_it_comes_up(tmp_path):
     file = mido.MidiFile(ticks_per_beat=480)
     file.tracks.append(track)
     file.save(tmp_path / "pedal.mid")
-    notes = [(n.at * 480, n.number, n.lasting) for n in read_notes(tmp_path / "pedal.mid").notes]
+    notes = [(n.at * 480, n.number, n.length) for n in read_notes(tmp_path / "pedal.mid").notes]
     expected = [(0, 60, 960), (480, 62, 240), (720, 62, 480), (1210, 64, None)]
     assert notes == [
         (position, n, None if held is None else held / 480) for position, n, held in expected
@@ -258,11 +252,7 @@ def test_midi_take_as_gesture_on_key(tmp_path):
         (
             "takes: {t: {file: tune.mid, channel: 9, velocity: 1mNs}}\n"
             "strikes: {s: {play: t, to: cell, at: 0}}\n",
-            (
-                "E310",
-                6,
-                "take 't': tune.mid: channel 9 has no notes; those with notes are 1, 3",
-            ),
+            ("E310", 6, "take 't': tune.mid: channel 9 has no notes; those with notes are 1, 3"),
         ),
         (
             "takes: {t: {file: tune.mid, channel: left, velocity: 1mNs}}\n"
@@ -354,7 +344,7 @@ def test_running_status_over_meta_events(tmp_path):
     assert [(n.number, n.velocity) for n in read_notes(path).notes] == [(64, 64), (65, 65)]
     text = b"\x00\xff\x01\x02AB"
     path.write_bytes(track(b"\x00\x90\x40\x40" + text + b"\x60\x40\x00\x00\x41\x41"))
-    notes = [(n.number, n.velocity, n.lasting) for n in read_notes(path).notes]
+    notes = [(n.number, n.velocity, n.length) for n in read_notes(path).notes]
     assert notes == [(64, 64, 0.2), (65, 65, None)]
     path.write_bytes(track(b"\x00\x90\x40\x40\x00\xf0\x01\xf7\x60\x41\x41"))
     assert [n.number for n in read_notes(path).notes] == [64, 65]

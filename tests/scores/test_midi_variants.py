@@ -82,9 +82,9 @@ def test_midi_files_of_other_programs(seed: int) -> None:
     file = MidiBytes(Path("x.mid"), data)
     header = file.header()
     theirs = mido.MidiFile(file=io.BytesIO(plain), clip=True)
-    assert (header.format, header.ticks) == (theirs.type, theirs.ticks_per_beat)
-    assert len(header.tracks) == len(theirs.tracks)
-    for span, track in zip(header.tracks, theirs.tracks, strict=True):
+    assert (header.format, header.ticks_per_quarter) == (theirs.type, theirs.ticks_per_beat)
+    assert len(header.track_spans) == len(theirs.tracks)
+    for span, track in zip(header.track_spans, theirs.tracks, strict=True):
         ours = [
             (event.tick, event.kind, event.channel - 1, *event.content)
             for event in file.track(span)
@@ -109,7 +109,7 @@ def _file(track: bytes, n_tracks: int = 1) -> bytes:
 
 def _notes(data: bytes) -> list[tuple[int, int]]:
     file = MidiBytes(Path("x.mid"), data)
-    (span,) = file.header().tracks
+    (span,) = file.header().track_spans
     return [(e.tick, e.content[0]) for e in file.track(span) if e.kind == NOTE_ON]
 
 
@@ -128,5 +128,5 @@ def test_midi_file_within_riff() -> None:
 
 def test_midi_tracks_missing_from_file_are_counted() -> None:
     header = MidiBytes(Path("x.mid"), _file(NOTE, n_tracks=3)).header()
-    assert (len(header.tracks), header.n_missing) == (1, 2)
+    assert (len(header.track_spans), header.n_missing) == (1, 2)
     assert MidiBytes(Path("x.mid"), _file(NOTE)).header().n_missing == 0

@@ -158,5 +158,5 @@ def test_trc_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     path.write_bytes(text.encode())
     motion = trc_file.read(path)
     assert motion.rate == pytest.approx(120.0)
-    assert motion.metres == pytest.approx(metres)
+    assert motion.unit_metres == pytest.approx(metres)
     np.testing.assert_array_equal(np.concatenate([*motion.blocks()]), places)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ergon.scores.gesture.musicxml_file import meters_of, notes_of, read_score, tempos_of
+from ergon.scores.gesture.musicxml_file import meters_of, part_notes, read_score, tempos_of
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -48,7 +48,7 @@ def written(folder: Path, *parts: str, head: str = HEAD, name: str = "tune.music
 
 
 def played(path: Path) -> list[tuple[float, str, float]]:
-    return [(n.at, n.word, n.lasting) for n in notes_of(path, None)[0]]
+    return [(n.at, n.word, n.length) for n in part_notes(path, None)[0]]
 
 
 def test_chords_voices_and_spelling(tmp_path):
@@ -118,14 +118,7 @@ A, B, C, D, E = (note(step, 4, 8) for step in "ABCDE")
             ],
             "ABABACD",
         ),
-        (
-            [
-                A,
-                B + '<sound fine="yes"/>',
-                C + '<sound dacapo="yes"/>',
-            ],
-            "ABCAB",
-        ),
+        ([A, B + '<sound fine="yes"/>', C + '<sound dacapo="yes"/>'], "ABCAB"),
         (
             [
                 A,
@@ -165,7 +158,7 @@ def wedge(kind: str) -> str:
 
 
 def strengths(path: Path) -> list[float | None]:
-    return [n.strength and round(7 * n.strength, 6) for n in notes_of(path, None)[0]]
+    return [n.strength and round(7 * n.strength, 6) for n in part_notes(path, None)[0]]
 
 
 def test_dynamics_and_hairpins(tmp_path):
@@ -220,7 +213,7 @@ def test_counts_of_unplayed_elements(tmp_path):
     drum = "<note><unpitched/><duration>2</duration></note>"
     trill = note("C", 4, 2, "<notations><ornaments><trill-mark/></ornaments></notations>")
     score = read_score(written(tmp_path, part(drum + trill + direction("<words>rit.</words>"))))
-    counts = {noun: count for noun, count in score.passed.items() if count}
+    counts = {noun: count for noun, count in score.skipped_counts.items() if count}
     assert counts == {"unpitched note": 1, "ornament": 1, "direction": 1}
 
 
@@ -271,14 +264,14 @@ def test_hostile_musicxml_files(tmp_path, content, words):
     path = tmp_path / "tune.xml"
     path.write_bytes(content)
     with pytest.raises(TakeError, match=f"(?i){words}"):
-        notes_of(path, None)
+        part_notes(path, None)
 
 
 def test_missing_part_of_musicxml(tmp_path):
     path = written(tmp_path, part(A), part(B, name="P2"))
-    assert [n.word for n in notes_of(path, "Voice 2")[0]] == ["B4"]
+    assert [n.word for n in part_notes(path, "Voice 2")[0]] == ["B4"]
     with pytest.raises(TakeError, match=r"part P7 is not there; .* P1 \(Voice 1\), P2"):
-        notes_of(path, "P7")
+        part_notes(path, "P7")
 
 
 SCORE = """\

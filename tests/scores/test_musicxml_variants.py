@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import pytest
 
-from ergon.scores.gesture.musicxml_file import notes_of, read_score
+from ergon.scores.gesture.musicxml_file import part_notes, read_score
 from ergon.scores.gesture.take_file import TakeError
 
 _GRACE = Fraction(1, 12)
@@ -171,12 +171,12 @@ def test_musicxml_of_other_programs(seed: int, tmp_path: Path) -> None:
     path = writer.written(tmp_path / "a")
     if not writer.notes:
         with pytest.raises(TakeError, match="it has no notes"):
-            notes_of(path, None)
+            part_notes(path, None)
         return
-    read, length = notes_of(path, None)
+    read, length = part_notes(path, None)
     assert length == 4 * writer.n_bars
     expected = sorted((float(n.begin), n.word, float(n.lasting)) for n in writer.notes)
-    assert sorted((n.at, n.word, n.lasting) for n in read) == expected
+    assert sorted((n.at, n.word, n.length) for n in read) == expected
 
 
 def score(*measures: str, ids: tuple[str, ...] = ("P1",)) -> str:
@@ -206,7 +206,7 @@ def test_endings_as_programs_number_them(first: str, second: str, order: str, tm
     path = tmp_path / "a.musicxml"
     back = '<repeat direction="backward"/>'
     path.write_text(score(note("A"), ended(first, "B", back), ended(second, "C")))
-    assert "".join(n.word[0] for n in notes_of(path, None)[0]) == order
+    assert "".join(n.word[0] for n in part_notes(path, None)[0]) == order
 
 
 @pytest.mark.parametrize(
@@ -253,7 +253,7 @@ def test_metronome_marks_as_programs_write(mark: str, bpm: float, tmp_path: Path
 def test_unplayed_musicxml_content_is_named(text: str, noun: str, tmp_path: Path):
     path = tmp_path / "a.musicxml"
     path.write_text(score(text + note()))
-    assert {name: n for name, n in read_score(path).passed.items() if n} == {noun: 1}
+    assert {name: n for name, n in read_score(path).skipped_counts.items() if n} == {noun: 1}
 
 
 def test_marks_of_dynamics_at_notes(tmp_path: Path):
@@ -261,7 +261,7 @@ def test_marks_of_dynamics_at_notes(tmp_path: Path):
     marked = note(more="<notations/><notations><dynamics><sfp/></dynamics></notations>")
     accent = "<notations/><notations><articulations><accent/></articulations></notations>"
     path.write_text(score(marked + note() + note(more=accent)))
-    assert [round(7 * (n.strength or 0.0)) for n in notes_of(path, None)[0]] == [5, 2, 3]
+    assert [round(7 * (n.strength or 0.0)) for n in part_notes(path, None)[0]] == [5, 2, 3]
 
 
 def test_missing_parts_of_measures_are_silent(tmp_path: Path):
@@ -269,7 +269,7 @@ def test_missing_parts_of_measures_are_silent(tmp_path: Path):
     bars = ("<part id='a'>{0}</part><part id='b'>{1}</part>", "<part id='a'>{0}</part>") * 2
     texts = (f"<measure>{bar.format(note('A'), note('B'))}</measure>" for bar in bars)
     path.write_text(f"<score-timewise><part-list/>{''.join(texts)}</score-timewise>")
-    assert [n.at for n in notes_of(path, "b")[0]] == [0.0, 8.0]
+    assert [n.at for n in part_notes(path, "b")[0]] == [0.0, 8.0]
 
 
 @pytest.mark.parametrize("ids", [("P1", "P1"), ("", "")])
@@ -277,11 +277,11 @@ def test_parts_with_equal_ids_are_refused(ids: tuple[str, ...], tmp_path: Path):
     path = tmp_path / "a.musicxml"
     path.write_text(score(note(), ids=ids))
     with pytest.raises(TakeError, match="two of its parts have the id"):
-        notes_of(path, None)
+        part_notes(path, None)
     measure = f"<measure><part id='a'>{note()}</part><part id='a'>{note()}</part></measure>"
     path.write_text(f"<score-timewise><part-list/>{measure}</score-timewise>")
     with pytest.raises(TakeError, match="the part 'a' twice"):
-        notes_of(path, None)
+        part_notes(path, None)
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA])
@@ -298,7 +298,7 @@ def test_damaged_archives_of_musicxml(method: int, tmp_path: Path):
             data[chance.randrange(len(data))] = chance.randrange(256)
         path.write_bytes(bytes(data))
         try:
-            notes_of(path, None)
+            part_notes(path, None)
         except TakeError:
             n_refused += 1
     assert n_refused > 20

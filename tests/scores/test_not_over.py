@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from ergon.scores.staging.not_over import LinesNotOver
+from ergon.scores.staging.not_over import UnfinishedLines
 
 
 class Item:
@@ -36,7 +36,7 @@ def test_ended_lines_are_checked_once():
         seen.append(line)
         return line[0].end < since
 
-    known = LinesNotOver()
+    known = UnfinishedLines()
     for since in (990.0, 991.0, 992.0):
         seen.clear()
         left, counts = known.select(
@@ -65,7 +65,7 @@ def check_counts(lines, left, counts, since):
 def test_occurrence_counts_of_ended_lines():
     chance = random.Random(1)
     for _ in range(200):
-        lines, known = drawn(chance, 9), LinesNotOver()
+        lines, known = drawn(chance, 9), UnfinishedLines()
         for since in (0.3, 0.8, 0.5, 0.9):
             left, counts = known.select((lines,), since, is_over(since), _plays)
             check_counts(lines, left, counts, since)
@@ -74,7 +74,7 @@ def test_occurrence_counts_of_ended_lines():
 def test_occurrence_counts_with_changing_lines():
     chance = random.Random(2)
     for _ in range(400):
-        lines, known = drawn(chance, 9), LinesNotOver()
+        lines, known = drawn(chance, 9), UnfinishedLines()
         for since in sorted(chance.random() for _ in range(6)):
             first = chance.randint(0, len(lines))
             last = min(len(lines), first + chance.randint(0, 2))

@@ -175,7 +175,7 @@ def test_nth_round_transformations():
     ]
     assert all(first.transforms(2 * n) == first.transforms(2 * n + 1) for n in range(12))
     cycles = course("a b c", turns=single, euclid=rhythm.Euclid(3, 8))
-    assert [cycles.round(n) for n in range(9)] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    assert [cycles.round_index(n) for n in range(9)] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
 
 
 @pytest.mark.parametrize(

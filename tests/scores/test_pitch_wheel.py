@@ -15,7 +15,7 @@ from planned_sound import played
 from ergon.notation.text.errors import Collector
 from ergon.scores.gesture.midi_wheels import read_wheels
 from ergon.scores.reading.load import load
-from ergon.scores.staging.automating import automation_points, value_at
+from ergon.scores.staging.automating import automation_points, numbers_at
 
 SCORE = """\
 ergon: 1
@@ -136,7 +136,7 @@ def test_wheel_pitches_equal_mido_in_every_meter(tmp_path: Path, meter: str):
     for message in mido.merge_tracks(file.tracks):
         later = now + message.time * 0.8 / TICKS
         if later - now > 0.03:  # the wheel stands, but for the time in which the next is reached
-            factor = (value_at(curve, later - 0.015)[0] / unbent) ** 0.5
+            factor = (numbers_at(curve, later - 0.015)[0] / unbent) ** 0.5
             cents = 1200.0 * math.log2(factor)
             assert cents == pytest.approx(200.0 * value / 8192, abs=0.01)
             compared += 1
@@ -167,7 +167,7 @@ def test_bend_of_transposed_and_repeated_phrases(tmp_path: Path):
     points = automation_points(result.piece, -math.inf, 20.0, Collector()).points
     curve = points["bars.D4", "low"]
     for start in (0.0, 4.0):
-        high, low = (value_at(curve, start + later)[0] for later in (2.0, 3.9))
+        high, low = (numbers_at(curve, start + later)[0] for later in (2.0, 3.9))
         assert (high / low) ** 0.5 == pytest.approx(2 ** (2 * 8191 / 8192 / 12), rel=1e-6)
 
 

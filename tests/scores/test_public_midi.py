@@ -101,7 +101,7 @@ def _ergon_notes(path: Path) -> list[tuple[float, int, int, float | None]]:
             seconds(note.at),
             note.number,
             note.velocity,
-            None if note.lasting is None else seconds(note.at + note.lasting) - seconds(note.at),
+            None if note.length is None else seconds(note.at + note.length) - seconds(note.at),
         )
         for note in read_notes(path).notes
     ]

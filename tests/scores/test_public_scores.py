@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from ergon.scores.gesture.musicxml_file import notes_of
+from ergon.scores.gesture.musicxml_file import part_notes
 
 pytestmark = pytest.mark.slow
 
@@ -110,5 +110,5 @@ def test_notes_of_public_musicxml_files(name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         wanted = _partitura_notes(path)
-    notes = [(n.at, _pitch(n.word), n.lasting) for n in notes_of(path, None)[0]]
+    notes = [(n.at, _pitch(n.word), n.length) for n in part_notes(path, None)[0]]
     assert _from_first(notes) == _from_first(wanted)

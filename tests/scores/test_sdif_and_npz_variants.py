@@ -179,7 +179,7 @@ def _sentences(path: Path) -> tuple[str, ...]:
         table = summary(path)
     except TakeError as error:
         return (error.message,)
-    return table.note or "", *table.passed_over
+    return table.note or "", *table.unread
 
 
 def test_names_in_damaged_sdif_are_few(tmp_path: Path) -> None:
@@ -187,7 +187,7 @@ def test_names_in_damaged_sdif_are_few(tmp_path: Path) -> None:
     frames = (b"A%03d" % (i % 1000) + _frame(np.nan)[4:] for i in range(2000))
     path = tmp_path / "x.sdif"
     path.write_bytes(_HEAD + _FIRST + b"".join(frames) + _LAST)
-    passed_over = summary(path).passed_over
+    passed_over = summary(path).unread
     assert len(passed_over) == 65
     assert passed_over[-1] == "anything else, 1872 times"
 

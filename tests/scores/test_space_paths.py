@@ -27,7 +27,7 @@ PATHS = [
 
 @pytest.mark.parametrize(("written", "alone"), PATHS)
 def test_space_path_parses_into_axes(written: str, alone: tuple[str, ...]):
-    assert space_path.axes(written) == len(alone)
+    assert space_path.axis_count(written) == len(alone)
     for got, text in zip(space_path.parse(written), alone, strict=True):
         plain = notation.parse(text)
         assert [(p.at, p.x, p.curve) for p in got.points] == [
@@ -43,7 +43,7 @@ def test_space_path_parses_into_axes(written: str, alone: tuple[str, ...]):
 
 @pytest.mark.parametrize("text", ["0@0 6@1/8", "0@0 (6@1/4 0@1/2)*4", "0@0 6,5@1", "", "(0)@0"])
 def test_notation_without_brackets_has_one_axis(text: str):
-    assert space_path.axes(text) == 1
+    assert space_path.axis_count(text) == 1
 
 
 @pytest.mark.parametrize(

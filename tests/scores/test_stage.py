@@ -9,7 +9,7 @@ from ergon import _core
 from ergon.notation.text.errors import Diagnostic
 from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
-from ergon.scores.staging.hands import ALL
+from ergon.scores.staging.hands import ALL_TIME
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.recording_stages import solo
 from ergon.scores.staging.refusals import StageError
@@ -121,7 +121,7 @@ def test_restage_rereads_changed_take(tmp_path: Path):
         text = PLAYED.format(plays="{at: 6|1, play: t}", takes=tmp_path)
         piece = load(tmp_path / "s.yaml", text=text).piece
         assert piece is not None
-        return stage(piece, planned=True, takeover=StageTakeover((Span(piece, ALL),), before))
+        return stage(piece, planned=True, takeover=StageTakeover((Span(piece, ALL_TIME),), before))
 
     copied = tmp_path / "hand-point-1.csv"
     copied.write_bytes((TAKES / copied.name).read_bytes())

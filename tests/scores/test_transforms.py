@@ -190,12 +190,12 @@ def test_from_beyond_the_end_leaves_the_end():
         ("stretch 2, reverse, reverse", TakeTransform(stretch=2)),
         ("reverse, shift 1/2, stretch 1/4", TakeTransform(1, 0.25, True, Time(0.125))),
         ("shift -20ms, shift 1", TakeTransform(shift=Time(1, -0.02))),
-        ("stretch 2, from 1", TakeTransform(stretch=2, front=0.25)),
-        ("from 1, stretch 2", TakeTransform(stretch=2, front=0.5)),
-        ("from 1, reverse, from 50ms", TakeTransform(reverse=True, front=0.5, back=0.05)),
+        ("stretch 2, from 1", TakeTransform(stretch=2, front_cut=0.25)),
+        ("from 1, stretch 2", TakeTransform(stretch=2, front_cut=0.5)),
+        ("from 1, reverse, from 50ms", TakeTransform(reverse=True, front_cut=0.5, back_cut=0.05)),
         ("shift 1, from 100ms", TakeTransform(shift=Time(0, 0.4))),
-        ("shift 1, from 2", TakeTransform(front=0.5)),
-        ("shift -1/2, from 1/2", TakeTransform(front=0.5)),
+        ("shift 1, from 2", TakeTransform(front_cut=0.5)),
+        ("shift -1/2, from 1/2", TakeTransform(front_cut=0.5)),
     ],
 )
 def test_transformations_of_a_take_sum_up(do, take):

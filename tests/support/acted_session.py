@@ -101,7 +101,7 @@ class Acted:
     def let_go(self) -> None:
         self._note("let go")
 
-    def input_ends(self) -> None:
+    def end_input(self) -> None:
         self._note("input ends")
 
     def close(self) -> None:

@@ -50,7 +50,7 @@ def use(monkeypatch: pytest.MonkeyPatch, count: int = 2) -> Client:
     def opened(on: str, report: Report) -> Iterator[cluster.Cluster]:
         single = cluster.Cluster(client, count, on)
         yield single
-        single.tell(report)
+        single.report_shares(report)
 
     monkeypatch.setattr(cluster, "open_cluster", opened)
     return client

@@ -29,7 +29,7 @@ from ergon.common.errors import ErgonError
 from ergon.scores.staging.refusals import StageError
 from ergon.workshop.api.model import ImportedModel, ModelOptions, import_model
 from ergon.workshop.models.errors import DialectError, ModelError
-from ergon.workshop.models.mims.reading import text_of
+from ergon.workshop.models.mims.reading import read_text
 from ergon.workshop.models.pmpd.reading import is_list
 
 RATE = mims.RATE
@@ -65,7 +65,7 @@ def _read(path: Path, options: ModelOptions, fallback: ModelOptions) -> Imported
 def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, float]:
     """The dialect of a model and its error. Raises ErgonError."""
     options = ModelOptions(laws=fallback.laws)
-    text = text_of(path)
+    text = read_text(path)
     built = _read(path, options, fallback)
     n_frames = round(seconds * RATE)
     if built.dialect == "miphysics":

@@ -97,12 +97,12 @@ def by_osc(stepped: Stepped, folder: Path) -> Iterator[Enter]:
     """Through the address `/ergon/cmd`."""
     osc = OscServer(("127.0.0.1", 0), None)
     performance = SimpleNamespace(status=lambda: SimpleNamespace(hands=()))
-    assert osc.place is not None
+    assert osc.address is not None
     with (
         contextlib.closing(SessionOsc(stepped.session, osc, performance)),
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
     ):
-        place = osc.place
+        place = osc.address
         sender.bind(("127.0.0.1", 0))
         yield _answered(
             stepped, lambda line: sender.sendto(encode_message("/ergon/cmd", [line]), place)

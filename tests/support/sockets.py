@@ -64,7 +64,7 @@ class Acted:
     def let_go(self) -> None:
         self.happened.append("let go")
 
-    def input_ends(self) -> None:
+    def end_input(self) -> None:
         self.happened.append("input ends")
 
     def close(self) -> None:

@@ -26,7 +26,7 @@ from ergon.api.render import prepare, write
 from ergon.api.score import read
 from ergon.api.share import check_estimate
 from ergon.api.shared_page import shared_page
-from ergon.api.viewing import as_flac
+from ergon.api.viewing import flac_file
 from ergon.cli import app
 from ergon.cli.bundled import bundled
 from ergon.common.report import Report
@@ -193,7 +193,7 @@ def test_check_estimate_within_a_factor_of_the_size(name: str, tmp_path: Path):
     report = Report()
     prepared = prepare(read(score, options, report), str(tmp_path / "a.wav"), options, report)
     write(prepared, report)
-    motion, sound = tmp_path / "a.motion", as_flac(tmp_path / "a.wav", tmp_path)
+    motion, sound = tmp_path / "a.motion", flac_file(tmp_path / "a.wav", tmp_path)
     size = (motion.stat().st_size + sound.stat().st_size) * 4 / 3e6
     check_estimate(prepared, tmp_path / "a.html", 2.0 * size)
     with pytest.raises(OptionError, match="would have about"):

@@ -101,10 +101,7 @@ def parse_position(position_text: str) -> Position:
                 length=len(match[1]) + 1 + len(match[2]),
             )
         return Position(
-            bar=bar,
-            beat=beat_in_bar,
-            plus=_plus(match, 4, text_start),
-            text=trimmed_text,
+            bar=bar, beat=beat_in_bar, plus=_plus(match, 4, text_start), text=trimmed_text
         )
     if match := _ONLY_LENGTH.fullmatch(trimmed_text):
         length = _length(match, 1, text_start)
@@ -129,12 +126,7 @@ def parse_position(position_text: str) -> Position:
                 f"{minutes} min {seconds_text} s, or {minutes}|{seconds_text} for beat "
                 f"{seconds_text} of bar {minutes}"
             )
-        raise TextError(
-            message,
-            offset=text_start,
-            length=len(trimmed_text),
-            suggestion=duration,
-        )
+        raise TextError(message, offset=text_start, length=len(trimmed_text), suggestion=duration)
     raise TextError(
         f"'{trimmed_text[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",
         offset=text_start,
@@ -183,10 +175,8 @@ def _plus(plus_match: re.Match[str], first_group: int, word_start: int) -> Lengt
 
 
 def _length(match: re.Match[str], first_group: int, word_start: int) -> Length:
-    value = time_of(
-        match[first_group],
-        match[first_group + 1],
-        word_start + match.start(first_group),
+    length_value = time_of(
+        match[first_group], match[first_group + 1], word_start + match.start(first_group)
     )
     unit_text = match[first_group + 2]
     if unit_text not in _UNITS:
@@ -197,4 +187,4 @@ def _length(match: re.Match[str], first_group: int, word_start: int) -> Length:
             code="E203",
         )
     name, divisor = _UNITS[unit_text]
-    return Length(**{name: value / divisor})
+    return Length(**{name: length_value / divisor})

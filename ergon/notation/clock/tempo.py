@@ -22,7 +22,7 @@ BPM_MIN, BPM_MAX = 0.1, 10_000.0  # bpm
 MARK_CHAIN_MAX = 64  # marks placed by marks
 SERIES_LIMIT = 0.01  # below it ln(1+u)/u and its inverse are summed, or they would lose digits
 # How else a change is written: 72..40, 72-40, 72 to 40, 72 → 40.
-_OTHER_RAMP = re.compile(rf"({NUMBER})\s*+(?:\.\.|-|–|to|→|=>|>)\s*+({NUMBER})")
+_FOREIGN_RAMP = re.compile(rf"({NUMBER})\s*+(?:\.\.|-|–|to|→|=>|>)\s*+({NUMBER})")
 _BPM = re.compile(rf"({NUMBER})(?:\s*+->\s*+({NUMBER}))?")
 
 
@@ -63,26 +63,26 @@ class TempoError(TextError):
 
 def parse_bpm(text: str) -> tuple[float, float | None]:
     """Read `60` or `60 -> 96`. Raises TextError."""
-    trimmed, text_start = stripped(text)
-    match = _BPM.fullmatch(trimmed)
-    if match is None:
+    trimmed, trimmed_offset = stripped(text)
+    bpm_match = _BPM.fullmatch(trimmed)
+    if bpm_match is None:
         noun = "a tempo, which is a number of beats a minute," if trimmed.isalpha() else "a tempo"
         raise TextError(
             f"'{trimmed[:40]}' is not {noun} such as 60 or 60 -> 96",
-            offset=text_start,
+            offset=trimmed_offset,
             length=max(1, len(trimmed)),
             suggestion=f"{ramp[1]} -> {ramp[2]}"
-            if (ramp := _OTHER_RAMP.fullmatch(trimmed))
+            if (ramp := _FOREIGN_RAMP.fullmatch(trimmed))
             else None,
         )
     for group in (1, 2):
-        if match[group] is not None and not BPM_MIN <= float(match[group]) <= BPM_MAX:
+        if bpm_match[group] is not None and not BPM_MIN <= float(bpm_match[group]) <= BPM_MAX:
             raise TextError(
                 f"a tempo lies between {BPM_MIN:g} and {BPM_MAX:,.0f} bpm",
-                offset=text_start + match.start(group),
-                length=len(match[group]),
+                offset=trimmed_offset + bpm_match.start(group),
+                length=len(bpm_match[group]),
             )
-    return float(match[1]), None if match[2] is None else float(match[2])
+    return float(bpm_match[1]), None if bpm_match[2] is None else float(bpm_match[2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class _Segment:
     bpm_end: float
     span: float
 
-    def duration_of(self, beats: float) -> float:
+    def duration(self, beats: float) -> float:
         """Duration of the first `beats` beats."""
         if self.bpm_end == self.bpm_start:
             return 60.0 * beats / self.bpm_start
@@ -129,32 +129,32 @@ class TempoMap:
         self._instants = [0.0]
         self._ramp_end = 0.0
         self._last_tempo_beat = -1.0  # beat of the last entry that says a tempo
-        self._ramp_in_bars = False  # whether that end would move with the meter
+        self._is_ramp_in_bars = False  # whether that end would move with the meter
         self._ramp_entry = 0
         self._quarters_per_minute: float | None = (
             None  # quarters a minute, while a file says the tempo
         )
         self.entries_by_beat: list[tuple[float, Entry]] = []  # all changes, each with its beat
-        latest_beat = 0.0
+        last_beat = 0.0
         self._meter_quarter, self._meter_beat = 0.0, 0.0  # the beginning of the file's last meter
         tempos, meters = [*reversed(file.tempos)], [*reversed(file.meters)]
         for entry_index, tempo_entry in enumerate(entries):
             self._add_file_changes(tempos, meters, tempo_entry.at)
             entry_start = self.resolve(tempo_entry.at)
-            if entry_start < latest_beat - SAME:
+            if entry_start < last_beat - SAME:
                 raise TempoError(
                     "this entry is earlier than the entry above it; write entries in order of time",
                     entry_index,
                     "at",
                 )
-            latest_beat = max(entry_start, latest_beat)
-            self._place_entry(entry_index, tempo_entry, latest_beat)
+            last_beat = max(entry_start, last_beat)
+            self._place_entry(entry_index, tempo_entry, last_beat)
             if tempo_entry.bpm is not None:
                 tempos.clear()
                 self._quarters_per_minute = None
             if tempo_entry.meter is not None:
                 meters.clear()
-                self._count_quarters(latest_beat)
+                self._follow_file_tempo(last_beat)
         self._add_file_changes(tempos, meters, None)
 
     def _add_file_changes(
@@ -168,11 +168,11 @@ class TempoMap:
             poll()
             quarter = min(changes[-1][0] for changes in (tempos, meters) if changes)
             beat = self.bars.after_quarters(self._meter_beat, quarter - self._meter_quarter)
-            if until is not None and beat > self._resolve(until, (), any_beat=True) + SAME:
+            if until is not None and beat > self._resolve(until, (), is_lenient=True) + SAME:
                 return
             if meters and meters[-1][0] == quarter:
                 _, meter = meters.pop()
-                if self._ramp_in_bars and beat < self._ramp_end - SAME:
+                if self._is_ramp_in_bars and beat < self._ramp_end - SAME:
                     message = "the meter changes during this ramp, whose length is in bars; "
                     raise TempoError(
                         f"{message}write the length in beats", self._ramp_entry, "over"
@@ -182,9 +182,9 @@ class TempoMap:
                 self.entries_by_beat.append((beat, Entry(Position(), meter=meter)))
             if tempos and tempos[-1][0] == quarter:
                 _, self._quarters_per_minute = tempos.pop()
-            self._count_quarters(beat)
+            self._follow_file_tempo(beat)
 
-    def _count_quarters(self, beat: float) -> None:
+    def _follow_file_tempo(self, beat: float) -> None:
         """Let a tempo that a file says in quarters go on in beats of the meter here."""
         if self._quarters_per_minute is None:
             return
@@ -193,11 +193,11 @@ class TempoMap:
             self._append(beat, bpm, bpm, MAX_TIME)
             self.entries_by_beat.append((beat, Entry(Position(), bpm)))
 
-    def is_same(self, other_map: "TempoMap") -> bool:
+    def is_same(self, second_map: "TempoMap") -> bool:
         """Whether another map has every beat and bar at the same instant."""
-        if self is other_map:
+        if self is second_map:
             return True
-        return type(self) is type(other_map) and self._state() == other_map._state()
+        return type(self) is type(second_map) and self._state() == second_map._state()
 
     def _state(self) -> tuple[object, ...]:
         return self._segments, self.bars.changes(), self._marks
@@ -227,7 +227,7 @@ class TempoMap:
         if beats < 0.0:
             return 60.0 * beats / self._segments[0].bpm_start
         segment = self._segments[bisect_right(self._starts, beats) - 1]
-        return segment.seconds + segment.duration_of(beats - segment.start)
+        return segment.seconds + segment.duration(beats - segment.start)
 
     def beats(self, seconds: float) -> float:
         """The beat of the piece at an instant."""
@@ -263,7 +263,7 @@ class TempoMap:
         self.entries_by_beat.append((start, entry))
         is_in_ramp = start < self._ramp_end - SAME
         if entry.meter is not None:
-            if is_in_ramp and self._ramp_in_bars:
+            if is_in_ramp and self._is_ramp_in_bars:
                 raise TempoError(
                     "the meter changes during a ramp whose length "
                     "is in bars; write the length in beats",
@@ -300,7 +300,7 @@ class TempoMap:
             ramp_span = self._span(start, entry.bpm, entry.bpm_end, entry.over)
             if not 0.0 < ramp_span <= MAX_TIME:
                 raise TempoError("the length of a ramp must be above 0", entry_index, "over")
-            self._ramp_end, self._ramp_in_bars = start + ramp_span, entry.over.bars != 0.0
+            self._ramp_end, self._is_ramp_in_bars = start + ramp_span, entry.over.bars != 0.0
             self._ramp_entry = entry_index
             self._append(start, entry.bpm, entry.bpm_end, ramp_span)
             self._append(start + ramp_span, entry.bpm_end, entry.bpm_end, MAX_TIME)
@@ -322,9 +322,9 @@ class TempoMap:
         self._instants.append(segment.seconds)
 
     def _resolve(
-        self, position: Position, chain: tuple[str, ...], *, any_beat: bool = False
+        self, position: Position, mark_chain: tuple[str, ...], *, is_lenient: bool = False
     ) -> float:
-        # With `any_beat` a bar may have more beats than its meter, for a later one may hold there.
+        # With `is_lenient` a bar may have more beats than its meter: a later one may hold there.
         # A name such as `verse-2` reads like a mark minus two beats; a mark of that name wins.
         mark_name = position.text if position.text in self._marks else position.mark
         if mark_name is None:
@@ -332,7 +332,7 @@ class TempoMap:
             if position.bar is not None:
                 start, per_bar = self.bars.bar(position.bar)
                 base_beat = start + (position.beat - 1.0)
-                if position.beat >= per_bar + 1 and not any_beat:
+                if position.beat >= per_bar + 1 and not is_lenient:
                     raise TextError(
                         f"beat {position.beat:g} does not exist; bar "
                         f"{position.bar} has {per_bar} beats",
@@ -345,17 +345,19 @@ class TempoMap:
                 length=len(mark_name),
                 suggestion=nearest(mark_name, self._marks),
             )
-        if len(chain) == MARK_CHAIN_MAX:
+        if len(mark_chain) == MARK_CHAIN_MAX:
             raise TextError(
                 f"a chain of more than {MARK_CHAIN_MAX} marks refer to one another",
                 length=len(mark_name),
             )
-        if mark_name in chain:
-            circular_marks = " -> ".join((*chain[chain.index(mark_name) :], mark_name))
+        if mark_name in mark_chain:
+            circular_marks = " -> ".join((*mark_chain[mark_chain.index(mark_name) :], mark_name))
             raise TextError(
                 f"marks refer to one another in a circle: {circular_marks}", length=len(mark_name)
             )
-        base_beat = self._resolve(self._marks[mark_name], (*chain, mark_name), any_beat=any_beat)
+        base_beat = self._resolve(
+            self._marks[mark_name], (*mark_chain, mark_name), is_lenient=is_lenient
+        )
         return base_beat if mark_name == position.text else self.after(base_beat, position.plus)
 
 

@@ -64,13 +64,13 @@ class ListOf(Shape):
             context.error("E106", message, node.place)
             return MISSING
         if isinstance(node, document.Sequence) and node.lines:
-            items = self._by_lines(node, name, context)
+            items = self._read_by_lines(node, name, context)
         else:
             items = [self.item.read(item, name, context) for item in item_nodes]
         values = tuple([value for value in items if value is not MISSING])
         return values if len(values) >= self.count_min else MISSING  # a broken pair is no pair
 
-    def _by_lines(
+    def _read_by_lines(
         self, list_node: document.Sequence, field_name: str, context: Context
     ) -> list[Any]:
         """The values of items in lines of their own. Each item is read once; it is read again only
@@ -191,31 +191,33 @@ class _KnownValues:
         self._node, self._name = section_node, f"entries {noun} {section_node.document.file}"
         is_kept = memory is not None and memory.is_loose and is_plain(section_node.document.text)
         self._memory = memory if is_kept else None
-        self._before: Mapping[str, tuple[str, Any]] = {}
+        self._old_entries: Mapping[str, tuple[str, Any]] = {}
         if self._memory is not None:
-            self._before = self._memory.held_for(self._name, section_node.document.let) or {}
-        self._now: dict[str, tuple[str, Any]] = {}
+            self._old_entries = self._memory.held_for(self._name, section_node.document.let) or {}
+        self._new_entries: dict[str, tuple[str, Any]] = {}
 
-    def _text(self, word: str) -> str:
+    def _entry_text(self, word: str) -> str:
         key, child = self._node.entries[word]
         return self._node.document.text[key.start : child.end]
 
-    def known(self, word: str) -> Any:
+    def old_value(self, word: str) -> Any:
         """The value of an entry; None if its text has changed."""
-        if (old_entry := self._before.get(word)) is None or old_entry[0] != self._text(word):
+        if (old_entry := self._old_entries.get(word)) is None or old_entry[0] != self._entry_text(
+            word
+        ):
             return None
-        self._now[word] = old_entry
+        self._new_entries[word] = old_entry
         return old_entry[1]
 
-    def keep(self, word: str, value: Any) -> None:
+    def keep(self, word: str, entry_value: Any) -> None:
         """Keep the value of an entry, whose reading made no report."""
         if self._memory is not None:
-            self._now[word] = self._text(word), value
+            self._new_entries[word] = self._entry_text(word), entry_value
 
-    def hold(self) -> None:
+    def store(self) -> None:
         """Hold what was kept for the next reading."""
         if self._memory is not None:
-            self._memory.hold(self._name, (self._node.document.let,), self._now)
+            self._memory.hold(self._name, (self._node.document.let,), self._new_entries)
 
 
 @dataclass(frozen=True)
@@ -243,8 +245,8 @@ class NamesOf(Shape):
         remembered_entries = _KnownValues(node, self.noun, context.memory)
         fields = self.item.field_names()
         lost_indent = lost_indentation(node.entries, lambda _, word: word in fields)
-        all_names = loops.written_out(node, context.collector) if self.has_loops else node
-        for entry_word, named_entry in all_names.entries.items():
+        written_node = loops.written_out(node, context.collector) if self.has_loops else node
+        for entry_word, named_entry in written_node.entries.items():
             key_node, child_node = named_entry
             if lost_indent is not None and entry_word == lost_indent[0]:
                 report_lost(context, *lost_indent, node.entries[lost_indent[1]][0])
@@ -258,7 +260,7 @@ class NamesOf(Shape):
             if (
                 is_written
                 and known_line is None
-                and (known_entry := remembered_entries.known(entry_word)) is not None
+                and (known_entry := remembered_entries.old_value(entry_word)) is not None
             ):
                 values_by_name[entry_word] = known_entry
                 continue
@@ -278,7 +280,7 @@ class NamesOf(Shape):
                 known_line.values[line_key] = entry_value
             elif is_written:
                 remembered_entries.keep(entry_word, entry_value)
-        remembered_entries.hold()
+        remembered_entries.store()
         return values_by_name
 
     def schema(self) -> dict[str, Any]:

@@ -83,9 +83,9 @@ class Amount:
         return f"{_plain(float(self.number))}{self.unit}"
 
 
-def _plain(value: float) -> str:
+def _plain(plain_number: float) -> str:
     """A float without an exponent, to the last bit."""
-    return f"{Decimal(repr(value)).normalize():f}"
+    return f"{Decimal(repr(plain_number)).normalize():f}"
 
 
 def _hertz(note: Amount) -> float:
@@ -135,7 +135,7 @@ class _Reader:
         return match[1] if match else ""
 
     def _single(self, depth: int) -> Amount:
-        text_start = self._space()
+        text_start = self._skip_spaces()
         if depth > MAX_DEPTH:
             message = f"an expression is nested at most {MAX_DEPTH} deep; give a part of it a name"
             raise self._error(message, text_start, 1)
@@ -287,30 +287,30 @@ class _Reader:
         )
 
     @staticmethod
-    def _as_hertz(amount: Amount, other_amount: Amount) -> Amount:
-        is_both = amount.unit == "note" and other_amount.unit == "Hz"
+    def _as_hertz(amount: Amount, second_amount: Amount) -> Amount:
+        is_both = amount.unit == "note" and second_amount.unit == "Hz"
         return Amount(Fraction(_hertz(amount)), "Hz") if is_both else amount
 
-    def _checked(self, amount: Amount, place: int) -> Amount:
+    def _checked(self, amount: Amount, offset: int) -> Amount:
         amount_number = amount.number
         if (
             max(amount_number.numerator.bit_length(), amount_number.denominator.bit_length())
             > _MAX_BITS
         ):
-            raise self._error("the numbers of this expression grow too long", place, 1)
+            raise self._error("the numbers of this expression grow too long", offset, 1)
         limit = 400 if amount.unit in ("note", "st") else q.MAX_SIZE
         if abs(amount_number) > limit:
-            raise self._error("the value is too large", place, 1)
+            raise self._error("the value is too large", offset, 1)
         return amount
 
     def _sign(self, signs: str) -> str:
-        sign_place = self._space()
-        if sign_place < len(self.text) and self.text[sign_place] in signs:
-            self.offset = sign_place + 1
-            return self.text[sign_place]
+        sign_offset = self._skip_spaces()
+        if sign_offset < len(self.text) and self.text[sign_offset] in signs:
+            self.offset = sign_offset + 1
+            return self.text[sign_offset]
         return ""
 
-    def _space(self) -> int:
+    def _skip_spaces(self) -> int:
         self._skip(_SPACE)
         return self.offset
 
@@ -324,9 +324,9 @@ class _Reader:
         return TextError(message, offset=offset, length=length, suggestion=suggestion, code="E201")
 
 
-def _fraction(match: re.Match[str]) -> Fraction | None:
-    power = int(match[2] or 0)
-    return None if abs(power) > _MAX_EXPONENT else Fraction(f"{match[1]}e{power}")
+def _fraction(number_match: re.Match[str]) -> Fraction | None:
+    power = int(number_match[2] or 0)
+    return None if abs(power) > _MAX_EXPONENT else Fraction(f"{number_match[1]}e{power}")
 
 
 def _shifted(hertz: float, semitones: float) -> float:

@@ -152,7 +152,7 @@ class Record(Shape):
         else:
             names = ", ".join([*self.by_name, *self.kinds][:12])
             help_text = self.otherwise or f"a group of fields is written: {names}"
-            return wrong_shape(self, node, name, context, help_text, self._as_group(node))
+            return wrong_shape(self, node, name, context, help_text, self._group_text(node))
         is_nameless = not context.name and self.noun not in ("score", "module")
         if is_nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
@@ -184,7 +184,7 @@ class Record(Shape):
                 self._read_unknown(record_values, entry_word, key_node, child_node)
         return self.build(record_values) if self._complete(record_values) else MISSING
 
-    def _as_group(self, node: Node) -> str | None:
+    def _group_text(self, node: Node) -> str | None:
         """The group that a lone value stands for: `{bpm: 96}`; None if that is not known."""
         text = node.text.strip() if isinstance(node, Scalar) else ""
         for name, pattern in self.lone.items():
@@ -218,14 +218,14 @@ class Record(Shape):
             return False
         if entry_word in self.by_name[owner_name].shape.field_names():
             return entry_word not in self.field_names()
-        other_names = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
+        meant_names = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
         is_misspelt = (
             len(entry_word) > _SHORT and nearest(entry_word, self.field_names()) is not None
         )
         return (
             not is_misspelt
             and entry_word not in self.field_names()
-            and entry_word not in other_names
+            and entry_word not in meant_names
         )
 
     def _read_unknown(
@@ -239,9 +239,9 @@ class Record(Shape):
             )
         elif self.free is not None and self._is_free(self.free, entry_word, child_node):
             record_values.nodes[entry_word] = child_node
-            value = self.free.read(child_node, entry_word, context)
-            if value is not MISSING:
-                record_values.free[entry_word] = value
+            free_value = self.free.read(child_node, entry_word, context)
+            if free_value is not MISSING:
+                record_values.free[entry_word] = free_value
         else:
             record_values.n_unknown += 1
             noun = "section" if not context.owner else "field"

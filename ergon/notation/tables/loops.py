@@ -78,11 +78,11 @@ class _Writer:
     def mapping(self) -> document.Mapping:
         for line in self.node.lines.values():
             line.node.document.let, line.node.document.lets = self.node.document.let, None
-        all_names = ChainMap(named_amounts(self.node.document).names)
+        values_by_name = ChainMap(named_amounts(self.node.document).names)
         try:
             for entry_word, (key_node, child) in self.node.entries.items():
                 if is_loop(entry_word):
-                    self.loop(key_node, child, all_names, 1)
+                    self.loop(key_node, child, values_by_name, 1)
                 elif entry_word in self.looped:
                     self.entries[entry_word] = key_node, _merged(self.entries[entry_word][1], child)
                 else:

@@ -225,24 +225,24 @@ def quantity(text: str, dimension: Dimension) -> float:
     return bounded(number_value, quantity_word, dimension)
 
 
-def bounded(value: float, quantity_word: str, dimension: Dimension) -> float:
+def bounded(si_value: float, quantity_word: str, dimension: Dimension) -> float:
     """The value when it lies within the dimension's bounds. Raises TextError E202."""
     refusal = ""
-    if not math.isfinite(value) or abs(value) > MAX_SIZE:
+    if not math.isfinite(si_value) or abs(si_value) > MAX_SIZE:
         refusal = f"too large; the maximum is {min(dimension.high, MAX_SIZE):g}{dimension.si}"
-    elif dimension.sign == "positive" and value <= 0:
+    elif dimension.sign == "positive" and si_value <= 0:
         refusal = f"not positive; write a positive {dimension.name}, such as {dimension.example}"
-    elif dimension.sign == "not negative" and value < 0:
+    elif dimension.sign == "not negative" and si_value < 0:
         refusal = f"negative; write 0 or a positive {dimension.name}, such as {dimension.example}"
-    elif value < dimension.low:
+    elif si_value < dimension.low:
         refusal = f"below the minimum of {dimension.low:g}{dimension.si}"
-    elif value > dimension.high:
+    elif si_value > dimension.high:
         refusal = f"above the maximum of {dimension.high:g}{dimension.si}"
     if refusal:
         raise TextError(
             f"{quote(quantity_word)} is {refusal}", length=len(quantity_word), code="E202"
         )
-    return value
+    return si_value
 
 
 def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dimension) -> int:
@@ -255,12 +255,12 @@ def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dime
         if dimension.bare or not quantity_word.strip("+-0."):
             return 0
         example_unit = dimension.example.lstrip("+-.0123456789")
-        other_unit = next(
+        foreign_unit = next(
             (name for name in (dimension.si, *dimension.units) if name != example_unit), ""
         )
         suggestion_words = (
-            f"; it could be {quantity_word}{example_unit} or {quantity_word}{other_unit}"
-            if other_unit
+            f"; it could be {quantity_word}{example_unit} or {quantity_word}{foreign_unit}"
+            if foreign_unit
             else ""
         )
         message = f"{quote(quantity_word)} has no unit (use {unit_list}){suggestion_words}"
@@ -532,15 +532,15 @@ def integer(text: str, low_bound: int, high_bound: int) -> int:
     """A whole number within bounds; `1e4` is accepted."""
     word = _trimmed(text)
     if re.fullmatch(r"[+-]?\d{1,30}", word):  # not through a float: seeds have 64 bits
-        value = int(word)
+        integer_value = int(word)
     elif (number := quantity(word, NUMBER)) == int(number):
-        value = int(number)
+        integer_value = int(number)
     else:
         raise TextError(f"{quote(word)} is not a whole number", length=len(word), code="E201")
-    if not low_bound <= value <= high_bound:
+    if not low_bound <= integer_value <= high_bound:
         message = f"{quote(word)} lies outside the range from {low_bound:,} to {high_bound:,}"
         raise TextError(message, length=len(word), code="E202")
-    return value
+    return integer_value
 
 
 def level_between(low: float, high: float, share: float) -> float:

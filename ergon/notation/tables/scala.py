@@ -28,12 +28,12 @@ _INTEGER = re.compile(r"[+-]?\d{1,9}")
 _DECIMAL = re.compile(r"\d{1,12}\.?\d{0,20}(?:[eE][+-]?\d{1,3})?")
 
 
-def decoded(data: bytes) -> str:
+def decoded(scala_bytes: bytes) -> str:
     """The text of a file of Scala: UTF-8, or Latin-1 as in its archive."""
     try:
-        return data.decode("utf-8-sig")
+        return scala_bytes.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1")
+        return scala_bytes.decode("latin-1")
 
 
 class ScalaError(TextError):
@@ -79,9 +79,9 @@ class KeyMap:
         """The degree of a key; None if the key has no pitch."""
         if not self.degrees:
             return key - self.middle
-        turn, place = divmod(key - self.middle, len(self.degrees))
+        period, place = divmod(key - self.middle, len(self.degrees))
         degree = self.degrees[place]
-        return None if degree is None else degree + turn * (self.octave or len(scale.ratios))
+        return None if degree is None else degree + period * (self.octave or len(scale.ratios))
 
     def hertz(self, key: int, scale: Scale) -> float | None:
         """The frequency of a key [Hz]; None if the key has no pitch."""

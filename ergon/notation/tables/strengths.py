@@ -119,16 +119,16 @@ class Levels:
             return self.steps[number % len(self.steps)]
         first_level, last_level = self.steps
         share = min(1.0, number / (count - 1)) if count > 1 else 0.0
-        value = first_level.low + (last_level.low - first_level.low) * share
-        return Level(value, value, first_level.is_strength)
+        impulse = first_level.low + (last_level.low - first_level.low) * share
+        return Level(impulse, impulse, first_level.is_strength)
 
 
 MEZZO_FORTE = Level(*(DYNAMICS.index("mf") / _N_STEPS,) * 2, is_strength=True)
 
 
-def velocity(value: int) -> Level:
+def velocity(midi_velocity: int) -> Level:
     """The strength of a MIDI velocity from 1 to 127."""
-    strength = value / 127.0
+    strength = midi_velocity / 127.0
     return Level(strength, strength, is_strength=True)
 
 

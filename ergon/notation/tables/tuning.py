@@ -153,8 +153,8 @@ class Tuning:
             return math.ldexp(
                 self.a4 * (_core.pow(2.0, semitones / 12) if semitones else 1.0), octaves
             )
-        octaves_up = step / self.edo + cents / 1200.0
-        return math.ldexp(self.a4 * (_core.pow(2.0, octaves_up) if octaves_up else 1.0), octaves)
+        octave_rest = step / self.edo + cents / 1200.0
+        return math.ldexp(self.a4 * (_core.pow(2.0, octave_rest) if octave_rest else 1.0), octaves)
 
     def pitch(self, word: str) -> float | None:
         """How high a pitch is in semitones, 69 at 440 Hz, to 0.001 cents; None if the word is no
@@ -168,17 +168,17 @@ class Tuning:
         if self.has_keys:
             octave, step = divmod(key, 12)
             return f"{_KEY_NAMES[step]}{octave - 1}"
-        c4 = self.hertz("C4") or 0.0
-        return hertz_word(_frequency_of_step(c4, key - _MIDDLE_C, self.edo))
+        c4_hertz = self.hertz("C4") or 0.0
+        return hertz_word(_frequency_of_step(c4_hertz, key - _MIDDLE_C, self.edo))
 
-    def above(self, word: str, steps: tuple[int, ...]) -> list[str]:
+    def above(self, word: str, semitone_steps: tuple[int, ...]) -> list[str]:
         """The words of the semitones of a scale or chord above a note, spelled by fifths."""
         fifths_by_step: dict[int, int] = dict(enumerate(_FIFTHS_BY_SEMITONE))
-        if 3 in steps and 7 not in steps:
+        if 3 in semitone_steps and 7 not in semitone_steps:
             fifths_by_step |= _DIMINISHED
-        if 4 in steps and 7 not in steps:
+        if 4 in semitone_steps and 7 not in semitone_steps:
             fifths_by_step |= _AUGMENTED
-        return [_moved_by_fifths(word, fifths_by_step[step % 12], step) for step in steps]
+        return [_moved_by_fifths(word, fifths_by_step[step % 12], step) for step in semitone_steps]
 
     def degrees(self, low: str, high: str) -> list[str]:
         """The words of all steps of an octave of `edo` from a note to another."""
@@ -202,15 +202,15 @@ class Tuning:
 _KEY_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 
 
-def _moved_by_fifths(note_word: str, fifths: int, semitones_up: int) -> str:
-    """A note moved by fifths, `semitones_up` semitones in all."""
+def _moved_by_fifths(note_word: str, fifths: int, semitone_shift: int) -> str:
+    """A note moved by fifths, `semitone_shift` semitones in all."""
     match = _NOTE.fullmatch(note_word)
     assert match is not None
     letter, signs, octave = match[1], _SIGNS[match[2]], int(match[3])
-    position_in_fifths = _LETTERS.index(letter) + 7 * signs + fifths
-    signs, letter_index = divmod(position_in_fifths, 7)
+    fifths_position = _LETTERS.index(letter) + 7 * signs + fifths
+    signs, letter_index = divmod(fifths_position, 7)
     new_letter = _LETTERS[letter_index]
-    semitone = _semitone(letter, _SIGNS[match[2]], octave) + semitones_up
+    semitone = _semitone(letter, _SIGNS[match[2]], octave) + semitone_shift
     octave = (semitone - _semitone(new_letter, signs, 0)) // 12
     if not -2 <= signs <= 2:
         message = (
@@ -230,8 +230,8 @@ def _number(text: str) -> float:
 
 
 def _frequency_of_step(hertz: float, step: int, n_steps: int) -> float:
-    octaves, steps_up = divmod(step, n_steps)
-    return math.ldexp(hertz * (_core.pow(2.0, steps_up / n_steps) if steps_up else 1.0), octaves)
+    octaves, step_rest = divmod(step, n_steps)
+    return math.ldexp(hertz * (_core.pow(2.0, step_rest / n_steps) if step_rest else 1.0), octaves)
 
 
 def semitones(hertz: float) -> float:

@@ -63,8 +63,8 @@ def span(dimension: q.Dimension, example: str) -> Text:
     def parse(span_text: str) -> tuple[float, float]:
         if ".." in span_text:
             return q.span(span_text, read, example)
-        value = read(span_text)
-        return value, value
+        span_value = read(span_text)
+        return span_value, span_value
 
     single_pattern = (
         f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
@@ -81,21 +81,21 @@ def integer(low_bound: int, high_bound: int, example: str) -> Text:
     return Text(parse, words, f"^{_NUMBER}$", is_value=True)
 
 
-def integer_or(other_word: str, low: int, high: int, example: str) -> Text:
+def integer_or(alternative: str, low: int, high: int, example: str) -> Text:
     """A whole number, or a word."""
     integer_text = integer(low, high, example)
 
     def parse(text: str) -> int | str:
         word_text = text.strip()
-        if word_text[:1].isalpha() and word_text != other_word:
-            message = f"{quote(word_text)} is neither a whole number nor {other_word}"
-            raise TextError(message, length=len(word_text), suggestion=other_word, code="E201")
-        return other_word if word_text == other_word else int(integer_text.parse(text))
+        if word_text[:1].isalpha() and word_text != alternative:
+            message = f"{quote(word_text)} is neither a whole number nor {alternative}"
+            raise TextError(message, length=len(word_text), suggestion=alternative, code="E201")
+        return alternative if word_text == alternative else int(integer_text.parse(text))
 
     return Text(
         _cached(parse),
-        f"{integer_text.what}, or {other_word}",
-        f"^({(integer_text.pattern or '')[1:-1]}|{other_word})$",
+        f"{integer_text.what}, or {alternative}",
+        f"^({(integer_text.pattern or '')[1:-1]}|{alternative})$",
         is_value=True,
     )
 
@@ -234,10 +234,7 @@ LENGTH = Text(
 )
 METER = Text(parse_meter, "a meter, such as 4/4", r"^[0-9]+(\+[0-9]+)*/[0-9]+$", types=("string",))
 BPM = Text(
-    parse_bpm,
-    "a tempo, such as 60 or 60 -> 96",
-    rf"^{_NUMBER}( *-> *{_NUMBER})?$",
-    is_value=True,
+    parse_bpm, "a tempo, such as 60 or 60 -> 96", rf"^{_NUMBER}( *-> *{_NUMBER})?$", is_value=True
 )
 TITLE = Text(_title, "a text", types=("string", "number", "boolean"))
 PATH = Text(_path, "the name of a file", types=("string",))

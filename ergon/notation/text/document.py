@@ -153,8 +153,8 @@ class Sequence(Node):
 
     def span(self, number: int) -> tuple[int, int]:
         """Where an item begins and ends, as the places of the list count."""
-        item, base = self.items[number], self.bases[number] if self.bases else 0
-        return base + item.start, base + item.end
+        child, base = self.items[number], self.bases[number] if self.bases else 0
+        return base + child.start, base + child.end
 
 
 @dataclass(eq=False, slots=True)

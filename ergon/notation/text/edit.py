@@ -44,13 +44,13 @@ def put(document: Document, path: Path, value_text: str, name_order: Sequence[st
         child_index = spans[-2].index(path[-1]) if path else None
         if child_index is None:
             raise EditError("a whole file cannot be set; name a field of it")
-        splices = edit.changes.replaced(spans[-2], child_index, value_text)
-        in_flow = spans[-2].is_flow
+        splices = edit.changes.replace_child(spans[-2], child_index, value_text)
+        is_in_flow = spans[-2].is_flow
     else:
-        splices = edit.changes.added(spans, path, value_text, name_order, is_item=False)
-        in_flow = False
-    value = _value(value_text, in_flow)
-    return edit.checked_text(splices, _with_value(edit.tree, path, lambda _: value))
+        splices = edit.changes.add_entry(spans, path, value_text, name_order, is_item=False)
+        is_in_flow = False
+    new_value = _parse_value(value_text, is_in_flow)
+    return edit.checked_text(splices, _with_value(edit.tree, path, lambda _: new_value))
 
 
 def insert(document: Document, path: Path, item_text: str) -> str:
@@ -60,8 +60,8 @@ def insert(document: Document, path: Path, item_text: str) -> str:
     item_index = path[-1] if path else None
     if len(spans) <= len(path) or not isinstance(item_index, int):
         raise EditError(f"there is no {named(path)}")
-    item_value = _value(item_text, in_flow=True)
-    splices = edit.changes.before(spans[-2], item_index, item_text)
+    item_value = _parse_value(item_text, is_in_flow=True)
+    splices = edit.changes.insert_before(spans[-2], item_index, item_text)
 
     def with_item(items_before: Any) -> Tree:
         return [*items_before[:item_index], item_value, *items_before[item_index:]]
@@ -77,12 +77,12 @@ def append(document: Document, path: Path, text: str, order: Sequence[str] = ())
     edit = _Edit(document)
     spans = edit.follow(path)
     last_span = spans[-1] if spans else None
-    item_value = _value(text, in_flow=True)
+    item_value = _parse_value(text, is_in_flow=True)
     if len(spans) <= len(path) or last_span is None or last_span.is_empty:
-        splices = edit.changes.added(spans, path, text, order, is_item=True)
+        splices = edit.changes.add_entry(spans, path, text, order, is_item=True)
         return edit.checked_text(splices, _with_value(edit.tree, path, lambda _: [item_value]))
     if last_span.kind == "sequence":
-        splices = edit.changes.item(last_span, text)
+        splices = edit.changes.append_item(last_span, text)
         return edit.checked_text(
             splices, _with_value(edit.tree, path, lambda old: [*(old or ()), item_value])
         )
@@ -94,23 +94,23 @@ def extend(
     document: Document, path: Path, item_texts: Sequence[str], name_order: Sequence[str] = ()
 ) -> str:
     """Add several items at the end of a sequence, as `append` does one. Raises EditError."""
-    first_text, *other_texts = item_texts
-    text_with_first = append(document, path, first_text, name_order)
-    if not other_texts:
-        return text_with_first
-    document = read(text_with_first, document.file)
+    first_text, *later_texts = item_texts
+    extended_text = append(document, path, first_text, name_order)
+    if not later_texts:
+        return extended_text
+    document = read(extended_text, document.file)
     edit = _Edit(document)
     node = edit.follow(path)[-1]
-    item_values = [_value(text, in_flow=True) for text in other_texts]
-    splices = [splice for text in other_texts for splice in edit.changes.item(node, text)]
+    item_values = [_parse_value(text, is_in_flow=True) for text in later_texts]
+    splices = [splice for text in later_texts for splice in edit.changes.append_item(node, text)]
     try:
         return edit.checked_text(
             splices, _with_value(edit.tree, path, lambda old: [*old, *item_values])
         )
     except EditError:  # each has a comma of its own
-        for text in other_texts:
-            text_with_first = append(read(text_with_first, document.file), path, text, name_order)
-        return text_with_first
+        for text in later_texts:
+            extended_text = append(read(extended_text, document.file), path, text, name_order)
+        return extended_text
 
 
 def remove(document: Document, *paths: Path) -> str:
@@ -120,16 +120,16 @@ def remove(document: Document, *paths: Path) -> str:
     """
     edit = _Edit(document)
     splices: list[Splice] = []
-    parents_and_indices: list[tuple[Span, int]] = []
+    removed_children: list[tuple[Span, int]] = []
     for path in paths:
-        chain = edit.follow(path)
-        if not path or len(chain) <= len(path):
+        spans = edit.follow(path)
+        if not path or len(spans) <= len(path):
             raise EditError(f"there is no {named(path)}")
-        item_index = chain[-2].index(path[-1])
+        item_index = spans[-2].index(path[-1])
         assert item_index is not None
-        parents_and_indices.append((chain[-2], item_index))
-    removed_indices = {number for _, number in parents_and_indices}  # all of one parent
-    for parent, item_index in parents_and_indices:
+        removed_children.append((spans[-2], item_index))
+    removed_indices = {number for _, number in removed_children}  # all of one parent
+    for parent, item_index in removed_children:
         changes = edit.changes
         splices += (
             changes.cut_flow(parent, item_index, removed_indices)
@@ -153,7 +153,7 @@ def add_row(document: Document, path: Path, text: str) -> str:
         return put(document, path, json.dumps("\n".join(table_rows), ensure_ascii=False))
     text_layout = edit.layout
     line_end = text_layout.line_end(value_span.end)
-    indent = text_layout.indent_step + edit.indent_of(path)
+    indent = text_layout.indent_step + edit.indent(path)
     for start, stop in reversed(edit.changes.rows(value_span)):
         if line := text_layout.text[start:stop].strip():
             indent = text_layout.text[start:stop].index(line)
@@ -174,29 +174,29 @@ def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) 
     """Set lines of a table by their numbers, or take them away. Raises EditError."""
     edit = _Edit(document)
     table, value_span = edit.table(path)
-    table_lines: list[str | None] = [*rows(table)]
+    table_rows: list[str | None] = [*rows(table)]
     splices, text_layout = [], edit.layout
     row_spans = edit.changes.rows(value_span) if value_span.is_block else []
     for row_index, row_text in changes.items():
-        if not 0 <= row_index < len(table_lines):
+        if not 0 <= row_index < len(table_rows):
             raise EditError(f"{named(path)} has no line {row_index + 1}")
-        comment = _comment(table_lines[row_index] or "")
-        table_lines[row_index] = None if row_text is None else row_text + comment
+        comment = _row_comment(table_rows[row_index] or "")
+        table_rows[row_index] = None if row_text is None else row_text + comment
         if value_span.is_block:
             row_start, row_stop = row_spans[row_index]
             indent = len(text_layout.text[row_start:row_stop]) - len(
                 text_layout.text[row_start:row_stop].lstrip()
             )
-            replaced_span = (
+            changed_span = (
                 text_layout.full_lines(row_start, row_stop)
                 if row_text is None
                 else (row_start + indent, row_stop - len(comment))
             )
-            splices.append(Splice(*replaced_span, row_text or ""))
-    rows_left = [line for line in table_lines if line is not None]
+            splices.append(Splice(*changed_span, row_text or ""))
+    remaining_rows = [line for line in table_rows if line is not None]
     if not value_span.is_block:
-        return put(document, path, quoted("\n".join(rows_left)))
-    return edit.checked_rows(splices, path, rows_left)
+        return put(document, path, quoted("\n".join(remaining_rows)))
+    return edit.checked_rows(splices, path, remaining_rows)
 
 
 def quoted(plain_text: str) -> str:
@@ -237,28 +237,28 @@ class _Edit:
         """
         if self.layout.root is None:
             return []
-        chain = [self.layout.root]
+        spans = [self.layout.root]
         for depth, name in enumerate(path):
-            span = chain[-1]
+            span = spans[-1]
             if span.kind == "alias":
-                shared = f"{named(path[:depth])} is the alias `*{span.value}` of a value "
+                alias_text = f"{named(path[:depth])} is the alias `*{span.value}` of a value "
                 raise EditError(
-                    f"{shared}that is written elsewhere; replace the alias by the value first"
+                    f"{alias_text}that is written elsewhere; replace the alias by the value first"
                 )
             child_index = span.index(name)
             if child_index is None:
                 break
-            chain.append(span.items[child_index])
-        return chain
+            spans.append(span.items[child_index])
+        return spans
 
     def table(self, path: Path) -> tuple[str, Span]:
         """The text and the span of a table."""
-        chain = self.follow(path)
-        if len(chain) <= len(path) or chain[-1].kind != "scalar":
+        spans = self.follow(path)
+        if len(spans) <= len(path) or spans[-1].kind != "scalar":
             raise EditError(f"{named(path)} is not a table")
-        return chain[-1].value, chain[-1]
+        return spans[-1].value, spans[-1]
 
-    def indent_of(self, path: Path) -> int:
+    def indent(self, path: Path) -> int:
         """The indentation of the name or dash of the value at a path."""
         parent = self.follow(path)[-2]
         child_index = parent.index(path[-1])
@@ -295,7 +295,7 @@ def _child(parent_node: Node | None, child_name: str | int) -> Node | None:
     return None
 
 
-def _comment(table_row: str) -> str:
+def _row_comment(table_row: str) -> str:
     """The comment at the end of a table's line, with the spaces before it."""
     code = table_row.rstrip()
     for column, character in enumerate(table_row):
@@ -305,12 +305,12 @@ def _comment(table_row: str) -> str:
     return table_row[len(code) :]
 
 
-def _value(value_text: str, in_flow: bool) -> Tree:
+def _parse_value(value_text: str, is_in_flow: bool) -> Tree:
     """The value of one line of YAML, in flow or block context. Raises EditError if it is not one
     value.
     """
     collector = Collector()
-    source = f"[{value_text}\n]" if in_flow else f"k: {value_text}"
+    source = f"[{value_text}\n]" if is_in_flow else f"k: {value_text}"
     root_node = compose(source, "", collector).root
     if "\n" in value_text or collector.has_errors():
         raise EditError(f"{quote(value_text)} is not one value")
@@ -321,27 +321,27 @@ def _value(value_text: str, in_flow: bool) -> Tree:
     raise EditError(f"{quote(value_text)} is not one value")
 
 
-def tree(node: Node | None, by_node: dict[int, Tree] | None = None) -> Tree:
+def tree(node: Node | None, tree_by_id: dict[int, Tree] | None = None) -> Tree:
     """The value of a node with its aliases resolved: texts, and lists and mappings of values; None
     if it is empty.
     """
     if node is None:
         return None
-    by_node = {} if by_node is None else by_node
-    if id(node) not in by_node:
-        value: Tree
+    tree_by_id = {} if tree_by_id is None else tree_by_id
+    if id(node) not in tree_by_id:
+        node_tree: Tree
         if isinstance(node, document.Mapping):
-            value = {
-                name: tree(child, by_node) for name, (_, child) in node.entries.items()
+            node_tree = {
+                name: tree(child, tree_by_id) for name, (_, child) in node.entries.items()
             } or None
         elif isinstance(node, document.Sequence):
-            value = [tree(child, by_node) for child in node.items] or None
+            node_tree = [tree(child, tree_by_id) for child in node.items] or None
         else:
             assert isinstance(node, Scalar)
             text = node.text.rstrip("\n") if node.style in ("|", ">") else node.text
-            value = None if node.is_empty else text
-        by_node[id(node)] = value
-    return by_node[id(node)]
+            node_tree = None if node.is_empty else text
+        tree_by_id[id(node)] = node_tree
+    return tree_by_id[id(node)]
 
 
 def _with_value(tree: Tree, path: Path, value_change: Callable[[Any], Tree]) -> Tree:

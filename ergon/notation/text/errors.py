@@ -82,7 +82,7 @@ class Collector:
     def clear(self) -> None:
         """Forget all reports."""
         self.n_reports = 0
-        self._by_message: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
+        self._reports: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         self._files: dict[str, int] = {}
         self._loops: dict[str, list[range]] = {}  # lines of loops, by file
@@ -111,14 +111,14 @@ class Collector:
         # owner up to the first colon, and a loop changes numbers: the key leaves both out.
         words = message.partition(": ")[2] or message
         report_key = (code, _NUMBER.sub("0", words) if self._is_looped(place) else words, place)
-        if report_key in self._by_message:
+        if report_key in self._reports:
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
         self._counts[diagnostic.severity] += 1
-        if len(self._by_message) < MAX_KEPT:
+        if len(self._reports) < MAX_KEPT:
             # Suggestions are searched in `finish`: of 10,000 mistakes only 20 are shown.
             candidates = (word, *names) if word is not None else ()
-            self._by_message[report_key] = (diagnostic, candidates)
+            self._reports[report_key] = (diagnostic, candidates)
 
     def loop(self, first_place: Place, last_place: Place) -> None:
         """Note the lines of a loop: each of its mistakes is told once, not in each turn."""
@@ -139,8 +139,8 @@ class Collector:
 
     def finish(self) -> list[Diagnostic]:
         """Everything found, in file order: at most 20 of each severity, with suggestions."""
-        in_order = sorted(
-            self._by_message.values(),
+        ordered_reports = sorted(
+            self._reports.values(),
             key=lambda item: (
                 self._files.get(item[0].place.file, len(self._files)),
                 item[0].place.line,
@@ -150,7 +150,7 @@ class Collector:
         )
         shown_counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         sorted_diagnostics = []
-        for diagnostic, similar_names in in_order:
+        for diagnostic, similar_names in ordered_reports:
             shown_counts[diagnostic.severity] += 1
             if shown_counts[diagnostic.severity] <= MAX_SHOWN:
                 sorted_diagnostics.append(_with_suggestion(diagnostic, similar_names))
@@ -191,8 +191,8 @@ _SPELLED_VOWELS = "AEFHILMNORSX"  # letters whose names begin with a vowel
 def with_article(noun: str) -> str:
     """The noun with its article: `a mass`, `an impulse`, `a MAS`, `an LNL`."""
     is_spelled = noun.isupper() and not set(noun.lower()) & set(_VOWELS)
-    begins = noun[0] in _SPELLED_VOWELS if is_spelled else noun[0].lower() in _VOWELS
-    return f"{'an' if begins else 'a'} {noun}"
+    starts_with_vowel = noun[0] in _SPELLED_VOWELS if is_spelled else noun[0].lower() in _VOWELS
+    return f"{'an' if starts_with_vowel else 'a'} {noun}"
 
 
 # --- showing ------------------------------------------------------------------------------------
@@ -208,12 +208,12 @@ def concise(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None)
 def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
     """The sentence, the source line, a caret with the suggestion, and one line of help."""
     shown = diagnostic
-    source_here = (sources or {}).get(shown.place.file)
-    if source_here is None:
+    source = (sources or {}).get(shown.place.file)
+    if source is None:
         return concise(shown) + (f"\n    = {shown.help}" if shown.help else "")
     report_lines = [f"{shown.place}: {shown.severity}[{shown.code}] {shown.message}"]
     gutter_text = f" {shown.place.line} | "
-    text, indentation, marked_width = _window(source_here.line(shown.place.line), shown.place)
+    text, indentation, marked_width = _window(source.line(shown.place.line), shown.place)
     suggestion_text = f" did you mean {quote(shown.suggestion)}?" if shown.suggestion else ""
     report_lines.append(gutter_text + text)
     report_lines.append(
@@ -260,10 +260,10 @@ def github(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) 
     return f"::{github_kind} {location},title={shown.code}::{message.replace('%', '%25')}"
 
 
-def _escaped(value: str) -> str:
+def _escaped(field_value: str) -> str:
     for character, code in (("%", "%25"), ("\r", "%0D"), ("\n", "%0A"), (":", "%3A"), (",", "%2C")):
-        value = value.replace(character, code)
-    return value
+        field_value = field_value.replace(character, code)
+    return field_value
 
 
 def json_line(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:

@@ -43,9 +43,9 @@ def formatted(source_text: str) -> str:
         raise TextError(f"more than {MAX_BYTES // 2**20} MB of text", code="E105")
     try:
         meaning_before = _meaning(source_text)
-        result = _trimmed(_aligned(_spaced(source_text)))
-        if _meaning(result) == meaning_before:
-            return result
+        formatted_text = _trimmed(_aligned(_spaced(source_text)))
+        if _meaning(formatted_text) == meaning_before:
+            return formatted_text
     except yaml.YAMLError as error:
         if is_too_deep(error):
             raise TextError(TOO_DEEP, code="E105") from None

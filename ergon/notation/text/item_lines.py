@@ -18,7 +18,7 @@ from ergon.notation.text.errors import Collector
 
 # An item in braces, without quotes or comments.
 _PLAIN_TEXT = r"[^][{}\"'#\n]*+"
-_BRACED_REST = rf"{_PLAIN_TEXT}(?:\[{_PLAIN_TEXT}\]{_PLAIN_TEXT})*+\}}"
+_BRACED_TAIL = rf"{_PLAIN_TEXT}(?:\[{_PLAIN_TEXT}\]{_PLAIN_TEXT})*+\}}"
 # Lines of one indentation, each an item or an entry; and items in one line. With fewer than 8,
 # nothing is gained. Both begin with a character that is quickly found.
 _ENTRY = r"[A-Za-z][\w-]*: "
@@ -26,7 +26,7 @@ _LINES = re.compile(
     r"\n( *)- \{[^\n]*\}(?=\n)(?:\n\1- \{[^\n]*\}(?=\n)){7,}"
     rf"|\n( +){_ENTRY}\{{[^\n]*\}}(?=\n)(?:\n\2{_ENTRY}\{{[^\n]*\}}(?=\n)){{7,}}"
 )
-_ITEMS = re.compile(rf"\{{(?:(?<=\[\{{)|(?<=, \{{)){_BRACED_REST}(?:, \{{{_BRACED_REST}){{7,}}+")
+_ITEMS = re.compile(rf"\{{(?:(?<=\[\{{)|(?<=, \{{)){_BRACED_TAIL}(?:, \{{{_BRACED_TAIL}){{7,}}+")
 _size, _node = attrgetter("size"), attrgetter("node")
 _NAME = "lines"  # placeholder for a run; in a mapping with a number
 
@@ -58,11 +58,11 @@ def find_runs(source_text: str) -> list[FoundRun]:
     item_runs = [FoundRun(*match.span(), None, False) for match in _ITEMS.finditer(source_text)]
     if not runs or not item_runs:
         return runs or item_runs
-    result: list[FoundRun] = []
+    disjoint_runs: list[FoundRun] = []
     for run in sorted(runs + item_runs):
-        if not result or run.start >= result[-1].end:
-            result.append(run)
-    return result
+        if not disjoint_runs or run.start >= disjoint_runs[-1].end:
+            disjoint_runs.append(run)
+    return disjoint_runs
 
 
 @dataclass(slots=True)
@@ -71,40 +71,36 @@ class _LineRun:
     text; `lines` are its values, once they are composed.
     """
 
-    first: int
+    start: int
     end: int
-    short_first: int
+    short_start: int
     stand_in_index: int  # after its dash, or at its name
     short_end: int
-    words: list[str]  # lines, or what is between braces
+    line_words: list[str]  # lines, or what is between braces
     gap_length: int  # between two of them
-    name: str  # the placeholder
+    placeholder: str  # the placeholder
     lines: list[Line] = field(default_factory=list)
 
     @property
     def is_mapping(self) -> bool:
         """Whether the values are entries with names."""
-        return self.name != _NAME
+        return self.placeholder != _NAME
 
     def full_index(self, run_index: int) -> int:
         """Index in the text of an index of the shortened text, at this run or after it."""
         # A mapping begins where its first name does.
         if run_index < self.stand_in_index + self.is_mapping:
-            return self.first + run_index - self.short_first
+            return self.start + run_index - self.short_start
         return self.end + run_index - self.short_end
 
     def value_starts(self) -> Iterator[int]:
         """Where each value begins in the text."""
-        gaps = count(self.first, self.gap_length)
-        return map(add, accumulate(map(len, self.words[:-1]), initial=0), gaps)
+        gaps = count(self.start, self.gap_length)
+        return map(add, accumulate(map(len, self.line_words[:-1]), initial=0), gaps)
 
 
 def compose_by_lines(
-    source_text: str,
-    file_name: str,
-    folder: Path,
-    row_index: int,
-    known_lines: Mapping[str, Line],
+    source_text: str, file_name: str, folder: Path, row_index: int, known_lines: Mapping[str, Line]
 ) -> tuple[Document, dict[str, Line]] | None:
     """The nodes of a text, and the lines of its lists and mappings; lines that are `known_lines`
     are not composed.
@@ -122,16 +118,16 @@ def compose_by_lines(
     composed.forget_lines()
     lines_by_word: dict[str, Line] = {}
     for run in runs:
-        first_row = row_index + n_lines(source_text[: run.first])
-        lines_before = [*map(known_lines.get, run.words)]
-        for line_index in [number for number, line in enumerate(lines_before) if line is None]:
+        first_row = row_index + n_lines(source_text[: run.start])
+        run_lines = [*map(known_lines.get, run.line_words)]
+        for line_index in [number for number, line in enumerate(run_lines) if line is None]:
             line_word, line_row = (
-                run.words[line_index],
+                run.line_words[line_index],
                 first_row if run.gap_length else first_row + line_index,
             )
             composed_line = lines_by_word.get(line_word)
             if composed_line is None:
-                composed_line = _line(
+                composed_line = _compose_line(
                     f"{{{line_word}}}" if run.gap_length else line_word,
                     file_name,
                     line_row,
@@ -140,10 +136,10 @@ def compose_by_lines(
             if composed_line is None:
                 return None
             composed_line.node.document.folder = folder
-            lines_before[line_index] = lines_by_word[line_word] = composed_line
-        run.lines = cast("list[Line]", lines_before)  # none is missing any more
-        lines_by_word.update(zip(run.words, run.lines, strict=True))
-    return (composed, lines_by_word) if _filled(composed, runs) else None
+            run_lines[line_index] = lines_by_word[line_word] = composed_line
+        run.lines = cast("list[Line]", run_lines)  # none is missing any more
+        lines_by_word.update(zip(run.line_words, run.lines, strict=True))
+    return (composed, lines_by_word) if _fill_runs(composed, runs) else None
 
 
 def _shortened(source_text: str) -> tuple[str, list[_LineRun]]:
@@ -188,7 +184,7 @@ def _shortened(source_text: str) -> tuple[str, list[_LineRun]]:
     return short_text + source_text[copied_until:], runs
 
 
-def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
+def _compose_line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
     collector = Collector()
     composed = compose(text, file, collector, row)
     if collector.n_reports:
@@ -204,13 +200,13 @@ def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
     return Line(composed.root, composed.size - is_mapping)
 
 
-def _filled(composed: Document, runs: list[_LineRun]) -> bool:
+def _fill_runs(composed: Document, runs: list[_LineRun]) -> bool:
     """Put the lines in their places, and move all other nodes to their places in the text.
 
     False if a run is not part of a list or mapping after all.
     """
     assert composed.root is not None
-    by_item, all_nodes = (
+    runs_by_item, all_nodes = (
         {line_run.stand_in_index: line_run for line_run in runs},
         list(_nodes(composed.root)),
     )
@@ -220,11 +216,11 @@ def _filled(composed: Document, runs: list[_LineRun]) -> bool:
     n_filled = 0
     for moved_node in all_nodes:
         if isinstance(moved_node, document.Mapping):
-            n_filled += _fill_entries(moved_node, by_item)
+            n_filled += _fill_entries(moved_node, runs_by_item)
         if not isinstance(moved_node, Sequence):
             continue
         item_runs = [
-            isinstance(item, Scalar) and item.text == _NAME and by_item.get(item.start)
+            isinstance(item, Scalar) and item.text == _NAME and runs_by_item.get(item.start)
             for item in moved_node.items
         ]
         if any(item_runs):
@@ -249,7 +245,7 @@ def _nodes(root: Node) -> Iterator[Node]:
 
 def _full_index(index: int, runs: list[_LineRun]) -> int:
     """Index in the text of an index of the shortened text."""
-    earlier_runs = [run for run in runs if run.short_first <= index]
+    earlier_runs = [run for run in runs if run.short_start <= index]
     return earlier_runs[-1].full_index(index) if earlier_runs else index
 
 
@@ -275,7 +271,7 @@ def _fill_items(sequence: Sequence, item_runs: Iterable[_LineRun | bool | None])
     return n_filled
 
 
-def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _LineRun]) -> int:
+def _fill_entries(mapping: document.Mapping, runs_by_item: Mapping[int, _LineRun]) -> int:
     """Put the entries of runs in place of the entries that replaced them; returns the number of
     runs.
 
@@ -284,18 +280,18 @@ def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _LineRun]) ->
     fills = [
         run
         for name, (key, _) in mapping.entries.items()
-        if (run := by_item.get(key.start)) is not None and run.name == name
+        if (run := runs_by_item.get(key.start)) is not None and run.placeholder == name
     ]
     if not fills:
         return 0
     old_entries, n_names = mapping.entries, len(mapping.entries)
     mapping.entries = {}
     for entry_name, filled_entry in old_entries.items():
-        run = by_item.get(filled_entry[0].start)
-        if run is None or run.name != entry_name:
+        run = runs_by_item.get(filled_entry[0].start)
+        if run is None or run.placeholder != entry_name:
             mapping.entries[entry_name] = filled_entry
             continue
-        n_names += len(run.words) - 1
+        n_names += len(run.line_words) - 1
         for run_line, base in zip(run.lines, run.value_starts(), strict=True):
             assert isinstance(run_line.node, document.Mapping)
             mapping.entries |= run_line.node.entries

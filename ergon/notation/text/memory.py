@@ -40,9 +40,10 @@ class Memory:
         self.is_loose = is_loose
         self.lock = threading.RLock()  # one reading at a time: all share the collector
         self._collector = Collector()
-        self._values_now: dict[Hashable, Any] = {}
-        self._values_before: dict[Hashable, Any] = {}
-        self.last: tuple[Any, Any] | None = None  # what was read last as a whole, and what it is
+        self._new_values: dict[Hashable, Any] = {}
+        self._old_values: dict[Hashable, Any] = {}
+        # What was read last as a whole, and what it is.
+        self.last_reading: tuple[Any, Any] | None = None
         # For each section (file, name): the lines of its lists, by their texts.
         self.lines: dict[tuple[str, str], dict[str, Line]] = {}
         self._held_values: dict[str, tuple[Any, Any]] = {}
@@ -55,11 +56,11 @@ class Memory:
         not use are not forgotten.
         """
         if is_whole:
-            self._values_before, self._values_now = self._values_now, {}
+            self._old_values, self._new_values = self._new_values, {}
         self._collector.clear()
         return self._collector
 
-    def under(self, file_name: str, condition: Any) -> None:
+    def set_condition(self, file_name: str, condition: Any) -> None:
         """Forget all values of a file if its condition has changed. The meaning of its texts
         depends on the condition, as that of notes depends on the tuning. The condition of a new
         file is None.
@@ -67,7 +68,7 @@ class Memory:
         if self._conditions.get(file_name) == condition:
             return
         self._conditions[file_name] = condition
-        self._values_now, self._values_before, self._held_values, self.last = {}, {}, {}, None
+        self._new_values, self._old_values, self._held_values, self.last_reading = {}, {}, {}, None
         for lines in self.lines.values():
             for line in lines.values():
                 line.values.clear()
@@ -81,9 +82,9 @@ class Memory:
             else None
         )
 
-    def hold(self, name: str, condition: Any, value: Any) -> None:
+    def hold(self, name: str, condition: Any, stored_value: Any) -> None:
         """Hold a value and its condition under a name, in place of the value before."""
-        self._held_values[name] = condition, value
+        self._held_values[name] = condition, stored_value
 
     def held_for(self, name: str, *objects: Any) -> Any:
         """The value held under a name for the same objects; None if it is held for other
@@ -99,13 +100,13 @@ class Memory:
         reported a mistake.
         """
         new_value: _Value
-        if key in self._values_now:
-            new_value = self._values_now[key]
-        elif key in self._values_before:
-            new_value = self._values_now[key] = self._values_before[key]
+        if key in self._new_values:
+            new_value = self._new_values[key]
+        elif key in self._old_values:
+            new_value = self._new_values[key] = self._old_values[key]
         else:
             n_reports = self._collector.n_reports
             new_value = make()
             if self._collector.n_reports == n_reports:
-                self._values_now[key] = new_value
+                self._new_values[key] = new_value
         return new_value

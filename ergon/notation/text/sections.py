@@ -27,7 +27,7 @@ class Section:
     """A section's name and value, whose places count from its first line."""
 
     name: Scalar
-    value: Node
+    node: Node
     size: int
 
 
@@ -123,7 +123,7 @@ def compose_with_memory(
             or section_name in entries_by_name
         ):
             break
-        entries_by_name[section_name] = composed_section.name, composed_section.value
+        entries_by_name[section_name] = composed_section.name, composed_section.node
         total_size += composed_section.size
     else:
         if entries_by_name and total_size <= MAX_NODES:

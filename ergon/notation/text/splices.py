@@ -40,7 +40,7 @@ class Changes:
 
     # --- setting ---------------------------------------------------------------------------------
 
-    def replaced(self, parent: Span, child_index: int, text: str) -> list[Splice]:
+    def replace_child(self, parent: Span, child_index: int, text: str) -> list[Splice]:
         """Set the value of a child; if the old value has several lines, all of them are removed."""
         text_layout, child_span = self.layout, parent.items[child_index]
         if child_span.start == child_span.end:  # nothing after the colon or dash
@@ -54,15 +54,15 @@ class Changes:
         if child_span.is_block:
             header_splice = Splice(child_span.start, text_layout.header_end(child_span), text)
             return [header_splice, *self.lines_after(child_span.start, child_span.end)]
-        on_own_lines = child_span.kind in ("mapping", "sequence") and text_layout.begins_line(
+        is_below_key = child_span.kind in ("mapping", "sequence") and text_layout.begins_line(
             child_span.start
         )
-        if on_own_lines and not child_span.is_flow:
+        if is_below_key and not child_span.is_flow:
             child_start = text_layout.child_start(parent, child_index)
             key_end = parent.keys[child_index].end if parent.kind == "mapping" else child_start
-            value_place = text_layout.next_token(key_end) + 1
+            value_offset = text_layout.next_token(key_end) + 1
             return [
-                Splice(value_place, value_place, f" {text}"),
+                Splice(value_offset, value_offset, f" {text}"),
                 Splice(*text_layout.full_lines(child_span.start, child_span.end), ""),
             ]
         return [Splice(child_span.start, child_span.end, text)]
@@ -79,17 +79,17 @@ class Changes:
             else []
         )
 
-    def added(
+    def add_entry(
         self,
-        chain: list[Span],
+        spans: list[Span],
         path: Path,
         entry_text: str,
         name_order: Sequence[str],
         is_item: bool,
     ) -> list[Splice]:
         """Add an entry that does not exist yet, below the last part of its path that does."""
-        if not chain:
-            nested_value = self.layout.newline.join(self.nested(path, entry_text, 0, is_item))
+        if not spans:
+            nested_value = self.layout.newline.join(self.nested_lines(path, entry_text, 0, is_item))
             full_text = self.layout.text
             line_break_before = (
                 self.layout.newline if full_text and not full_text.endswith(("\n", "\r")) else ""
@@ -101,29 +101,29 @@ class Changes:
                     line_break_before + nested_value + self.layout.newline,
                 )
             ]
-        last_span, path_rest = chain[-1], path[len(chain) - 1 :]
-        if last_span.is_empty and len(chain) > 1:
-            return self.filled(
-                chain[-2], last_span, path[len(chain) - 2], path_rest, entry_text, is_item
+        last_span, path_rest = spans[-1], path[len(spans) - 1 :]
+        if last_span.is_empty and len(spans) > 1:
+            return self.fill_empty(
+                spans[-2], last_span, path[len(spans) - 2], path_rest, entry_text, is_item
             )
         if last_span.kind != "mapping" or not path_rest or isinstance(path_rest[0], int):
             raise EditError(f"there is no {named(path)}")
         if last_span.is_flow:
-            return self.item(last_span, _flow(path_rest, entry_text, is_item))
+            return self.append_item(last_span, _flow(path_rest, entry_text, is_item))
         indent = self.layout.column(last_span.keys[0].start)
-        nested_lines = self.nested(path_rest, entry_text, indent, is_item)
-        if len(chain) == 1:
-            return self.section(last_span, str(path_rest[0]), nested_lines, name_order)
-        return [self.below(last_span.end, nested_lines)]
+        nested_lines = self.nested_lines(path_rest, entry_text, indent, is_item)
+        if len(spans) == 1:
+            return self.insert_section(last_span, str(path_rest[0]), nested_lines, name_order)
+        return [self.insert_below(last_span.end, nested_lines)]
 
-    def filled(
+    def fill_empty(
         self, parent: Span, node: Span, name: str | int, path_rest: Path, text: str, is_item: bool
     ) -> list[Splice]:
         """Fill an empty value: with lines below its name, or in flow style in its place."""
         child_index = parent.index(name)
         assert child_index is not None
         if parent.is_flow or node.start != node.end or not (path_rest or is_item):
-            return self.replaced(
+            return self.replace_child(
                 parent, child_index, _flow(path_rest, text, is_item, outermost=True)
             )
         indent = (
@@ -132,13 +132,15 @@ class Changes:
         )
         # Without a name left to make, the value itself is the list.
         nested_lines = (
-            self.nested(path_rest, text, indent, is_item)
+            self.nested_lines(path_rest, text, indent, is_item)
             if path_rest
             else [" " * indent + f"- {text}"]
         )
-        return [self.below(node.end, nested_lines)]
+        return [self.insert_below(node.end, nested_lines)]
 
-    def nested(self, names_below: Path, value_text: str, indent: int, is_item: bool) -> list[str]:
+    def nested_lines(
+        self, names_below: Path, value_text: str, indent: int, is_item: bool
+    ) -> list[str]:
         """Lines of nested names; the innermost holds the value, or a list of it."""
         indent_step = self.layout.indent_step
         nested_lines = [
@@ -152,12 +154,12 @@ class Changes:
             ]
         return [*nested_lines[:-1], f"{nested_lines[-1]} {value_text}"]
 
-    def below(self, index: int, lines: Sequence[str]) -> Splice:
+    def insert_below(self, index: int, lines: Sequence[str]) -> Splice:
         """Insert lines after the line of a character."""
         end = self.layout.line_end(index)
         return Splice(end, end, "".join(self.layout.newline + line for line in lines))
 
-    def section(
+    def insert_section(
         self, root: Span, name: str, lines: list[str], order: Sequence[str]
     ) -> list[Splice]:
         """Insert a section in its place, with an empty line above if the others have one."""
@@ -176,14 +178,16 @@ class Changes:
         is_spaced = text_layout.is_blank(next_line)
         if next_line == len(text_layout.text):
             is_spaced = text_layout.newline * 2 in text_layout.text
-        return [self.below(section_end, ["", *lines] if is_spaced and len(lines) > 1 else lines)]
+        return [
+            self.insert_below(section_end, ["", *lines] if is_spaced and len(lines) > 1 else lines)
+        ]
 
-    def item(self, list_span: Span, item_text: str) -> list[Splice]:
+    def append_item(self, list_span: Span, item_text: str) -> list[Splice]:
         """Add an item at the end of a list or, in flow style, of a mapping."""
         text_layout = self.layout
         if not list_span.is_flow:
             dash_column = text_layout.column(text_layout.child_start(list_span, 0))
-            return [self.below(list_span.end, [f"{' ' * dash_column}- {item_text}"])]
+            return [self.insert_below(list_span.end, [f"{' ' * dash_column}- {item_text}"])]
         if not list_span.items:
             opening_index = text_layout.text.index(
                 "[" if list_span.kind == "sequence" else "{", list_span.start
@@ -203,20 +207,20 @@ class Changes:
             text_layout.line_end(end_index) > closing_index
         ):  # the bracket closes in the last item's line
             return [Splice(end_index, end_index, f", {item_text}")]
-        return [*splices, self.below(end_index, [item_line])]
+        return [*splices, self.insert_below(end_index, [item_line])]
 
-    def before(self, node: Span, number: int, text: str) -> list[Splice]:
+    def insert_before(self, node: Span, item_index: int, text: str) -> list[Splice]:
         """Insert an item before another one of a list: in its line, or in a line above it."""
         text_layout = self.layout
-        start_index = text_layout.child_start(node, number)
-        item_start = text if node.is_flow else f"- {text}"
+        start_index = text_layout.child_start(node, item_index)
+        item_head = text if node.is_flow else f"- {text}"
         if text_layout.begins_line(start_index):
             separator = (
                 ("," if node.is_flow else "")
                 + text_layout.newline
                 + " " * text_layout.column(start_index)
             )
-            return [Splice(start_index, start_index, item_start + separator)]
+            return [Splice(start_index, start_index, item_head + separator)]
         if not node.is_flow:
             raise EditError(
                 "an entry cannot be inserted above this one, which does not begin a line"
@@ -252,7 +256,7 @@ class Changes:
             ):
                 break
             start_index = text_layout.next_line(start_index)
-        return [*splices, self.below(lone_span.end, [f"{' ' * indent}- {item_text}"])]
+        return [*splices, self.insert_below(lone_span.end, [f"{' ' * indent}- {item_text}"])]
 
     # --- taking away -----------------------------------------------------------------------------
 

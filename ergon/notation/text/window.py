@@ -158,9 +158,9 @@ def _head(section_text: str, name_node: Scalar, section_value: Node) -> str | No
     )
 
 
-def _head_within(text: str, name: Scalar, value: Node) -> str | None:
+def _head_within(text: str, name: Scalar, value_node: Node) -> str | None:
     """A name within braces, up to the bracket that begins its value; None where none does."""
-    head = text[name.start : value.start + 1]
+    head = text[name.start : value_node.start + 1]
     return None if head[-1] not in "[{" or "\n" in head else head
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.api import score as scores
-from ergon.api.modes import modes_of
+from ergon.api.modes import compute_modes
 from ergon.api.options import ReadOptions
 from ergon.api.parts import frequency_option, selected_parts
 from ergon.common.option import documented, option
@@ -79,12 +79,12 @@ def mode_tables(
     ca_rates = {name: modes.ca_rate for name, modes in piece.instruments.items()}
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        all_modes = [
-            modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in part_names
+        modes_by_part = [
+            compute_modes(piece, built, name, {"to": upto}, loaded.inputs) for name in part_names
         ]
         modes_and_points = [
             (modes, {**modes.points, **shapes_at_contacts(piece, built, modes)})
-            for modes in all_modes
+            for modes in modes_by_part
         ]
     return tuple(
         _table(modes, points, ca_rates.get(modes.part))
@@ -123,13 +123,13 @@ def faust_programs(
     bank_names = [name for name in options.parts if _is_bank(piece, name)]
     if not bank_names:
         return _programs(score, loaded, options, program, points_max=NETWORK_MAX)
-    other_parts = [name for name in options.parts if name not in bank_names]
+    remaining_parts = [name for name in options.parts if name not in bank_names]
     with scores.staging(lambda: loaded, report):
         exported = banks_of(
             piece, loaded.inputs, bank_names, FREQUENCY_MAX, bank_program, RESONATORS, report
         )
-    if other_parts:
-        part_options = replace(options, parts=other_parts)
+    if remaining_parts:
+        part_options = replace(options, parts=remaining_parts)
         exported += _programs(score, loaded, part_options, program, points_max=NETWORK_MAX)
     return tuple(
         sorted(exported, key=lambda exported_part: options.parts.index(exported_part.part))
@@ -185,7 +185,7 @@ def part_banks(
     with (report or Report()).waiting("computing modes"):
         prepared = prepare(piece)
         for name in names:
-            modes = modes_of(piece, prepared.built, name, {"to": upto}, inputs)
+            modes = compute_modes(piece, prepared.built, name, {"to": upto}, inputs)
             if modes.masses:
                 bank = bank_of(piece, prepared, modes, n_modes_max)
                 banks.append((bank, tuple(omissions(modes))))
@@ -287,9 +287,7 @@ def _struck_points(piece: Piece, part_names: Sequence[str]) -> list[Target]:
 
 
 def _table(
-    part_modes: PartModes,
-    shapes: Mapping[str, NDArray[np.complex128]],
-    ca_rate: float | None,
+    part_modes: PartModes, shapes: Mapping[str, NDArray[np.complex128]], ca_rate: float | None
 ) -> ExportedPart:
     import numpy as np
 

@@ -16,7 +16,7 @@ from ergon.workshop.models.errors import DialectError, ModelError
 from ergon.workshop.models.mims.grammar import FORMS, NAMES, Dialect
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.model import Model
-from ergon.workshop.models.mims.reading import is_mims, is_table, parse, text_of
+from ergon.workshop.models.mims.reading import is_mims, is_table, parse, read_text
 from ergon.workshop.models.mims.score import written
 from ergon.workshop.models.miphysics.reading import is_model as is_miphysics
 from ergon.workshop.models.miphysics.reading import parse as miphysics_network
@@ -93,27 +93,31 @@ def import_model(
         raise refused
     inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
 
-    asked = options.dialect
-    if asked == "sam" or (asked is None and is_sam(text)):
+    dialect_name = options.dialect
+    if dialect_name == "sam" or (dialect_name is None and is_sam(text)):
         try:
             return _sam(text, path.name, options, inputs)
         except ModelError as error:
             error.file = str(path)
             raise
-    if asked == "miphysics" or (asked is None and is_miphysics(text)):
+    if dialect_name == "miphysics" or (dialect_name is None and is_miphysics(text)):
         try:
             return _miphysics(text, path.name, options)
         except ModelError as error:
             error.file = str(path)
             raise
-    if asked in OBJECTS or (asked is None and is_list(text)):
+    if dialect_name in OBJECTS or (dialect_name is None and is_list(text)):
         try:
             return _pmpd(text, path.name, options, inputs)
         except ModelError as error:
             error.file = str(path)
             raise
     dialect: Dialect
-    dialect = asked if asked == "v1" or asked == "v2" else _dialect(text, path, options)
+    dialect = (
+        dialect_name
+        if dialect_name == "v1" or dialect_name == "v2"
+        else _dialect(text, path, options)
+    )
     model = parse(text, dialect, str(path), options.values)
     unfed = _unfed(inputs, model.inputs)
     score = written(model, options.laws, inputs, path.name)
@@ -124,7 +128,7 @@ def _text(path: Path) -> str:
     """The text of a model. Raises ModelError, also for a file of a program that is not read."""
     foreign_kind = foreign_file(path)
     try:
-        text = text_of(path)
+        text = read_text(path)
         if foreign_kind is None or is_model(text):
             return text
         error = ModelError(foreign_kind)
@@ -169,13 +173,15 @@ def _sam(text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input
     if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
     parameters = {}
-    for parameter, value in options.values.items():
+    for parameter, parameter_value in options.values.items():
         try:
-            parameters[parameter] = float(value)
+            parameters[parameter] = float(parameter_value)
         except ValueError:
-            raise OptionError("set", f"{value} is not a number", value=parameter) from None
+            raise OptionError(
+                "set", f"{parameter_value} is not a number", value=parameter
+            ) from None
         if not isfinite(parameters[parameter]):
-            raise OptionError("set", f"{value} is not a number", value=parameter)
+            raise OptionError("set", f"{parameter_value} is not a number", value=parameter)
     sheet = sam_sheet(text)
     unfed = _unfed(inputs, sam_ports(sheet))
     count = len(sheet.statements) + len(sheet.code)
@@ -189,10 +195,10 @@ def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
     if options.inputs:
         raise OptionError("feed", "models of miPhysics have no inputs; leave this option out")
     rate = str(RATE)
-    for parameter, value in options.values.items():
+    for parameter, parameter_value in options.values.items():
         if parameter != "rate":
             raise OptionError("set", f"the model has no parameter {quote(parameter)}; it has rate")
-        rate = value
+        rate = parameter_value
     if not (rate.isascii() and rate.isdigit() and RATES[0] <= int(rate[:9]) <= RATES[1]):
         least, highest = RATES
         raise OptionError("set", f"rate is a whole number from {least} to {highest:,} [Hz]")
@@ -258,17 +264,19 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
 
     path = Path(file)
     try:
-        info = read_info(path)
-        is_fitting = (info.format.rate, info.format.n_channels) == (RATE, 1)
+        wave_info = read_info(path)
+        is_fitting = (wave_info.format.rate, wave_info.format.n_channels) == (RATE, 1)
         blocks = [block[:, 0] for block in read_blocks(path)] if is_fitting else []
     except (NotWaveError, OSError) as error:
         reason = getattr(error, "strerror", None) or error
         raise OptionError("feed", f"{file}: {reason}", value=name) from None
     if not is_fitting:
-        message = f"{file} has {info.format.n_channels} channels at {info.format.rate:,} Hz; "
+        message = (
+            f"{file} has {wave_info.format.n_channels} channels at {wave_info.format.rate:,} Hz; "
+        )
         message += f"a model is fed by one at {RATE:,} Hz"
         raise OptionError("feed", message, value=name)
-    if info.n_frames < 2:
+    if wave_info.n_frames < 2:
         raise OptionError("feed", f"{file} has no sound", value=name)
     folder = Path(beside).resolve()
     if not path.resolve().is_relative_to(folder):
@@ -280,4 +288,4 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
     if not isfinite(least + greatest):
         raise OptionError("feed", f"{file} has samples that are no numbers", value=name)
     file_of_score = path.resolve().relative_to(folder).as_posix()
-    return Input(file_of_score, first_sample, second_sample, least, greatest, info.n_frames)
+    return Input(file_of_score, first_sample, second_sample, least, greatest, wave_info.n_frames)

@@ -91,7 +91,7 @@ class MovieMaker:
             video.check_pyav()
         self._program = chromium.find_browser(options.browser)
 
-    def make(self, shown: Shown, report: Report | None = None) -> Movie:
+    def make(self, view: Shown, report: Report | None = None) -> Movie:
         """Draw the film.
 
         Raises OptionError (a view or a stretch that the piece does not have), BrowserError,
@@ -101,7 +101,7 @@ class MovieMaker:
         from ergon.workshop.movies import chromium
 
         report, options = report or Report(), self._options
-        server = serve(ANY_LOCAL_PORT, "at", report, shown.motion)
+        server = serve(ANY_LOCAL_PORT, "at", report, view.motion)
         page_words = ["t=0", *(["stage"] * (not options.words)), *(["strobe"] * options.strobe)]
         try:
             with (
@@ -111,7 +111,7 @@ class MovieMaker:
                 page.open(f"{server.url}?{'&'.join(page_words)}")
                 instants = self._instants(page)
                 self._look(page)
-                return self._draw(page, instants, shown, report)
+                return self._draw(page, instants, view, report)
         finally:
             server.close()
 
@@ -152,7 +152,7 @@ class MovieMaker:
             reason = f"the piece has the views 1 to {view_count}"
             raise OptionError("camera", reason, value=self._options.camera)
 
-    def _draw(self, page: Page, instants: list[float], shown: Shown, report: Report) -> Movie:
+    def _draw(self, page: Page, instants: list[float], view: Shown, report: Report) -> Movie:
         from ergon.exchange.new_folder import new_folder
         from ergon.exchange.safe import open_for_writing
         from ergon.workshop.movies.video import VideoFile
@@ -167,9 +167,9 @@ class MovieMaker:
                 movie_file = stack.enter_context(
                     open_for_writing(self._target, binary=True, force=force)
                 )
-                if shown.sound is not None:
+                if view.sound is not None:
                     stretch = instants[0], instants[0] + picture_count / options.rate
-                    stretch_sound = _sound(shown.sound, *stretch)
+                    stretch_sound = _sound(view.sound, *stretch)
                 video_file = VideoFile(
                     movie_file, self._suffix, self._size, options.rate, stretch_sound
                 )

@@ -69,16 +69,16 @@ def chain(f: Array, t60: Array, shares: Array, first_mass: float) -> Chain:
 
 
 def _lanczos(eigenvalues: Array, start_vector: Array) -> tuple[Array, Array, Array]:
-    n = eigenvalues.size
-    basis = np.zeros((n, n))  # a row for each mass
-    diagonal, off_diagonal = np.zeros(n), np.zeros(max(0, n - 1))
+    n_modes = eigenvalues.size
+    basis = np.zeros((n_modes, n_modes))  # a row for each mass
+    diagonal, off_diagonal = np.zeros(n_modes), np.zeros(max(0, n_modes - 1))
     basis[0] = start_vector
-    for i in range(n):
+    for i in range(n_modes):
         image = eigenvalues * basis[i]
         diagonal[i] = basis[i] @ image
         for _ in range(2):
             image = image - basis[: i + 1].T @ (basis[: i + 1] @ image)
-        if i + 1 < n:
+        if i + 1 < n_modes:
             off_diagonal[i] = float(np.linalg.norm(image))
             basis[i + 1] = image / off_diagonal[i]
     return diagonal, off_diagonal, basis

@@ -44,10 +44,7 @@ def text(bell: Bell, instrument_name: str = "bell", form: str = "modes") -> str:
         f"  {instrument_name}:",
         f"    f: {_number(bell.pitch)}Hz",
     ]
-    yaml_lines += [
-        "    modules:",
-        *_hammer_lines(),
-    ]
+    yaml_lines += ["    modules:", *_hammer_lines()]
     return "\n".join([*header_lines, *yaml_lines, *body(bell)]) + "\n"
 
 
@@ -149,8 +146,8 @@ def _chain_lines(bell: Bell) -> list[str]:
     return [*lines, _contact_line(bell, "m1"), "    out: {SOV: m1}"]
 
 
-def _number(value: float, digits: int = 10) -> str:
-    return f"{float(value):.{digits}g}"
+def _number(number: float, digits: int = 10) -> str:
+    return f"{float(number):.{digits}g}"
 
 
 def _wrapped_list(head: str, words: Sequence[str]) -> list[str]:

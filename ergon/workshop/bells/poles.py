@@ -33,21 +33,21 @@ def exponentials(signal: Complex, n_max: int) -> tuple[Complex, Complex]:
         weakest = int(np.argmin(signal_to_noise))
         if signal_to_noise[weakest] >= NOISE_RATIO_MIN:
             break
-        z = _as_complex(np.delete(z, weakest))
+        z = _to_complex(np.delete(z, weakest))
     while z.size:
         z, amplitudes, residual = polish_poles(signal, z)
         signal_to_noise = _signal_to_noise(z, amplitudes, residual)
         weakest = int(np.argmin(signal_to_noise))
         if signal_to_noise[weakest] >= NOISE_RATIO_MIN:
             return z, amplitudes
-        z = _as_complex(np.delete(z, weakest))
+        z = _to_complex(np.delete(z, weakest))
     return z, np.zeros(0, complex)
 
 
 def _esprit(signal: Complex, n_max: int) -> Complex:
-    n = signal.size
-    rows = n // 2
-    hankel = np.lib.stride_tricks.sliding_window_view(signal, n - rows + 1)[:rows]
+    n_samples = signal.size
+    rows = n_samples // 2
+    hankel = np.lib.stride_tricks.sliding_window_view(signal, n_samples - rows + 1)[:rows]
     _, vectors = np.linalg.eigh(hankel @ hankel.conj().T)
     vectors = vectors[:, ::-1][:, :n_max]
     # The violation of shift invariance by each order; the highest order that is nearly as good as
@@ -58,7 +58,7 @@ def _esprit(signal: Complex, n_max: int) -> Complex:
     order = int(np.flatnonzero(shift_errors.min() >= 0.1 * shift_errors).max()) + 1
     signal_vectors = vectors[:, :order]
     shift_matrix = np.linalg.lstsq(signal_vectors[:-1], signal_vectors[1:], rcond=None)[0]
-    return _as_complex(np.linalg.eigvals(shift_matrix))
+    return _to_complex(np.linalg.eigvals(shift_matrix))
 
 
 def _shift_error(vectors: Complex) -> float:
@@ -67,17 +67,17 @@ def _shift_error(vectors: Complex) -> float:
     remainder = 1.0 - float(np.vdot(last_row, last_row).real)
     shift_matrix = upper_rows.conj().T @ lower_rows
     if remainder > 1e-12:  # the pseudo-inverse of orthonormal columns without their last row
-        shift_matrix = _as_complex(
+        shift_matrix = _to_complex(
             shift_matrix + np.outer(last_row.conj(), last_row @ shift_matrix) / remainder
         )
     else:
-        shift_matrix = _as_complex(np.linalg.lstsq(upper_rows, lower_rows, rcond=None)[0])
-    error = _as_complex(lower_rows - upper_rows @ shift_matrix)
+        shift_matrix = _to_complex(np.linalg.lstsq(upper_rows, lower_rows, rcond=None)[0])
+    error = _to_complex(lower_rows - upper_rows @ shift_matrix)
     # The largest singular value of a narrow matrix, squared, from its Gram matrix.
     return max(float(np.linalg.eigvalsh(error.conj().T @ error)[-1]), 1e-30)
 
 
-def _as_complex(values: NDArray[Any]) -> Complex:
+def _to_complex(values: NDArray[Any]) -> Complex:
     return values.astype(np.complex128, copy=False)
 
 
@@ -87,8 +87,8 @@ def _powers(z: Complex, n: int) -> Complex:
 
 def _amplitudes(signal: Complex, z: Complex) -> tuple[Complex, Complex]:
     basis = _powers(z, signal.size)
-    c = _as_complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
-    return c, _as_complex(signal - basis @ c)
+    c = _to_complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
+    return c, _to_complex(signal - basis @ c)
 
 
 def _signal_to_noise(z: Complex, c: Complex, residual: Complex) -> Array:
@@ -108,22 +108,17 @@ def polish_poles(signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex
     for step_index in range(_POLISHING_STEPS):
         basis = np.exp(k * log_poles)
         q, _ = np.linalg.qr(basis)
-        trial_c = _as_complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
-        trial_residual = _as_complex(signal - basis @ trial_c)
+        trial_c = _to_complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
+        trial_residual = _to_complex(signal - basis @ trial_c)
         cost = float(np.vdot(trial_residual, trial_residual).real)
         if not cost < last_cost * (1.0 - _RESIDUAL_TOLERANCE):
             break
-        last_cost, best_log_poles, amplitudes, residual = (
-            cost,
-            log_poles,
-            trial_c,
-            trial_residual,
-        )
+        last_cost, best_log_poles, amplitudes, residual = (cost, log_poles, trial_c, trial_residual)
         jacobian = k * basis * trial_c
         jacobian = jacobian - q @ (q.conj().T @ jacobian)
         steps = np.linalg.lstsq(jacobian, trial_residual, rcond=None)[0]
         if step_index == 0:
             steps *= min(1.0, _FIRST_STEP_MAX / max(1e-300, float(np.abs(steps).max())))
         log_poles = log_poles + steps
-        log_poles = _as_complex(np.minimum(log_poles.real, 1e-4) + 1j * log_poles.imag)
-    return _as_complex(np.exp(best_log_poles)), amplitudes, residual
+        log_poles = _to_complex(np.minimum(log_poles.real, 1e-4) + 1j * log_poles.imag)
+    return _to_complex(np.exp(best_log_poles)), amplitudes, residual

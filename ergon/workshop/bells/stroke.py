@@ -58,11 +58,12 @@ def read(path: Path, report: Report | None = None) -> tuple[Array, float]:
 
 
 def _loudest_channel(path: Path, report: Report) -> tuple[Array, float]:
-    info = sound_files.read_info(path)
-    if info.damage is not None:
-        report.warn(f"{path}: {info.damage}")
-    if info.n_frames * info.format.n_channels > _SAMPLES_MAX:
-        message = f"{path}: it has {info.n_frames:,} frames of {info.format.n_channels} channels; "
+    wave_info = sound_files.read_info(path)
+    if wave_info.damage is not None:
+        report.warn(f"{path}: {wave_info.damage}")
+    if wave_info.n_frames * wave_info.format.n_channels > _SAMPLES_MAX:
+        n_channels = wave_info.format.n_channels
+        message = f"{path}: it has {wave_info.n_frames:,} frames of {n_channels} channels; "
         raise NotAStrokeError(message + "cut the stroke out of it")
     blocks = list(sound_files.read_blocks(path))
     if not blocks:
@@ -72,7 +73,7 @@ def _loudest_channel(path: Path, report: Report) -> tuple[Array, float]:
     if not np.isfinite(samples).all():
         raise NotAStrokeError(f"{path}: it has samples that are not numbers")
     loudest = int(np.argmax(np.sum(samples * samples, axis=0)))
-    return np.ascontiguousarray(samples[:, loudest]), float(info.format.rate)
+    return np.ascontiguousarray(samples[:, loudest]), float(wave_info.format.rate)
 
 
 def stroke(name: str, sound: Array, rate: float) -> Stroke:

@@ -46,17 +46,12 @@ def _chart(folder: Path, score_name: str) -> str:
     path = Path(str(files("ergon"))) / "scores" / "library" / f"{score_name}.yaml"
     piece = load(path).piece
     assert piece is not None, f"{score_name} has mistakes"
-    all_settings = [*settings(METHODS, PRECISIONS, _OVERSAMPLING_MAX), *planned()]
-    chart = measure(Score(piece), all_settings, _DURATION, "waveform", lambda done: None)
+    chart_settings = [*settings(METHODS, PRECISIONS, _OVERSAMPLING_MAX), *planned()]
+    chart = measure(Score(piece), chart_settings, _DURATION, "waveform", lambda done: None)
     title, machine_text = piece.title, machine()
     stem = folder / score_name
     write_text(targets(stem)[0], chart_table.csv(chart, title, machine_text), force=True)
-    save(
-        lambda: draw_chart.draw(chart, title, machine_text),
-        stem,
-        force=True,
-        png=False,
-    )
+    save(lambda: draw_chart.draw(chart, title, machine_text), stem, force=True, png=False)
     print(f"{score_name}\n{chart_table.lines(chart)}", flush=True)
     return (
         f"## {title}\n\n![Error over cost of {title}]({score_name}.svg)\n\n"

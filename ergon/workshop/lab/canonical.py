@@ -78,12 +78,12 @@ def cell(kappa: float, zeta: float, method: str = _DEFAULT_METHOD) -> Bare:
 def exact_cell_motion(kappa: float, zeta: float, n_frames: int) -> Floats:
     """The same motion from the differential equation: for any damping, by its two exponentials."""
     root = np.sqrt(complex(zeta * zeta / 4.0 - kappa))
-    n = np.arange(n_frames)
+    frames = np.arange(n_frames)
     s1, s2 = -zeta / 2.0 + root, -zeta / 2.0 - root
     if abs(s1 - s2) < 1e-6:  # critically damped: their limit
-        relative_positions = (1.0 - s1 * n) * np.exp(s1 * n)
+        relative_positions = (1.0 - s1 * frames) * np.exp(s1 * frames)
     else:
-        relative_positions = (s1 * np.exp(s2 * n) - s2 * np.exp(s1 * n)) / (s1 - s2)
+        relative_positions = (s1 * np.exp(s2 * frames) - s2 * np.exp(s1 * frames)) / (s1 - s2)
     positions: Floats = _START_POSITION * np.real(relative_positions)[:, None]
     return positions
 
@@ -107,9 +107,9 @@ class Cell:
 
     def load(self, rate: float, weight: float) -> float:
         """κ + weight·ζ of the cell whose poles are exact at `rate`."""
-        r = exp(-3.0 * log(10.0) / (self.t60 * rate))
-        kappa = (1.0 - r) ** 2 + 4.0 * r * sin(pi * self.f / rate) ** 2
-        return kappa + weight * (1.0 - r * r)
+        decay_factor = exp(-3.0 * log(10.0) / (self.t60 * rate))
+        kappa = (1.0 - decay_factor) ** 2 + 4.0 * decay_factor * sin(pi * self.f / rate) ** 2
+        return kappa + weight * (1.0 - decay_factor * decay_factor)
 
 
 HAMMER, BAR = Cell(8e-3, 40.0, 2.0, X0=3e-3), Cell(20e-3, 220.0, 1.0)

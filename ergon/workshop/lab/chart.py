@@ -147,8 +147,8 @@ def settings(methods: Sequence[str], precisions: Sequence[str], upto: int) -> li
 
 def planned(budget_db: float | None = None) -> list[Setting]:
     """Settings of the planner: by ear and, if `budget_db` is given, for that error."""
-    by_ear = Setting(None)
-    return [by_ear] if budget_db is None else [by_ear, Setting(None, budget_db=budget_db)]
+    ear_setting = Setting(None)
+    return [ear_setting] if budget_db is None else [ear_setting, Setting(None, budget_db=budget_db)]
 
 
 def n_frames_to_compute(settings_to_run: Sequence[Setting], n_frames: int) -> int:
@@ -175,7 +175,7 @@ class Players(Protocol):
     """Plays settings elsewhere, such as on a cluster."""
 
     def played(
-        self, settings_wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
+        self, wanted_settings: Sequence[Setting], n_frames: int, *, has_energy: bool
     ) -> Iterator[Played]:
         """Each setting, in any order, with its cost and, with `has_energy`, its energy errors."""
 
@@ -296,14 +296,14 @@ def yardstick() -> float:
 
 def _identical_methods(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
     """Groups of methods whose sounds are the same, wherever both were computed."""
-    by_method: dict[str, dict[Setting, Floats]] = {}
+    sounds_by_method: dict[str, dict[Setting, Floats]] = {}
     for setting, sound in sounds.items():
         if setting.method is not None:
-            by_method.setdefault(setting.method, {})[replace(setting, method=None)] = sound
+            sounds_by_method.setdefault(setting.method, {})[replace(setting, method=None)] = sound
     groups: list[list[str]] = []
-    for method, settings in by_method.items():
+    for method, settings in sounds_by_method.items():
         for group in groups:
-            group_settings = by_method[group[0]]
+            group_settings = sounds_by_method[group[0]]
             common_settings = settings.keys() & group_settings.keys()
             if common_settings and all(
                 np.array_equal(settings[setting], group_settings[setting])
@@ -432,10 +432,7 @@ class Judge:
 
 
 def _with_front(
-    points: list[Point],
-    metric: Metric,
-    floor: float | None,
-    alike: Sequence[Sequence[str]] = (),
+    points: list[Point], metric: Metric, floor: float | None, alike: Sequence[Sequence[str]] = ()
 ) -> list[Point]:
     front = set(_pareto_front(points, metric, floor, alike))
 

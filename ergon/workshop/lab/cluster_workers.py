@@ -64,7 +64,7 @@ class Workers:
         """
         content = self.content
         assert content is not None
-        engine_version, yardstick_here = (
+        engine_version, local_yardstick = (
             version(),
             median(yardstick() for _ in range(TIMING_ROUNDS)),
         )
@@ -84,18 +84,11 @@ class Workers:
             if len(samples) != n_frames * result["n_channels"]:
                 raise ClusterError("a worker sent a sound of another length")
             if point.cost is not None:
-                point = replace(
-                    point,
-                    cost=point.cost * yardstick_here / result["yardstick"],
-                )
+                point = replace(point, cost=point.cost * local_yardstick / result["yardstick"])
             yield Played(point, samples.reshape(n_frames, result["n_channels"]))
 
     def surveyors(
-        self,
-        method: str,
-        duration: float,
-        accurate: float | None,
-        metric: MapMetric = "waveform",
+        self, method: str, duration: float, accurate: float | None, metric: MapMetric = "waveform"
     ) -> Surveyors:
         """The surveyors of columns of maps, for `maps`."""
         survey_choice = _SurveyChoice(
@@ -114,12 +107,12 @@ class Surveyors:
     choice: _SurveyChoice
 
     def columns(
-        self, columns_wanted: Sequence[tuple[str, float]]
+        self, wanted_columns: Sequence[tuple[str, float]]
     ) -> Iterator[tuple[str, list[Spot]]]:
         """Each column with its spots. Raises ClusterError."""
         engine_version = version()
         for (map_name, _), spots in self.cluster.computed(
-            columns_wanted,
+            wanted_columns,
             lambda pool, column: pool.submit(survey, engine_version, self.choice, *column),
         ):
             yield map_name, [Spot(**spot) for spot in spots]

@@ -76,8 +76,8 @@ def _plotted_error(chart: Chart, point: Point) -> float:
     error = point.error(chart.metric)
     assert error is not None
     if chart.metric == "energy" and point.is_bounded:
-        known = (p.error("energy") for p in chart.points if not p.is_bounded)
-        lowest = min((db for db in known if db is not None), default=0.0)
+        energy_errors = (p.error("energy") for p in chart.points if not p.is_bounded)
+        lowest = min((db for db in energy_errors if db is not None), default=0.0)
         return _ZERO_ENERGY_OFFSET_DB * rounded_down(lowest / _ZERO_ENERGY_OFFSET_DB - 1.0)
     error_min = _ERROR_DB_MIN if chart.metric in _IN_DB else _ERROR_MIN
     return max(error, error_min if chart.floor is None else chart.floor, error_min)

@@ -60,8 +60,8 @@ class ErrorChart:
         from ergon.workshop.lab.pictures import pictures
 
         stem = Path("chart")
-        drawn = pictures(lambda: draw(self.chart, self.title, machine()), stem, png=False)
-        return Picture(drawn[stem.with_suffix(".svg")].decode())
+        files_by_path = pictures(lambda: draw(self.chart, self.title, machine()), stem, png=False)
+        return Picture(files_by_path[stem.with_suffix(".svg")].decode())
 
     def __str__(self) -> str:
         """One line a point: its cost and its errors; * is best for its cost."""
@@ -95,19 +95,12 @@ def chart(
                 raise OptionError(option, f"there is no '{method_name}'{advice}")
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    all_settings = [
-        *settings(methods, PRECISIONS, options.upto),
-        *planned(options.error),
-    ]
-    n_frames = n_frames_to_compute(all_settings, round(options.seconds * piece.rate))
+    chart_settings = [*settings(methods, PRECISIONS, options.upto), *planned(options.error)]
+    n_frames = n_frames_to_compute(chart_settings, round(options.seconds * piece.rate))
     try:
         with report.progress(f"charting {score}", n_frames, piece.rate) as progress:
             measured = measure(
-                Score(piece),
-                all_settings,
-                options.seconds,
-                options.metric,
-                progress.update,
+                Score(piece), chart_settings, options.seconds, options.metric, progress.update
             )
     except SilentPieceError as silence:
         raise OptionError("seconds", f"{silence}; a larger number computes more") from None

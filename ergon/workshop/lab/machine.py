@@ -9,8 +9,8 @@ from pathlib import Path
 
 def cpu() -> str:
     """The name of the processor."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.is_file() else []
+    cpuinfo_path = Path("/proc/cpuinfo")
+    lines = cpuinfo_path.read_text().splitlines() if cpuinfo_path.is_file() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or "unknown processor"
 

@@ -83,7 +83,7 @@ class Surveyors(Protocol):
     """Surveys columns of maps elsewhere."""
 
     def columns(
-        self, columns_wanted: Sequence[tuple[str, float]]
+        self, wanted_columns: Sequence[tuple[str, float]]
     ) -> Iterator[tuple[str, list[Spot]]]:
         """The spots of columns, each the name of a map and an x, in any order."""
 
@@ -103,25 +103,25 @@ def survey_all(
 ) -> dict[str, tuple[Map, list[Spot]]]:
     """Survey several maps with a common progress, by `surveyors` if they are given."""
     if surveyors is not None:
-        return _surveyed_by(surveyors, maps, progress)
+        return _survey_columns(surveyors, maps, progress)
     surveys: dict[str, tuple[Map, list[Spot]]] = {}
-    n_done = 0
+    n_surveyed = 0
     for name, surveyed_map in maps.items():
-        spots = survey(surveyed_map, partial(_report_from, progress, n_done))
+        spots = survey(surveyed_map, partial(_report_from, progress, n_surveyed))
         surveys[name] = surveyed_map, spots
-        n_done += len(spots)
+        n_surveyed += len(spots)
     return surveys
 
 
-def _surveyed_by(
+def _survey_columns(
     surveyors: Surveyors, maps: Mapping[str, Map], progress: Progress
 ) -> dict[str, tuple[Map, list[Spot]]]:
     """Survey maps column by column: the spots of a column share their truth, so one process
     computes a column.
     """
-    columns_wanted = [(name, x) for name, surveyed_map in maps.items() for x in surveyed_map.xs]
+    wanted_columns = [(name, x) for name, surveyed_map in maps.items() for x in surveyed_map.xs]
     spots: dict[tuple[str, float, float], Spot] = {}
-    for name, column in surveyors.columns(columns_wanted):
+    for name, column in surveyors.columns(wanted_columns):
         spots |= {(name, spot.x, spot.y): spot for spot in column}
         progress(len(spots))
     return {
@@ -130,8 +130,8 @@ def _surveyed_by(
     }
 
 
-def _report_from(progress: Progress, shift: int, done: int) -> None:
-    progress(shift + done)
+def _report_from(progress: Progress, shift: int, n_surveyed: int) -> None:
+    progress(shift + n_surveyed)
 
 
 def compute_spot(surveyed_map: Map, x: float, y: float) -> Spot:

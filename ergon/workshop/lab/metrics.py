@@ -72,8 +72,8 @@ def spectral(y: Floats, x: Floats) -> Spectral:
     `difference` is the mean |ΔdB| over bins within 60 dB of their frame's strongest;
     `convergence` is ‖|Y| - |X|‖/‖|X|‖. Zero for silence.
     """
-    by_window = [_spectral_difference(y, x, size) for size in WINDOW_FRAMES]
-    return Spectral(*(float(np.mean(column)) for column in zip(*by_window, strict=True)))
+    differences = [_spectral_difference(y, x, size) for size in WINDOW_FRAMES]
+    return Spectral(*(float(np.mean(column)) for column in zip(*differences, strict=True)))
 
 
 def _spectral_difference(y: Floats, x: Floats, window_size: int) -> tuple[float, float]:

@@ -178,15 +178,15 @@ def doubts(sounds: Mapping[Setting, Floats], reference: Reference) -> list[str]:
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
         if method == reference.setting.method or len(ladder(sounds, method)) < 2:
             continue
-        other = _reference_of(sounds, method)
-        difference_db = waveform_db(other.sound, reference.sound)
-        if difference_db > max(other.floor_db, reference.floor_db) + _DOUBT_MARGIN_DB:
+        method_reference = _reference_of(sounds, method)
+        difference_db = waveform_db(method_reference.sound, reference.sound)
+        if difference_db > max(method_reference.floor_db, reference.floor_db) + _DOUBT_MARGIN_DB:
             sentences.append(
-                f"{other.setting} and {reference.setting} differ by "
+                f"{method_reference.setting} and {reference.setting} differ by "
                 f"{difference_db:.0f} dB, "
                 "though their "
                 "own "
-                f"errors seem to be {other.floor_db:.0f} and {reference.floor_db:.0f} dB"
+                f"errors seem to be {method_reference.floor_db:.0f} and {reference.floor_db:.0f} dB"
             )
     return sentences
 

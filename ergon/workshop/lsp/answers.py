@@ -233,8 +233,8 @@ def definition(index: int, file: Document, catalogue: Catalogue) -> Definition |
 
 def frequency_of(text: str) -> float:
     """The frequency of a note or of a number with its unit [Hz]. Raises TextError."""
-    value: float = k.PITCH.parse(text)
-    return value
+    frequency: float = k.PITCH.parse(text)
+    return frequency
 
 
 def _field_text(field: Field) -> str:

@@ -200,11 +200,11 @@ def _is_id(id: object) -> bool:
 
 def _depths(part: object) -> Iterator[int]:
     """How deep each part of a value lies, without recursion."""
-    parts_left = [(part, 1)]
-    while parts_left:
-        part, depth = parts_left.pop()
+    open_parts = [(part, 1)]
+    while open_parts:
+        part, depth = open_parts.pop()
         yield depth
         if isinstance(part, dict):
-            parts_left += ((inner_part, depth + 1) for inner_part in part.values())
+            open_parts += ((inner_part, depth + 1) for inner_part in part.values())
         elif isinstance(part, list):
-            parts_left += ((inner_part, depth + 1) for inner_part in part)
+            open_parts += ((inner_part, depth + 1) for inner_part in part)

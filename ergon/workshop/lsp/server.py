@@ -38,7 +38,7 @@ from ergon.notation.text.files import installed_path
 from ergon.notation.text.format import formatted
 from ergon.notation.text.syntax import MAX_BYTES
 from ergon.notation.text.values import Place
-from ergon.scores.edits.renaming import rename, spans_of_references
+from ergon.scores.edits.renaming import reference_spans, rename
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import Loaded, load
 
@@ -151,25 +151,27 @@ class Server(LanguageServer):
             bounds=scores.bounds(path, False),
         )
         rename(texts, loaded.piece, old, new)  # this also tests that the piece is the same
-        return spans_of_references(texts, loaded.piece, old, new)
+        return reference_spans(texts, loaded.piece, old, new)
 
     def _publish(
         self, uri: str, open_document: _OpenDocument, reported: Sequence[Diagnostic]
     ) -> None:
         """Publish each diagnostic in the document that it is about, and clear the earlier ones."""
-        by_uri: dict[str, list[t.Diagnostic]] = {
+        diagnostics_by_uri: dict[str, list[t.Diagnostic]] = {
             uri: [],
             **{old: [] for old in open_document.diagnostic_uris},
         }
         for diagnostic in reported:
             diagnostic_uri = _uri(diagnostic.place.file, uri)
-            by_uri.setdefault(diagnostic_uri, []).append(
+            diagnostics_by_uri.setdefault(diagnostic_uri, []).append(
                 self._diagnostic(diagnostic_uri, diagnostic)
             )
         open_document.diagnostic_uris = {
-            diagnostic_uri for diagnostic_uri, diagnostics in by_uri.items() if diagnostics
+            diagnostic_uri
+            for diagnostic_uri, diagnostics in diagnostics_by_uri.items()
+            if diagnostics
         }
-        for diagnostic_uri, diagnostics in by_uri.items():
+        for diagnostic_uri, diagnostics in diagnostics_by_uri.items():
             self.text_document_publish_diagnostics(
                 t.PublishDiagnosticsParams(diagnostic_uri, diagnostics)
             )

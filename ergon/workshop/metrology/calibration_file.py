@@ -50,15 +50,13 @@ def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
     values: list[float] = []
     gradients_by_figure: list[Floats] = []
 
-    def add(name: str, value: float, gradient: dict[int, float]) -> None:
+    def add(name: str, figure_value: float, gradient: dict[int, float]) -> None:
         names.append(name)
-        values.append(float(value))
+        values.append(float(figure_value))
         gradients_by_figure.append(np.array([gradient.get(index, 0.0) for index in fitted_indices]))
 
     add(
-        "M",
-        total_mass(parameters),
-        dict.fromkeys((0, *range(N_KEY, len(parameters), N_MODE)), 1.0),
+        "M", total_mass(parameters), dict.fromkeys((0, *range(N_KEY, len(parameters), N_MODE)), 1.0)
     )
     stiffness_index, weight_index = INDEX["stiffness"], INDEX["weight"]
     has_spring = parameters[stiffness_index] > 3 * fit.deviation(stiffness_index)
@@ -233,13 +231,13 @@ def read(text: str) -> Calibration:
         elif line.startswith("date: "):
             date = line.removeprefix("date: ").strip()
         elif (match := _FIGURE_LINE.match(line)) and match[1] in UNITS:
-            figure_name, value, unit, deviation = match.groups()
+            figure_name, value_text, unit, deviation = match.groups()
             expected_unit, per_unit = UNITS[figure_name]
             if unit != expected_unit:
                 raise MeasurementError(
                     f"{figure_name} must be in {expected_unit}, as ergon metrology writes it"
                 )
-            figures[figure_name] = float(value) / per_unit
+            figures[figure_name] = float(value_text) / per_unit
             if deviation is not None:
                 deviations[figure_name] = float(deviation) / per_unit
     missing_names = [name for name in ("M", "K", "Z") if name not in figures]
@@ -247,9 +245,9 @@ def read(text: str) -> Calibration:
         raise MeasurementError(
             f"this is not a calibration file of ergon metrology: it lacks {missing_names[0]}"
         )
-    for figure_name, value in (*figures.items(), *deviations.items()):
+    for figure_name, value_text in (*figures.items(), *deviations.items()):
         is_decay = figure_name.endswith(".t60")  # infinite without damping
-        if not (np.isfinite(value) or (is_decay and value > 0.0)):
+        if not (np.isfinite(value_text) or (is_decay and value_text > 0.0)):
             raise MeasurementError(f"{figure_name} is not a finite number")
     if not figures["M"] > sum(mass for mass, _, _ in modes):
         raise MeasurementError("M must be above 0 and above the masses of the modes")
@@ -257,10 +255,7 @@ def read(text: str) -> Calibration:
 
 
 def _mode(
-    match: re.Match[str],
-    mode_name: str,
-    figures: dict[str, float],
-    deviations: dict[str, float],
+    match: re.Match[str], mode_name: str, figures: dict[str, float], deviations: dict[str, float]
 ) -> tuple[float, float, float]:
     """A mode from a line: mass, frequency, damping ratio; its figures are also added under its
     name.

@@ -90,72 +90,72 @@ class Difference:
 
     names: tuple[str, str]
     first: float | None
-    other: float | None
+    second: float | None
     deviation: float | None
 
     @property
     def deviations(self) -> float | None:
         """The difference in units of its standard deviation; None if either is not known."""
-        if self.first is None or self.other is None or not self.deviation:
+        if self.first is None or self.second is None or not self.deviation:
             return None
-        return (self.other - self.first) / self.deviation
+        return (self.second - self.first) / self.deviation
 
 
-def differences(calibration: Calibration, other: Calibration) -> list[Difference]:
+def differences(first: Calibration, second: Calibration) -> list[Difference]:
     """All figures of two calibrations. Modes of nearly the same frequency count as the same
     mode.
     """
-    pairs = [(name, name) for name in UNITS if name != "noise"]
-    for first_mode, other_mode in _pair_modes(calibration, other):
-        pairs += [
-            (f"mode{first_mode}.{field_name}", f"mode{other_mode}.{field_name}")
+    name_pairs = [(name, name) for name in UNITS if name != "noise"]
+    for first_mode, second_mode in _pair_modes(first, second):
+        name_pairs += [
+            (f"mode{first_mode}.{field_name}", f"mode{second_mode}.{field_name}")
             for field_name in MODE_FIELDS
         ]
-    result = []
-    for first_name, second_name in pairs:
-        first_value, other_value = (
-            calibration.figures.get(first_name),
-            other.figures.get(second_name),
-        )
-        if first_value is None and other_value is None:
+    all_differences = []
+    for first_name, second_name in name_pairs:
+        first_value = first.figures.get(first_name)
+        second_value = second.figures.get(second_name)
+        if first_value is None and second_value is None:
             continue
         deviation = None
-        if first_name in calibration.deviations and second_name in other.deviations:
+        if first_name in first.deviations and second_name in second.deviations:
             deviation = float(
-                np.hypot(calibration.deviations[first_name], other.deviations[second_name])
+                np.hypot(first.deviations[first_name], second.deviations[second_name])
             )
-        result.append(Difference((first_name, second_name), first_value, other_value, deviation))
-    return result
+        all_differences.append(
+            Difference((first_name, second_name), first_value, second_value, deviation)
+        )
+    return all_differences
 
 
-def _pair_modes(calibration: Calibration, other: Calibration) -> list[tuple[int, int]]:
+def _pair_modes(first: Calibration, second: Calibration) -> list[tuple[int, int]]:
     """Pairs of mode numbers, from 1; a mode that only one calibration has is paired with 0."""
     distances = sorted(
-        (abs(np.log(first_frequency / other_frequency)), a, b)
-        for a, (_, first_frequency, _) in enumerate(calibration.modes, 1)
-        for b, (_, other_frequency, _) in enumerate(other.modes, 1)
+        (abs(np.log(first_frequency / second_frequency)), a, b)
+        for a, (_, first_frequency, _) in enumerate(first.modes, 1)
+        for b, (_, second_frequency, _) in enumerate(second.modes, 1)
     )
     pairs: list[tuple[int, int]] = []
     for distance, a, b in distances:
         if distance < _SAME_MODE_DISTANCE and not any(a == x or b == y for x, y in pairs):
             pairs.append((a, b))
     first_modes, second_modes = {a for a, _ in pairs}, {b for _, b in pairs}
-    pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first_modes]
-    pairs += [(0, b) for b in range(1, len(other.modes) + 1) if b not in second_modes]
+    pairs += [(a, 0) for a in range(1, len(first.modes) + 1) if a not in first_modes]
+    pairs += [(0, b) for b in range(1, len(second.modes) + 1) if b not in second_modes]
     return sorted(pairs)
 
 
-def chi_squared(calibration: Calibration, other: Calibration) -> tuple[float, int]:
+def chi_squared(first: Calibration, second: Calibration) -> tuple[float, int]:
     """Δᵀ(C₁ + C₂)⁻¹Δ of the figures whose deviations both files give, and their number.
 
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    comparable = [d for d in differences(calibration, other) if d.deviations is not None]
+    comparable = [d for d in differences(first, second) if d.deviations is not None]
     if not comparable:
         return 0.0, 0
     first_names, second_names = ([d.names[i] for d in comparable] for i in (0, 1))
-    covariance = calibration.covariance(first_names) + other.covariance(second_names)
+    covariance = first.covariance(first_names) + second.covariance(second_names)
     deviations = np.sqrt(np.diag(covariance))
     eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(deviations, deviations))
     components = vectors.T @ np.array([d.deviations for d in comparable])
@@ -188,37 +188,37 @@ def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[st
     mass_gain = known_mass / measured_mass
     # Derivatives of the logarithms with respect to figures of the first file, and of the second.
     mass_derivatives = {"M": 1.0 / measured_mass}, {"M": -1.0 / measured_mass}
-    by_name = {"mass": _gain(mass_gain, plain, loaded, *mass_derivatives)}
+    gain_by_name = {"mass": _gain(mass_gain, plain, loaded, *mass_derivatives)}
     for figure_name in ("M", "K", "Z"):
         plain_value = plain.figures[figure_name]
         plain_derivatives = dict(mass_derivatives[0])
         plain_derivatives[figure_name] = plain_derivatives.get(figure_name, 0.0) + (
             1.0 / plain_value if plain_value else 0.0
         )
-        by_name[figure_name] = _gain(
+        gain_by_name[figure_name] = _gain(
             mass_gain * plain_value, plain, loaded, plain_derivatives, mass_derivatives[1]
         )
     rest_positions = (plain.figures.get("rest"), loaded.figures.get("rest"))
     if rest_positions[0] is None or rest_positions[1] is None:
-        return by_name
+        return gain_by_name
     sag, stiffness = rest_positions[1] - rest_positions[0], plain.figures["K"]
     sag_min = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
     # Dry friction holds a key anywhere near its rest, and the fit knows only the middle.
     if abs(sag) <= max(sag_min, 1e-9):
-        return by_name
+        return gain_by_name
     force_gain = known_mass * _GRAVITY / (abs(sag) * stiffness)
     force_derivatives = {"K": -1.0 / stiffness, "rest": 1.0 / sag}, {"rest": -1.0 / sag}
     position_derivatives = (
         {name: -x for name, x in force_derivatives[0].items()} | mass_derivatives[0],
         {"rest": 1.0 / sag} | mass_derivatives[1],
     )
-    by_name["position"] = _gain(mass_gain / force_gain, plain, loaded, *position_derivatives)
-    by_name["force"] = _gain(force_gain, plain, loaded, *force_derivatives)
-    return by_name
+    gain_by_name["position"] = _gain(mass_gain / force_gain, plain, loaded, *position_derivatives)
+    gain_by_name["force"] = _gain(force_gain, plain, loaded, *force_derivatives)
+    return gain_by_name
 
 
 def _gain(
-    value: float,
+    gain: float,
     plain: Calibration,
     loaded: Calibration,
     plain_derivatives: Mapping[str, float],
@@ -228,7 +228,7 @@ def _gain(
     variance = 0.0
     for calibration, derivatives in ((plain, plain_derivatives), (loaded, loaded_derivatives)):
         if not all(name in calibration.deviations for name in derivatives):
-            return Gain(value, None)
+            return Gain(gain, None)
         gradient = np.array(list(derivatives.values()))
         variance += float(gradient @ calibration.covariance(list(derivatives)) @ gradient)
-    return Gain(value, abs(value) * float(np.sqrt(variance)))
+    return Gain(gain, abs(gain) * float(np.sqrt(variance)))

@@ -55,10 +55,7 @@ def jolts(n: int, rate: float, rng: np.random.Generator, length_ratio: float = 1
         (
             forces[begin : begin + half_length],
             forces[begin + half_length : begin + 2 * half_length],
-        ) = (
-            direction,
-            -direction,
-        )
+        ) = (direction, -direction)
         begin += 2 * half_length
     return forces
 
@@ -117,10 +114,10 @@ def knocks(
         n_ticks = min(int(duration * rate), n - 1 - tick)
         if n_ticks <= 0:
             return
-        s = np.arange(1, n_ticks + 1) / n_ticks
+        share = np.arange(1, n_ticks + 1) / n_ticks
         begin_position = path[tick]
-        path[tick : tick + n_ticks] = begin_position + (target - begin_position) * s**3 * (
-            10 - 15 * s + 6 * s * s
+        path[tick : tick + n_ticks] = begin_position + (target - begin_position) * share**3 * (
+            10 - 15 * share + 6 * share * share
         )
         path[tick + n_ticks :] = target
         tick = min(tick + n_ticks + int(rest_duration * rate), n - 1)
@@ -153,13 +150,15 @@ def forces_along_path(
 def _inverse_dynamics(x: Floats, parameters: Floats, rate: float, force_max: float) -> Floats:
     """Forces (n,) [N] that move a key without dry friction along x (n,) [m], at most "
     "`force_max`."""
-    v = np.gradient(x) * rate
-    forces = total_mass(parameters) * np.gradient(v) * rate + parameters[2] * v + parameters[1] * x
+    speed = np.gradient(x) * rate
+    forces = (
+        total_mass(parameters) * np.gradient(speed) * rate
+        + parameters[2] * speed
+        + parameters[1] * x
+    )
     # Slow pushes need little force and knocks much: if only knocks need too much, only they are
     # clipped.
     clipped_forces: Floats = np.clip(
-        forces * min(1.0, 2.0 * force_max / max(np.abs(forces).max(), 1e-12)),
-        -force_max,
-        force_max,
+        forces * min(1.0, 2.0 * force_max / max(np.abs(forces).max(), 1e-12)), -force_max, force_max
     )
     return clipped_forces

@@ -26,17 +26,17 @@ def _derivatives(
     signal: Floats, rate: float, cutoff_frequency: float
 ) -> tuple[Floats, Floats, Floats]:
     """A signal through a zero-phase low-pass, and its first and second derivative, each (n,)."""
-    n = signal.size
-    trend = np.linspace(signal[0], signal[-1], n)  # makes the end meet the beginning
+    n_samples = signal.size
+    trend = np.linspace(signal[0], signal[-1], n_samples)  # makes the end meet the beginning
     spectrum = np.fft.rfft(signal - trend)
-    frequency = np.fft.rfftfreq(n, 1 / rate)
+    frequency = np.fft.rfftfreq(n_samples, 1 / rate)
     spectrum /= 1 + (frequency / cutoff_frequency) ** 8
     differentiator = 2j * np.pi * frequency
-    trend_slope = (trend[-1] - trend[0]) / (n - 1) * rate
+    trend_slope = (trend[-1] - trend[0]) / (n_samples - 1) * rate
     return (
-        np.fft.irfft(spectrum, n) + trend,
-        np.fft.irfft(differentiator * spectrum, n) + trend_slope,
-        np.fft.irfft(differentiator * differentiator * spectrum, n),
+        np.fft.irfft(spectrum, n_samples) + trend,
+        np.fft.irfft(differentiator * spectrum, n_samples) + trend_slope,
+        np.fft.irfft(differentiator * differentiator * spectrum, n_samples),
     )
 
 

@@ -158,13 +158,13 @@ def gesture_from_rows(
     reply_times = _reply_times(np.asarray(ticks, np.int64), has_reply, np.asarray(clocks), rate)
     # Of two replies within one tick of the device, the later one counts.
     tick_numbers = np.maximum.accumulate(np.round(reply_times).astype(np.int64))
-    n = int(tick_numbers[-1]) + 1
-    reply_indices = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
-    tick_forces, tick_positions = forces[reply_indices], np.zeros(n)
-    tick_positions[tick_numbers], counts = positions, np.zeros(n, bool)
+    n_ticks = int(tick_numbers[-1]) + 1
+    reply_indices = np.searchsorted(tick_numbers, np.arange(1, n_ticks + 1), side="right") - 1
+    tick_forces, tick_positions = forces[reply_indices], np.zeros(n_ticks)
+    tick_positions[tick_numbers], counts = positions, np.zeros(n_ticks, bool)
     counts[tick_numbers] = has_reply
     last_reply_tick = np.maximum.accumulate(
-        np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0)
+        np.where(np.isin(np.arange(n_ticks), tick_numbers), np.arange(n_ticks), 0)
     )
     gesture = replace(
         gesture_from_arrays(tick_forces, tick_positions[last_reply_tick], rate), is_compared=counts
@@ -179,7 +179,7 @@ def gesture_from_rows(
             forces[is_force_known].min(),
             forces[is_force_known].max(),
         )
-    unknown = _unknown_forces(tick_numbers - 1.0, (lower, upper), is_certain, n)
+    unknown = _unknown_forces(tick_numbers - 1.0, (lower, upper), is_certain, n_ticks)
     return replace(gesture, unknown=unknown).with_forces(unknown.middle)
 
 
@@ -192,8 +192,8 @@ def _resampled(
 ) -> Gesture:
     """The gesture resampled from replies at instants `reply_times` (k,) [ticks] between its "
     "ticks."""
-    n = gesture.force.size
-    tick_edges = np.arange(n + 1.0)
+    n_ticks = gesture.force.size
+    tick_edges = np.arange(n_ticks + 1.0)
     replies, positions = reply_times[has_reply], reply_positions[has_reply]
     # Two replies at the same instant give no speed.
     is_later = np.concatenate([[True], np.diff(replies) > 0])
@@ -213,7 +213,7 @@ def _resampled(
 
 
 def _unknown_forces(
-    begins: Floats, bounds: tuple[Floats, Floats], is_known: NDArray[np.bool_], n: int
+    begin_instants: Floats, bounds: tuple[Floats, Floats], is_known: NDArray[np.bool_], n_ticks: int
 ) -> UnknownForces:
     """The unknown forces of n ticks, by the least and the most force that was sent (k,).
 
@@ -221,13 +221,19 @@ def _unknown_forces(
     forces that were sent can have acted. If many ticks are unknown, replies were late rather
     than lost, and all forces count as known.
     """
-    unknown_shares = _interval_means(begins, (~is_known).astype(float), np.arange(n + 1.0))
+    unknown_shares = _interval_means(
+        begin_instants, (~is_known).astype(float), np.arange(n_ticks + 1.0)
+    )
     ticks = np.flatnonzero(unknown_shares > _UNKNOWN_SHARE_MIN)
-    if ticks.size > LATE_SHARE_MAX * n:
+    if ticks.size > LATE_SHARE_MAX * n_ticks:
         return _NO_UNKNOWN_FORCES
-    last_known = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
-    first_rows = last_known[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
-    last_rows = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
+    last_known_index = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
+    first_rows = last_known_index[
+        np.maximum(np.searchsorted(begin_instants, ticks, side="right") - 1, 0)
+    ]
+    last_rows = np.minimum(
+        np.searchsorted(begin_instants, ticks + 1, side="left"), begin_instants.size - 1
+    )
     ranges = [slice(i, j + 1) for i, j in zip(first_rows, last_rows, strict=True)]
     lower = np.array([bounds[0][rows].min() for rows in ranges])
     upper = np.array([bounds[1][rows].max() for rows in ranges])
@@ -235,10 +241,13 @@ def _unknown_forces(
     return UnknownForces(ticks[is_uncertain], lower[is_uncertain], upper[is_uncertain])
 
 
-def _interval_means(begins: Floats, values: Floats, edges: Floats) -> Floats:
+def _interval_means(begin_instants: Floats, values: Floats, edges: Floats) -> Floats:
     """Means (n,) between edges (n + 1,) of values (k,), each of which holds from its begin on."""
-    first_instant, last_instant = min(begins[0], edges[0]), max(begins[-1], edges[-1])
-    interval_edges = np.concatenate([[first_instant], begins[1:], [last_instant]])
+    first_instant, last_instant = (
+        min(begin_instants[0], edges[0]),
+        max(begin_instants[-1], edges[-1]),
+    )
+    interval_edges = np.concatenate([[first_instant], begin_instants[1:], [last_instant]])
     cumulative_values = np.concatenate([[0.0], np.cumsum(values * np.diff(interval_edges))])
     return np.asarray(np.diff(np.interp(edges, interval_edges, cumulative_values)) / np.diff(edges))
 
@@ -295,18 +304,17 @@ def gesture_from_recording(
     ticks = recording.ticks()
     fresh = recording.flags()[:, axis] & _FRESH_FLAG != 0
     # A tick without a row is also a tick without a reply.
-    all_ticks = np.arange(ticks[0], ticks[-1] + 1)
-    if all_ticks.size - ticks.size > LATE_SHARE_MAX * all_ticks.size:
+    tick_numbers = np.arange(ticks[0], ticks[-1] + 1)
+    if tick_numbers.size - ticks.size > LATE_SHARE_MAX * tick_numbers.size:
         raise MeasurementError(
-            f"this take lacks {all_ticks.size - ticks.size:,} of {all_ticks.size:,} ticks, too "
-            "many to "
-            "find the forces that nobody knows"
+            f"this take lacks {tick_numbers.size - ticks.size:,} of {tick_numbers.size:,} ticks, "
+            "too many to find the forces that nobody knows"
         )
-    reply_rows = np.searchsorted(ticks, all_ticks, side="right") - 1
-    has_row = ticks[reply_rows] == all_ticks
+    reply_rows = np.searchsorted(ticks, tick_numbers, side="right") - 1
+    has_row = ticks[reply_rows] == tick_numbers
     has_reply = (fresh if fresh.any() else np.ones_like(fresh))[reply_rows] & has_row
     return gesture_from_rows(
-        all_ticks,
+        tick_numbers,
         forces[reply_rows],
         recording.positions()[reply_rows, axis],
         has_reply,

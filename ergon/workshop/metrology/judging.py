@@ -46,20 +46,20 @@ class Stage:
     is_removal: bool = False
     is_significant: bool = False
 
-    def explains_more(self, other: Stage) -> bool:
+    def explains_more(self, other_stage: Stage) -> bool:
         """Whether there is very strong evidence that it explains the takes better than another
         stage.
         """
-        return self.fit.bic < other.fit.bic - _BIC_FALL_MIN
+        return self.fit.bic < other_stage.fit.bic - _BIC_FALL_MIN
 
-    def is_hidden(self, before: Stage) -> bool:
+    def is_hidden(self, earlier_stage: Stage) -> bool:
         """Whether the parts since a stage surely explain the takes, and the held-out gesture hardly
         speaks against them: its error rises by less than a tenth of what that of the takes falls.
         """
-        is_sure = self.is_significant and self.fit.bic < before.fit.bic - _BIC_FALL_CERTAIN
+        is_sure = self.is_significant and self.fit.bic < earlier_stage.fit.bic - _BIC_FALL_CERTAIN
         log_fall, log_rise = (
-            np.log(before.fit.rms / self.fit.rms),
-            np.log(self.replay_rms / before.replay_rms),
+            np.log(earlier_stage.fit.rms / self.fit.rms),
+            np.log(self.replay_rms / earlier_stage.replay_rms),
         )
         return bool(is_sure and log_rise < _HIDDEN_RISE_RATIO * log_fall)
 
@@ -187,8 +187,8 @@ class Judge:
 def with_values(parameters: Floats, values_by_name: dict[str, float]) -> Floats:
     """A row with other values of the parameters of these names."""
     parameters = parameters.copy()
-    for name, value in values_by_name.items():
-        parameters[INDEX[name]] = value
+    for name, parameter_value in values_by_name.items():
+        parameters[INDEX[name]] = parameter_value
     return parameters
 
 

@@ -217,20 +217,20 @@ def push(
 
 def settle(axis: Axis, guide: Guide) -> None:
     """Let the guide bring the key to rest. Raises TakeEnded."""
-    n = round(0.3 * TICK_RATE)
+    n_ticks = round(0.3 * TICK_RATE)
     motion_max = max(4 * axis.device.resolution, 1e-2 * guide.half_travel)
     for _ in range(round(_SETTLING_DURATION_MAX / 0.3)):
-        positions = push(axis, np.zeros(n), guide, accepts_safety_ends=True).positions()
-        if positions.size == n and np.ptp(positions[n // 2 :]) <= motion_max:
+        positions = push(axis, np.zeros(n_ticks), guide, accepts_safety_ends=True).positions()
+        if positions.size == n_ticks and np.ptp(positions[n_ticks // 2 :]) <= motion_max:
             break
-    push(axis, np.zeros(n // 3), guide, n, accepts_safety_ends=True)
+    push(axis, np.zeros(n_ticks // 3), guide, n_ticks, accepts_safety_ends=True)
 
 
 def gesture(excited: Excited) -> Gesture:
     """A take as a gesture for the fit."""
-    n = excited.sent().size
+    n_ticks = excited.sent().size
     return gesture_from_rows(
-        np.arange(n),
+        np.arange(n_ticks),
         excited.sent(),
         excited.positions(),
         excited.fresh(),
@@ -240,7 +240,7 @@ def gesture(excited: Excited) -> Gesture:
 
 
 def climb(
-    axis: Axis, seed: int = 0, on_rung: Callable[[Rung], object] = lambda rung: None
+    axis: Axis, seed: int = 0, report_rung: Callable[[Rung], object] = lambda rung: None
 ) -> Ladder:
     """Find the motor's direction and the greatest force that keeps a key away from its ends.
 
@@ -249,24 +249,23 @@ def climb(
     rng = np.random.default_rng(seed)
     key = _RestingKey(axis, rng)
     sign, moving_mass = key.find_direction_and_mass()
-    axis, force_max = (
-        replace(axis, sign=axis.sign * sign),
-        axis.request_max,
-    )
+    axis, force_max = (replace(axis, sign=axis.sign * sign), axis.request_max)
     guide = key.guide(moving_mass)
     settle(axis, guide)
     force, gestures = _FIRST_SHARE * force_max, []
     rungs: list[Rung] = []
     while len(rungs) < _RUNGS_MAX:
-        n = round(RUNG_DURATION * TICK_RATE)
-        relative_forces = excitation.mixed(n, TICK_RATE, rng, excitation.rain(n, rng), _RAIN_SHARE)
+        n_ticks = round(RUNG_DURATION * TICK_RATE)
+        relative_forces = excitation.mixed(
+            n_ticks, TICK_RATE, rng, excitation.rain(n_ticks, rng), _RAIN_SHARE
+        )
         forces, n_still = excitation.with_still_beginning(force * relative_forces, TICK_RATE)
         excited = push(axis, forces, guide, n_still, accepts_safety_ends=True)
         settle(axis, guide)
         excursion = float(np.abs(excited.positions() - guide.centre).max())
         braked = excited.end != "done" or bool(excited.braked().any())
         rungs.append(Rung(force, excursion, braked))
-        on_rung(rungs[-1])
+        report_rung(rungs[-1])
         if excited.end == "done":
             gestures.append(gesture(excited))
         excursion_ratio = excursion / guide.half_travel
@@ -330,8 +329,8 @@ class _RestingKey:
             1.0,
         )
         while length_ratio < _JOLT_LENGTH_RATIO_MAX:
-            n = round(_JOLT_DURATION * TICK_RATE)
-            forces = jolt_force * excitation.jolts(n, TICK_RATE, self.chance, length_ratio)
+            n_ticks = round(_JOLT_DURATION * TICK_RATE)
+            forces = jolt_force * excitation.jolts(n_ticks, TICK_RATE, self.chance, length_ratio)
             forces_sent, n_still = excitation.with_still_beginning(forces, TICK_RATE)
             excited = push(self.axis, forces_sent, self.free, n_still)
             jolt_gesture = gesture(excited)

@@ -39,19 +39,19 @@ class Peak:
 
 def _background(powers: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
     """Median of a periodogram over half an octave, which a narrow peak does not lift, (n,)."""
-    n = powers.size
+    n_bins = powers.size
     bins = np.unique(
-        np.concatenate([np.arange(min(n, 64)), np.geomspace(64, n - 1, 300).astype(int)])
+        np.concatenate([np.arange(min(n_bins, 64)), np.geomspace(64, n_bins - 1, 300).astype(int)])
     )
     first_bins = np.searchsorted(frequency, frequency[bins] * 2**-0.25)
     end_bins = np.searchsorted(frequency, frequency[bins] * 2**0.25) + 1
     first_bins, end_bins = (
         np.minimum(first_bins, np.maximum(bins - 8, 0)),
-        np.maximum(end_bins, np.minimum(bins + 9, n)),
+        np.maximum(end_bins, np.minimum(bins + 9, n_bins)),
     )
     medians = [np.median(powers[i:j]) for i, j in zip(first_bins, end_bins, strict=True)]
     background_at_bins = np.maximum(np.array(medians) / np.log(2), np.finfo(float).tiny)
-    background: Floats = np.exp(np.interp(np.arange(n), bins, np.log(background_at_bins)))
+    background: Floats = np.exp(np.interp(np.arange(n_bins), bins, np.log(background_at_bins)))
     return background
 
 

@@ -118,11 +118,11 @@ def recover_forces(parameters: Floats, gesture: Gesture, start_position: float) 
     ticks, spread = gesture.unknown.ticks, gesture.unknown.half_range
     if not ticks.size:
         return gesture
-    n, step_fraction = int(gesture.is_compared.sum()), 1.0
+    n_compared, step_fraction = int(gesture.is_compared.sum()), 1.0
     position_cost, force_cost = _costs(parameters, [gesture], np.array([start_position]))
     for _ in range(_RECOVERY_ROUNDS_MAX):
         jacobian = _force_derivatives(parameters, gesture, start_position) * spread
-        variance = position_cost / n
+        variance = position_cost / n_compared
         hessian = jacobian.T @ jacobian + variance * np.eye(ticks.size)
         gradient = jacobian.T @ errors(
             parameters, gesture, start_position
@@ -257,8 +257,8 @@ def _covariance(
     squared_error: float,
 ) -> Floats:
     """Covariance of the parameters in SI units, (p, p), at a sum of squares of the errors."""
-    n_fitted, n = len(fitted_indices), sum(int(g.is_compared.sum()) for g in gestures)
-    variance = squared_error / max(n - n_fitted - len(starts), 1)
+    n_fitted, n_compared = len(fitted_indices), sum(int(g.is_compared.sum()) for g in gestures)
+    variance = squared_error / max(n_compared - n_fitted - len(starts), 1)
     variables_by_gesture = _variable_indices(n_fitted, starts, gestures)
     n_variables = max(int(indices.max()) for indices in variables_by_gesture) + 1
     normal_matrix, scores = (
@@ -271,7 +271,7 @@ def _covariance(
         )
         normal_matrix[np.ix_(variables, variables)] += jacobian.T @ jacobian
         scores[:, variables[:, None], variables] += coloured.long_run(
-            jacobian * error[:, None], gesture.rate, n
+            jacobian * error[:, None], gesture.rate, n_compared
         )
         force_variables, spread = variables[n_fitted + 1 :], gesture.unknown.half_range
         normal_matrix[force_variables, force_variables] += variance / spread**2
@@ -300,7 +300,7 @@ def fit(
     start_points = np.array([g.start for g in gestures] if starts is None else starts)
     n_fitted, damping, damping_min = len(fitted_indices), *_DAMPING
     first_force_index = n_fitted + len(start_points)
-    n = sum(int(g.is_compared.sum()) for g in gestures)
+    n_compared = sum(int(g.is_compared.sum()) for g in gestures)
     position_cost, force_cost = _costs(parameters, gestures, start_points)
     force_jacobians: list[Floats] = []
     n_slow_steps = 0
@@ -310,7 +310,7 @@ def fit(
         if iteration % _JACOBIAN_INTERVAL == 0 or not force_jacobians:
             gestures_and_starts = zip(gestures, start_points, strict=True)
             force_jacobians = [_force_derivatives(parameters, g, x) for g, x in gestures_and_starts]
-        variance = position_cost / n
+        variance = position_cost / n_compared
         normal_matrix, gradient = _normal_equations(
             parameters, fitted_indices, gestures, start_points, force_jacobians, variance
         )
@@ -356,8 +356,8 @@ def fit(
         tuple(fitted_indices),
         tuple(map(float, start_points)),
         covariance,
-        float(np.sqrt(position_cost / n)),
-        n,
+        float(np.sqrt(position_cost / n_compared)),
+        n_compared,
         tuple(g.force[g.unknown.ticks] for g in gestures),
     )
 

@@ -86,15 +86,17 @@ def step_parameters(parameters: Floats, fitted_indices: Sequence[int], step: Flo
     """
     stepped = parameters.copy()
     for index, parameter_step in zip(fitted_indices, step, strict=True):
-        value = parameters[index]
+        parameter = parameters[index]
         if index in _LINEAR_BOUNDS:
-            stepped[index] = np.clip(value + parameter_step, *_LINEAR_BOUNDS[index])
+            stepped[index] = np.clip(parameter + parameter_step, *_LINEAR_BOUNDS[index])
         elif _is_mass(index):
             stepped[index] = np.clip(
-                value + parameter_step, value / _STEP_FACTOR_MAX, value * _STEP_FACTOR_MAX
+                parameter + parameter_step,
+                parameter / _STEP_FACTOR_MAX,
+                parameter * _STEP_FACTOR_MAX,
             )
         else:
-            stepped_value = value * np.exp(np.clip(parameter_step, -1.0, 1.0))
+            stepped_value = parameter * np.exp(np.clip(parameter_step, -1.0, 1.0))
             stepped[index] = np.clip(stepped_value, *_bounds(index))
     return stepped
 
@@ -113,9 +115,10 @@ def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[n
 
 def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
     least, greatest = _bounds(index)
-    value = row[index]
+    parameter = row[index]
     return bool(
-        (value <= least and parameter_step < 0) or (value >= greatest and parameter_step > 0)
+        (parameter <= least and parameter_step < 0)
+        or (parameter >= greatest and parameter_step > 0)
     )
 
 

@@ -23,11 +23,11 @@ def picture(replay: Replay, title: str, simple_replay: Replay | None = None) -> 
 
     `simple_replay` is the replay of a model with fewer parts.
     """
-    drawn = rows(replay)
+    panel_rows = rows(replay)
     if simple_replay is not None:
         residual_curve = _curve("residual", simple_replay.t, simple_replay.residual * 1e6)
-        drawn.insert(2, ("M K Z alone [um]", [residual_curve]))
-    return panels(drawn, title=title)
+        panel_rows.insert(2, ("M K Z alone [um]", [residual_curve]))
+    return panels(panel_rows, title=title)
 
 
 def rows(replay: Replay) -> list[tuple[str, list[Curve]]]:
@@ -39,15 +39,9 @@ def rows(replay: Replay) -> list[tuple[str, list[Curve]]]:
         ("force [N]", [_curve("asked", t, replay.gesture.force)]),
         (
             "position [mm]",
-            [
-                _curve("real", t, position * 1e3),
-                _curve("model", t, replay.model_position * 1e3),
-            ],
+            [_curve("real", t, position * 1e3), _curve("model", t, replay.model_position * 1e3)],
         ),
-        (
-            "residual [um]",
-            [_curve("residual", replay.t, replay.residual * 1e6)],
-        ),
+        ("residual [um]", [_curve("residual", replay.t, replay.residual * 1e6)]),
     ]
 
 
@@ -56,14 +50,14 @@ def _curve(name: str, t: Floats, x: Floats) -> Curve:
     stride = max(1, len(t) // _N_COLUMNS)
     if stride == 1:
         return Curve(name, t.tolist(), x.tolist())
-    n = len(t) // stride
-    blocks, begins = (
-        x[: n * stride].reshape(n, stride),
-        np.arange(n) * stride,
+    n_blocks = len(t) // stride
+    blocks, block_begins = (
+        x[: n_blocks * stride].reshape(n_blocks, stride),
+        np.arange(n_blocks) * stride,
     )
     lowest_indices, highest_indices = (
-        begins + np.argmin(np.nan_to_num(blocks, nan=np.inf), axis=1),
-        begins + np.argmax(np.nan_to_num(blocks, nan=-np.inf), axis=1),
+        block_begins + np.argmin(np.nan_to_num(blocks, nan=np.inf), axis=1),
+        block_begins + np.argmax(np.nan_to_num(blocks, nan=-np.inf), axis=1),
     )
     indices = np.sort(np.stack([lowest_indices, highest_indices], 1), axis=1).ravel()
     return Curve(name, t[indices].tolist(), x[indices].tolist())

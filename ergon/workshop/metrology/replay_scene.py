@@ -47,14 +47,7 @@ def write_scene(replay: Replay, folder: Path) -> Path:
             _Curve("real", position, ("mm", 1e-3), 0.25),
             _Curve("model", replay.model_position - gesture.start, ("mm", 1e-3), 0.25, 0.05),
         ],
-        [
-            _Curve(
-                "residual",
-                np.interp(t, replay.t, replay.residual),
-                ("um", 1e-6),
-                0.0,
-            )
-        ],
+        [_Curve("residual", np.interp(t, replay.t, replay.residual), ("um", 1e-6), 0.0)],
     )
     columns, chains, comments = {}, "", []
     for curve_group in curves:
@@ -66,7 +59,7 @@ def write_scene(replay: Replay, folder: Path) -> Path:
         comments.append(f"{names} {units_per_cm:g} {unit} a cm")
         for curve in curve_group:
             columns[curve.name] = curve.z + 0.01 / (units_per_cm * unit_in_si) * curve.values
-            chains += _chain(curve)
+            chains += _chain_text(curve)
     np.savez(folder / "replay.npz", allow_pickle=False, t=t, **columns)
     takes = "".join(f"  {name}: {{file: replay.npz, channel: {name}}}\n" for name in columns)
     score = folder / "replay.yaml"
@@ -89,7 +82,7 @@ def _rounded_scale(value_max: float) -> float:
     return float(next(step * decade for step in (1, 2, 5, 10) if step * decade >= scale_min))
 
 
-def _chain(curve: _Curve) -> str:
+def _chain_text(curve: _Curve) -> str:
     """Modules: points that follow a take, each later than the one before."""
     place = f"{curve.y}m, {curve.z}m"
     leads = "".join(

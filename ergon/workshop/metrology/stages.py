@@ -95,15 +95,15 @@ _PARTS = (
 def measure(
     gestures: Sequence[Gesture],
     held_out: Gesture | None = None,
-    on_stage: Callable[[Stage], object] = lambda stage: None,
+    report_stage: Callable[[Stage], object] = lambda stage: None,
 ) -> Measured:
-    """Measure a key by gestures; `on_stage` is called after each stage.
+    """Measure a key by gestures; `report_stage` is called after each stage.
 
     Without `held_out` the last quarter of the last gesture is held out. Raises StoppedError.
     """
     gestures = list(gestures)
     noise = sensor_noise(gestures if held_out is None else [*gestures, held_out])
-    search = _Search(Judge(gestures, held_out), on_stage)
+    search = _Search(Judge(gestures, held_out), report_stage)
     search.add_parts()
     while search.add_against_held_out() or search.remove_doubtful():
         search.add_parts()
@@ -114,14 +114,14 @@ def measure(
 class _Search:
     """The stages so far, the best of them, and those that were refused since."""
 
-    def __init__(self, judge: Judge, on_stage: Callable[[Stage], object]) -> None:
-        self.judge, self.tell = judge, on_stage
+    def __init__(self, judge: Judge, report_stage: Callable[[Stage], object]) -> None:
+        self.judge, self.tell = judge, report_stage
         self.guess = first_guess(judge.gestures)
         row = with_values(self.guess, {"dry": 0.0})
         self.best = judge.stage("M K Z", row, _LINEAR, None)
         self.stages = [self.best]
         self.refused: list[Stage] = []
-        on_stage(self.best)
+        report_stage(self.best)
 
     def _decide(self, stage: Stage) -> bool:
         """Keep a stage or not."""

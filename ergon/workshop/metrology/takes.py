@@ -78,10 +78,10 @@ def record(
             record_target(kind, part_number),
             accepts_safety_ends=True,
         )
-        n = excited.sent().size
-        if n >= max(TICKS_MIN, n_still + TICK_RATE) or excited.end == "done":
+        n_ticks = excited.sent().size
+        if n_ticks >= max(TICKS_MIN, n_still + TICK_RATE) or excited.end == "done":
             takes.append(Take(kind, part_number, gesture(excited)))
-            remaining -= (n - n_still) / TICK_RATE
+            remaining -= (n_ticks - n_still) / TICK_RATE
         if excited.end not in SAFETY_ENDS or remaining < 1.0:
             break
         force *= _FORCE_REDUCTION
@@ -115,15 +115,10 @@ def _bearable_force(
 
 
 def _take_forces(
-    ladder: Ladder,
-    kind: str,
-    duration: float,
-    force: float,
-    seed: int,
-    path: Floats | None,
+    ladder: Ladder, kind: str, duration: float, force: float, seed: int, path: Floats | None
 ) -> Floats:
     """Forces of a take (n,) [N]."""
-    n, rng, parameters = (
+    n_ticks, rng, parameters = (
         round(duration * TICK_RATE),
         np.random.default_rng(seed),
         ladder.rough_parameters,
@@ -135,13 +130,19 @@ def _take_forces(
         guided_parameters[INDEX["stiffness"]] += stiffness
         guided_parameters[INDEX["damping"]] += damping
     if kind == "held-out" and path is not None:
-        path_positions = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
+        path_positions = np.concatenate([path, np.full(max(0, n_ticks - len(path)), path[-1])])[
+            :n_ticks
+        ]
         forces = excitation.forces_along_path(
             path_positions, parameters, TICK_RATE, excursion_max, force
         )
     elif kind == "held-out":
         forces = excitation.knocks(parameters, TICK_RATE, duration, excursion_max, force)
     else:
-        quick = excitation.rain(n, rng) if kind == "rain" else excitation.strikes(n, TICK_RATE, rng)
-        forces = force * excitation.mixed(n, TICK_RATE, rng, quick, _QUICK_SHARES[kind])
+        quick = (
+            excitation.rain(n_ticks, rng)
+            if kind == "rain"
+            else excitation.strikes(n_ticks, TICK_RATE, rng)
+        )
+        forces = force * excitation.mixed(n_ticks, TICK_RATE, rng, quick, _QUICK_SHARES[kind])
     return excitation.scaled_to_reach(forces, TICK_RATE, guided_parameters, excursion_max)

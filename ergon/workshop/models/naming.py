@@ -15,17 +15,17 @@ NAME_MAX = 64  # characters
 class Names:
     """Gives each thing a unique name."""
 
-    def __init__(self, taken: Iterable[str] = ()) -> None:
-        """`taken`: names that cannot be given."""
-        self.taken = set(taken)
+    def __init__(self, used_names: Iterable[str] = ()) -> None:
+        """`used_names`: names that cannot be given."""
+        self.used_names = set(used_names)
 
-    def new(self, name_wanted: str) -> str:
+    def new(self, wanted_name: str) -> str:
         """The name, or the first free one with a number appended."""
-        stem = name_wanted[: NAME_MAX - 8].lstrip("_") or "m"
-        free_name, number = stem, 2
-        while free_name in self.taken:
-            free_name, number = f"{stem}_{number}", number + 1
-        self.taken.add(free_name)
+        stem = wanted_name[: NAME_MAX - 8].lstrip("_") or "m"
+        free_name, suffix = stem, 2
+        while free_name in self.used_names:
+            free_name, suffix = f"{stem}_{suffix}", suffix + 1
+        self.used_names.add(free_name)
         return free_name
 
 

@@ -135,9 +135,9 @@ def gain_option(factor: float) -> str:
     return "" if factor == 1.0 else f", gain: x{number_text(factor)}"
 
 
-def number_text(value: float) -> str:
+def number_text(number: float) -> str:
     """A number without a needless `.0`."""
-    return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+    return repr(int(number)) if number == int(number) and abs(number) < 1e15 else repr(number)
 
 
 def trailing_comment(comment: str) -> str:

@@ -211,8 +211,8 @@ class Browser:
         answer = self._answers.pop(call_id)
         if "error" in answer:
             raise BrowserError(f"the browser refuses {method}: {answer['error'].get('message')}")
-        result: dict[str, Any] = answer["result"]
-        return result
+        answer_fields: dict[str, Any] = answer["result"]
+        return answer_fields
 
     def listen(self) -> None:
         """Wait for what the browser tells next, an answer or an event. Raises BrowserError."""
@@ -286,6 +286,6 @@ def _pipe() -> tuple[int, int]:
     return moved_ends[0], moved_ends[1]
 
 
-def _write_all(descriptor: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(descriptor, data) :]
+def _write_all(descriptor: int, message_bytes: bytes) -> None:
+    while message_bytes:
+        message_bytes = message_bytes[os.write(descriptor, message_bytes) :]

@@ -73,17 +73,21 @@ def is_plain(text: str, params: Container[str]) -> bool:
 def value(text: str, names: Mapping[str, Amount], expected: str) -> Amount:
     """The value of an expression of numbers, names and functions. Raises TextError."""
     constants = {name: Amount(Fraction(number), "") for name, number in _CONSTANTS.items()}
-    return _value(text, {**constants, **names}, expected, 0)
+    return _evaluate(text, {**constants, **names}, expected, 0)
 
 
-def _value(text: str, amounts_by_name: Mapping[str, Amount], expected: str, depth: int) -> Amount:
+def _evaluate(
+    text: str, amounts_by_name: Mapping[str, Amount], expected: str, depth: int
+) -> Amount:
     if depth > MAX_DEPTH:
         raise TextError(f"functions are nested at most {MAX_DEPTH} deep")
     amounts, position, call_free_text = dict(amounts_by_name), 0, ""
     while (call := _CALL.search(text, position)) is not None:
         arguments, call_end = _arguments(text, call.end())
         call_name = f"call_{depth}_{call_end}"
-        argument_values = [_value(part, amounts_by_name, expected, depth + 1) for part in arguments]
+        argument_values = [
+            _evaluate(part, amounts_by_name, expected, depth + 1) for part in arguments
+        ]
         amounts[call_name] = Amount(Fraction(_apply(call[1], argument_values)), "")
         call_free_text += f"{text[position : call.start()]} {call_name} "
         position = call_end
@@ -115,10 +119,10 @@ def _apply(function_name: str, arguments: list[Amount]) -> float:
     if any(argument.unit for argument in arguments):
         raise TextError(f"{function_name} takes plain numbers")
     try:
-        result = float(function(*(float(argument.number) for argument in arguments)))
+        number = float(function(*(float(argument.number) for argument in arguments)))
     except (ArithmeticError, ValueError):
-        result = math.nan
-    if not math.isfinite(result):
+        number = math.nan
+    if not math.isfinite(number):
         argument_texts = ", ".join(f"{float(argument.number):g}" for argument in arguments)
         raise TextError(f"{function_name}({argument_texts}) has no value")
-    return result
+    return number

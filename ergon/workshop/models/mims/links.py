@@ -116,14 +116,14 @@ def _value_fields(
     """The values of a link as fields: constants, and those that follow a signal."""
     fields, follows = [], []
     for field_letter, name in law.fields.items():
-        value = values.get(name, _ZERO_VALUE)
-        if value.linear:
-            follows.append(f"{field_letter}: {follows_field(draft, value)}")
+        field_value = values.get(name, _ZERO_VALUE)
+        if field_value.linear:
+            follows.append(f"{field_letter}: {follows_field(draft, field_value)}")
         else:
             fields.append(
-                f"{field_letter}: {factor_text}({value.text})"
+                f"{field_letter}: {factor_text}({field_value.text})"
                 if factor_text
-                else f"{field_letter}: {value.text}"
+                else f"{field_letter}: {field_value.text}"
             )
     return [*fields, f"follows: {{{', '.join(follows)}}}"] if follows else fields
 
@@ -181,9 +181,7 @@ def _add_pairwise_springs(
                 ]
             )
         draft.add(
-            module_name,
-            f"{kind}: {{between: [{', '.join(end_names)}], {field_texts}}}",
-            comment,
+            module_name, f"{kind}: {{between: [{', '.join(end_names)}], {field_texts}}}", comment
         )
         comment = ""
 

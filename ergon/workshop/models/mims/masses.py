@@ -32,10 +32,10 @@ def add_force_input(draft: ScoreDraft, statement: Statement) -> None:
             )
 
 
-def not_negative(value: Value, name: str, line: int) -> None:
+def not_negative(checked_value: Value, name: str, line: int) -> None:
     """Refuse a value below 0, which would make energy. Raises ModelError."""
-    if value.least < 0.0:
-        raise ModelError(REFUSED["negative"].format(name=name, value=value.least), line)
+    if checked_value.least < 0.0:
+        raise ModelError(REFUSED["negative"].format(name=name, value=checked_value.least), line)
 
 
 # --- masses -------------------------------------------------------------------------------------
@@ -55,9 +55,9 @@ def _add_mass(draft: ScoreDraft, statement: Statement) -> None:
         return
     mass = _positive_mass(draft, statement)
     ties = {tie: value_of(draft, statement, tie) for tie in ("K", "Z") if tie in statement.values}
-    for tie, value in ties.items():
-        not_negative(value, tie, statement.line)
-    has_led_values = any(value.linear for value in ties.values())
+    for tie, tie_value in ties.items():
+        not_negative(tie_value, tie, statement.line)
+    has_led_values = any(tie_value.linear for tie_value in ties.values())
     fields = [f"M: {mass.text}"]
     if mass.linear is not None:
         has_led_values = bool(ties)  # a mass with ties has no poles of its own
@@ -67,7 +67,7 @@ def _add_mass(draft: ScoreDraft, statement: Statement) -> None:
             f"follows: {{M: {follows_field(draft, mass, is_ahead=True)}}}",
         ]
     if not has_led_values:
-        fields += [f"{tie}: {value.text}" for tie, value in ties.items()]
+        fields += [f"{tie}: {tie_value.text}" for tie, tie_value in ties.items()]
     k, z = (ties[tie].first if tie in ties else 0.0 for tie in ("K", "Z"))
     fields += [text for text in _start_fields(draft, statement, (mass.first, k, z)) if text]
     kind = "CEL" if ties and not has_led_values else "MAS"
@@ -130,11 +130,10 @@ def _start_fields(
     return (f"X0: {position!r}m" if position else ""), f"V0: {(position - x0) * RATE!r}m/s"
 
 
-def _check_range(statement: Statement, name: str, value: float, value_max: float) -> None:
-    if not abs(value) <= value_max:
+def _check_range(statement: Statement, name: str, range_value: float, value_max: float) -> None:
+    if not abs(range_value) <= value_max:
         raise ModelError(
-            REFUSED["far"].format(name=name, value=value, most=value_max),
-            statement.line,
+            REFUSED["far"].format(name=name, value=range_value, most=value_max), statement.line
         )
 
 
@@ -197,7 +196,7 @@ def _add_macro(draft: ScoreDraft, statement: Statement) -> None:
     places.build(macro, draft.laws == "2019")
     _add_led_links(draft, macro, {name: value for name, value in values.items() if value.linear})
     for module_index, (module_name, module_text) in enumerate(macro.modules):
-        draft.names.taken.add(module_name)
+        draft.names.used_names.add(module_name)
         draft.add(
             module_name,
             module_text,

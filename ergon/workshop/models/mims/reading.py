@@ -27,16 +27,16 @@ _CHANNEL = {"input": re.compile(r"in([1-9]\d?)"), "output": re.compile(r"out([1-
 _DISPLAYABLE = ("ground", "mass", "massG", "osc", "posInput")  # v1: a buffer, x and y may follow
 
 
-def text_of(path: Path) -> str:
+def read_text(path: Path) -> str:
     """The text of a model, or of the script in a Faust program (`.dsp`).
 
     Raises ModelError if the file has neither, and OSError.
     """
-    text = _text_of(path)
+    text = _read_text(path)
     return script(text) if path.suffix.lower() == ".dsp" else text
 
 
-def _text_of(path: Path) -> str:
+def _read_text(path: Path) -> str:
     model_bytes = read_bounded(path, BYTES_MAX)
     if len(model_bytes) > BYTES_MAX:
         raise ModelError(f"it is larger than {BYTES_MAX >> 20} MB")
@@ -167,10 +167,7 @@ def _statement(
         raise ModelError(message, line_number, nearest(keyword, FORMS[dialect]))
     if len(argument_words) < form.n_points:
         raise ModelError(f"{keyword} is written {form.usage}", line_number)
-    point_words, value_words = (
-        argument_words[: form.n_points],
-        argument_words[form.n_points :],
-    )
+    point_words, value_words = (argument_words[: form.n_points], argument_words[form.n_points :])
     points = tuple(_point(point_word, line_number) for point_word in point_words)
     if dialect == "v1":
         points, value_words = _v1_points(points, value_words, macros, keyword, line_number)
@@ -224,14 +221,9 @@ def _values(form: Form, value_words: list[str], keyword: str, line_number: int) 
     n_min = len(form.values) + len(form.trailing)
     if not n_min <= len(value_words) <= n_min + len(form.optional) or not all(value_words):
         raise ModelError(
-            f"{keyword} is written {form.usage}; here it has {len(value_words)} values",
-            line_number,
+            f"{keyword} is written {form.usage}; here it has {len(value_words)} values", line_number
         )
-    value_names = (
-        *form.values,
-        *form.optional[: len(value_words) - n_min],
-        *form.trailing,
-    )
+    value_names = (*form.values, *form.optional[: len(value_words) - n_min], *form.trailing)
     return dict(zip(value_names, value_words, strict=True))
 
 
@@ -290,8 +282,8 @@ def _parameter_values(model: Model, overrides: Mapping[str, str]) -> dict[str, A
             amounts[parameter_name] = Amount(Fraction(0), "")
             continue
         text = overrides.get(parameter_name, declaration.values["value"])
-        value = number(text, {}, f"parameter {quote(parameter_name)}", declaration.line)
-        amounts[parameter_name] = Amount(Fraction(value), "")
+        parameter_value = number(text, {}, f"parameter {quote(parameter_name)}", declaration.line)
+        amounts[parameter_name] = Amount(Fraction(parameter_value), "")
     return amounts
 
 
@@ -348,8 +340,7 @@ def _check_numbers(model: Model, statement: Statement) -> None:
             r"[1-9]\d{0,6}", statement.values[value_name]
         ):
             raise ModelError(
-                f"{value_name} of {quote(statement.name)} is a whole number above 0",
-                statement.line,
+                f"{value_name} of {quote(statement.name)} is a whole number above 0", statement.line
             )
 
 

@@ -19,7 +19,7 @@ _KINDS = {"mass": "masses", "link": "links", "NLlink": "nl_links"}
 
 def network(object_kind: Object, messages: Sequence[Message]) -> Network:
     """The masses and links that messages make. Raises ModelError with the line at fault."""
-    result = Network(object_kind)
+    empty_network = Network(object_kind)
     arrays = {
         sent.rest[index]
         for sent in messages
@@ -29,14 +29,14 @@ def network(object_kind: Object, messages: Sequence[Message]) -> Network:
     }
     for position, message in enumerate(messages):
         if position == 0 and message.word in OBJECTS:
-            _set_ports(result, message)
+            _set_ports(empty_network, message)
         elif object_kind == "pmpd" and message.word in arrays:
-            _set_array(result, message)
+            _set_array(empty_network, message)
         else:
-            _execute(result, message)
-    if not result.masses:
+            _execute(empty_network, message)
+    if not empty_network.masses:
         raise ModelError("it makes no mass", messages[-1].line if messages else 0)
-    return result
+    return empty_network
 
 
 def _set_ports(network: Network, message: Message) -> None:
@@ -86,13 +86,13 @@ def _execute(network: Network, message: Message) -> None:
             raise ModelError(f"{message.word}: {REFUSED[message.word]}", line)
         if number(message.word) is not None:
             raise ModelError("a message begins with a word, and this one with a number", line)
-        (other_object,) = (name for name in OBJECTS if name != network.kind)
-        other_object_text = (
-            f"; it is one of [{other_object}]" if message.word in FORMS[other_object] else ""
+        (opposite_kind,) = (name for name in OBJECTS if name != network.kind)
+        opposite_text = (
+            f"; it is one of [{opposite_kind}]" if message.word in FORMS[opposite_kind] else ""
         )
-        suggestion = None if other_object_text else nearest(message.word, forms)
+        suggestion = None if opposite_text else nearest(message.word, forms)
         raise ModelError(
-            f"{quote(message.word)} is not a word of [{network.kind}]{other_object_text}",
+            f"{quote(message.word)} is not a word of [{network.kind}]{opposite_text}",
             line,
             suggestion,
         )
@@ -104,7 +104,7 @@ def _execute(network: Network, message: Message) -> None:
         reason = "masses and links that change while it plays are not built yet"
         raise ModelError(f"{message.word} behind the first bang: {reason}", line)
     values = [
-        _value(
+        _read_value(
             network,
             value,
             message.rest[index] if index < len(message.rest) else value.default,
@@ -119,7 +119,7 @@ def _is_query(word: str) -> bool:
     return word.startswith("mass") and word != "mass"
 
 
-def _value(network: Network, form_value: Value, word: str | None, line: int) -> Any:
+def _read_value(network: Network, form_value: Value, word: str | None, line: int) -> Any:
     """The value of a word, by the kind of value that is expected."""
     if not word:  # left out: all masses, or nothing
         return list(range(len(network.masses))) if form_value.kind == "masses" else None
@@ -160,10 +160,10 @@ def _index(network: Network, list_name: str, index_value: float, line_number: in
     return _integer(index_value, 0, len(elements) - 1, noun, line_number)
 
 
-def _integer(value: float, least: int, highest: int, label: str, line: int) -> int:
-    if value != int(value) or not least <= value <= highest:
-        raise ModelError(f"{label} is {value:g}: a whole number from {least} to {highest:,}", line)
-    return int(value)
+def _integer(number: float, least: int, highest: int, label: str, line: int) -> int:
+    if number != int(number) or not least <= number <= highest:
+        raise ModelError(f"{label} is {number:g}: a whole number from {least} to {highest:,}", line)
+    return int(number)
 
 
 # --- what each word does ------------------------------------------------------------------------
@@ -386,10 +386,7 @@ def _words(text: str, maker: Callable[..., None]) -> dict[str, Callable[..., Non
 _AUDIO: Mapping[str, Callable[..., None]] = {
     "mass": _mass_audio,
     **_words("link NLlink", _link_audio),
-    **_words(
-        "inPos inPosX inForce inForceX outPos outPosX outSpeed outSpeedX",
-        _port,
-    ),
+    **_words("inPos inPosX inForce inForceX outPos outPosX outSpeed outSpeedX", _port),
     **_words("pos posX", _set("masses", "x")),
     **_words("force forceX", _add("masses", "f")),
     "setM": _set_mass,

@@ -134,5 +134,5 @@ def _object(messages: list[Message], dialect: Object | None) -> Object:
 
 def number(word: str) -> float | None:
     """The number that a word is; None if it is not a number."""
-    value = float(word) if _NUMBER.fullmatch(word) else None
-    return value if value is None or isfinite(value) else None
+    parsed_number = float(word) if _NUMBER.fullmatch(word) else None
+    return parsed_number if parsed_number is None or isfinite(parsed_number) else None

@@ -39,9 +39,9 @@ class _ScoreDraft:
     ground: str = ""
     string_links: set[int] = field(default_factory=set)  # links within strings, by their places
 
-    def add(self, name_wanted: str, text: str, comment: str = "") -> str:
+    def add(self, wanted_name: str, text: str, comment: str = "") -> str:
         """Add a module; returns its name."""
-        name = self.names.new(name_wanted)
+        name = self.names.new(wanted_name)
         self.modules.append(Line(name, f"{{{text}}}", comment))
         return name
 
@@ -129,12 +129,12 @@ def _start(mass: Mass) -> list[str]:
 
 
 def _check_start(mass: Mass) -> None:
-    for name, value, limit in (
+    for name, start_value, limit in (
         ("x", mass.x, _DISTANCE_MAX),
         ("the first step", mass.v * RATE, _SPEED_MAX),
     ):
-        if not abs(value) <= limit:
-            raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", mass.line)
+        if not abs(start_value) <= limit:
+            raise ModelError(f"{name} is {start_value:g}: a score holds up to {limit:g}", mass.line)
 
 
 def _add_mass(draft: _ScoreDraft, mass_index: int, mass: Mass, word: str) -> str:
@@ -312,10 +312,7 @@ def _add_outputs(draft: _ScoreDraft) -> None:
         requests = [Request("massPosMean", mobile, 0)]
     channel = 0
     for request in requests:
-        is_mean, is_speed = (
-            request.word.endswith("Mean"),
-            request.word.startswith("massSpeed"),
-        )
+        is_mean, is_speed = (request.word.endswith("Mean"), request.word.startswith("massSpeed"))
         groups = (
             [list(request.masses)] if is_mean else [[mass_index] for mass_index in request.masses]
         )

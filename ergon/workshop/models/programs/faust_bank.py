@@ -73,5 +73,5 @@ def _output_text(name: str, order: int) -> str:
     return "*".join([f"({differentiated(name, order, 1.0)})", *["SR"] * order])
 
 
-def _number(value: float) -> str:
-    return f"({value!r})" if value < 0 else repr(value)
+def _number(number: float) -> str:
+    return f"({number!r})" if number < 0 else repr(number)

@@ -51,12 +51,7 @@ class Laws:
         """The function (d [m], v [m/s]) -> force [N] of a law; `word` names the link."""
         law_fields = law.fields
         constants, points = law_fields["constants"], law_fields["points"]
-        key = (
-            law_fields["law"],
-            law_fields["damping"],
-            *sorted(constants.items()),
-            str(points),
-        )
+        key = (law_fields["law"], law_fields["damping"], *sorted(constants.items()), str(points))
         if key not in self.name_by_law:
             self.name_by_law[key] = f"law_{word}"
             self.lines += self._function(
@@ -64,7 +59,7 @@ class Laws:
             )
         return self.name_by_law[key]
 
-    def lines_written(self) -> Iterator[str]:
+    def program_lines(self) -> Iterator[str]:
         """Lines of a program: what the functions need, and the functions."""
         yield from (text for name, text in HELPERS.items() if name in self.helpers)
         yield from self.lines
@@ -157,23 +152,23 @@ class Laws:
         """A power by repeated squaring, from the highest bit of the exponent down, as the engine
         does.
         """
-        n = _integer_exponent(exponent)
-        if n is None:
+        degree = _integer_exponent(exponent)
+        if degree is None:
             return f"pow({self._faust(base, faust_names)}, {self._faust(exponent, faust_names)})"
         base_text = power_text = self._faust(base, faust_names, _PRECEDENCE_MAX)
-        for bit in bin(abs(n))[3:]:
+        for bit in bin(abs(degree))[3:]:
             self.helpers.add("square")
             power_text = f"square({power_text})" + (f"*{base_text}" if bit == "1" else "")
-        power_text = power_text if abs(n) == 1 else f"({power_text})" if n else "1.0"
-        return f"(1.0/{power_text})" if n < 0 else power_text
+        power_text = power_text if abs(degree) == 1 else f"({power_text})" if degree else "1.0"
+        return f"(1.0/{power_text})" if degree < 0 else power_text
 
 
 def _integer_exponent(node: ast.expr) -> int | None:
     match node:
-        case ast.Constant(value=float(exponent_value)) if (
-            exponent_value == int(exponent_value) and exponent_value <= _INTEGER_EXPONENT_MAX
+        case ast.Constant(value=float(degree)) if (
+            degree == int(degree) and degree <= _INTEGER_EXPONENT_MAX
         ):
-            return int(exponent_value)
+            return int(degree)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             magnitude = _integer_exponent(operand)
             return None if magnitude is None else -magnitude
@@ -211,6 +206,6 @@ def _piecewise_linear(points: Sequence[tuple[float, float]]) -> Iterator[str]:
         yield f"  {table_name}(i) = waveform{{{table_text}}}, int(i) : rdtable;"
 
 
-def number_text(value: float) -> str:
+def number_text(number: float) -> str:
     """A number that Faust can read in any place."""
-    return f"({value!r})" if value < 0 else repr(value)
+    return f"({number!r})" if number < 0 else repr(number)

@@ -53,7 +53,7 @@ def _lines(network: SteppedNetwork, program_title: str) -> Iterator[str]:
         yield from _constants(point_name, point)
     for link_name, model_link in zip(link_names, network.links, strict=True):
         yield from _link_constants(link_name, model_link)
-    yield from laws.lines_written()
+    yield from laws.program_lines()
     yield ""
     yield f"process({', '.join(input_signals)}) = " if input_signals else "process = "
     outputs_by_signal = zip(output_signals, network.outputs, strict=True)

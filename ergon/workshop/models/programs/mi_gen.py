@@ -54,7 +54,7 @@ class _ModelDraft:
         input_names = _channels("in", [port.take for port in network.inputs])
         wanted_names = [port.name.split(" ")[0].rpartition(".")[2] for port in network.outputs]
         output_names = _channels("out", wanted_names)
-        self.names.taken |= {*input_names, *output_names}
+        self.names.used_names |= {*input_names, *output_names}
         if max(len(input_names), len(output_names)) > _CHANNELS:
             self.refuse(network.points[0].place, f"a model has at most {_CHANNELS} channels")
         self._find_bodies()
@@ -92,7 +92,7 @@ class _ModelDraft:
         """A name of the score; the name of its part is left out if the rest is unique."""
         short_name = text.partition(".")[2] or text
         short_word = _NO_LETTER.sub("_", short_name)
-        if short_word in self.names.taken:
+        if short_word in self.names.used_names:
             short_word = _NO_LETTER.sub("_", text)
         return self.names.new(short_word if short_word[:1].isalpha() else f"m{short_word}")
 
@@ -107,13 +107,13 @@ class _ModelDraft:
                 self.body_links.update(body.links)
 
     def _add_masses(self, inputs: list[str]) -> None:
-        last_written = -1
+        last_mass = -1
         for point_number, point in enumerate(self.network.points):
             if point_number in self.body_by_first_point:
                 body = self.body_by_first_point[point_number]
                 self._add_body(body)
-                last_written = body.points[-1]
-            elif point_number > last_written:
+                last_mass = body.points[-1]
+            elif point_number > last_mass:
                 self._add_mass(point_number, point, inputs)
 
     def _add_body(self, body: Body) -> None:
@@ -197,10 +197,7 @@ class _ModelDraft:
     def _add_tied_mass(self, mass_name: str, point_number: int, point: Point, m: float) -> None:
         """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
         self._add_mass_line(mass_name, f"mass {_number(m)}", point, m, 0.0, 0.0)
-        ground_name, tie_name = (
-            self._name(f"{point.name}_rest"),
-            self._name(f"{point.name}_tie"),
-        )
+        ground_name, tie_name = (self._name(f"{point.name}_rest"), self._name(f"{point.name}_tie"))
         self.lines.append(f"@{ground_name} ground {_number(point.rest)}")
         tie_values = f"{_number(point.kappa * m)} {_number(point.zeta * m)}"
         self.lines.append(f"@{tie_name} springDamper @{ground_name} @{mass_name} {tie_values}")
@@ -265,10 +262,7 @@ class _ModelDraft:
         assert link.law is not None
         law_fields, per_step = link.law.fields, link.law.per_step
         law_pair = _without_spaces(law_fields["law"]), _without_spaces(law_fields["damping"])
-        k_name, has_plain_damping = (
-            _LINEAR_LAWS.get(law_pair[0]),
-            law_pair[1] in ("", "z*v"),
-        )
+        k_name, has_plain_damping = (_LINEAR_LAWS.get(law_pair[0]), law_pair[1] in ("", "z*v"))
         if (
             k_name is not None
             and has_plain_damping
@@ -402,11 +396,11 @@ def _position_text(index: int, n_points: int) -> str:
     return _number(index / (n_points - 1)) if n_points > 1 else "0"
 
 
-def _number(value: float) -> str:
+def _number(number: float) -> str:
     """A number without `+`, which mi-gen would read as a sum."""
-    if value == int(value) and abs(value) < 1e15:
-        return str(int(value))
-    return repr(value).replace("+", "")
+    if number == int(number) and abs(number) < 1e15:
+        return str(int(number))
+    return repr(number).replace("+", "")
 
 
 def _plain(text: str) -> str:

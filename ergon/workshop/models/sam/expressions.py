@@ -193,7 +193,7 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
     Expressions are parsed when they are needed, so that Faust code that nothing uses cannot
     fail.
     """
-    by_name: dict[str, Definition] = {}
+    definition_by_name: dict[str, Definition] = {}
     unread_text, first_line = "", 0
     comments_before: tuple[str, ...] = ()
     for code_line in code:
@@ -215,24 +215,20 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
                 raise ModelError(
                     "a line of Faust is written faustcode: name = expression;", first_line
                 )
-            name, argument_text, expression_text = (
-                match[1],
-                match[2],
-                match[3].strip(),
-            )
-            if name in by_name:
-                message = f"{quote(name)} is defined in line {by_name[name].line} too"
+            name, argument_text, expression_text = (match[1], match[2], match[3].strip())
+            if name in definition_by_name:
+                message = f"{quote(name)} is defined in line {definition_by_name[name].line} too"
                 raise ModelError(message, first_line)
             arguments = (
                 tuple(word.strip() for word in argument_text.split(",")) if argument_text else ()
             )
-            by_name[name] = Definition(
+            definition_by_name[name] = Definition(
                 name, arguments, expression_text, first_line, comment, comments_before
             )
             unread_text = ""
     if unread_text.strip():
         raise ModelError("a line of Faust ends with a semicolon", first_line)
-    return by_name
+    return definition_by_name
 
 
 def _without_comment(line: str) -> tuple[str, str]:

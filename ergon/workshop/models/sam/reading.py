@@ -118,8 +118,8 @@ def _split_comment(sheet_line: str) -> tuple[str, str]:
 
 def _comment_lines(comment: str) -> list[str]:
     """The lines of a comment that a person wrote, without the layout of a drawing."""
-    if drawn := _DRAWN_COMMENT.match(comment):
-        return [line for line in drawn[1].split("|") if line.strip()]
+    if drawn_match := _DRAWN_COMMENT.match(comment):
+        return [line for line in drawn_match[1].split("|") if line.strip()]
     if not comment or _LAYOUT.match(comment):
         return []
     return [comment.lstrip("#").strip()]
@@ -143,15 +143,7 @@ def _statement(code_text: str, line: int, before: tuple[str, ...], behind: str) 
         name, comma, expression = argument_text.partition(",")
         if not comma:
             raise form_error
-        return Statement(
-            word,
-            (expression.strip(),),
-            _name(name, line),
-            (),
-            line,
-            before,
-            behind,
-        )
+        return Statement(word, (expression.strip(),), _name(name, line), (), line, before, behind)
     values_text, is_closed, names_text = _split_at_close(argument_text)
     if not is_closed:
         raise ModelError("a parenthesis is not closed", line)
@@ -175,13 +167,7 @@ def _statement(code_text: str, line: int, before: tuple[str, ...], behind: str) 
         raise form_error
     name, *end_names = (_name(name_text, line) for name_text in names[1:])
     return Statement(
-        word,
-        tuple(v.strip() for v in values),
-        name,
-        tuple(end_names),
-        line,
-        before,
-        behind,
+        word, tuple(v.strip() for v in values), name, tuple(end_names), line, before, behind
     )
 
 

@@ -88,14 +88,14 @@ class Values:
 
     def number(self, text: str, line: int, label: str) -> float:
         """The value of an expression that must be a number. Raises ModelError."""
-        number_value = self._value(parse(text, line), {}, line)
+        number_value = self._evaluate(parse(text, line), {}, line)
         if not isinstance(number_value, float):
             raise ModelError(f"{label}: {quote(text[:60])} is not a number", line)
         return number_value
 
     def mix(self, text: str, line: int) -> Mix:
         """The value of an expression that must be a sum. Raises ModelError."""
-        sound_value = self._value(parse(text, line), {}, line)
+        sound_value = self._evaluate(parse(text, line), {}, line)
         if isinstance(sound_value, tuple):
             raise ModelError(f"{quote(text[:60])} is a list; an output has one channel", line)
         return sound_value if isinstance(sound_value, Mix) else Mix({}, (), sound_value)
@@ -124,7 +124,7 @@ class Values:
             raise ModelError(f"nothing is called {quote(value_name)}", line_number, suggestion)
         if value_name not in self._values:
             self._enter(value_name, line_number)
-            self._values[value_name] = self._value(
+            self._values[value_name] = self._evaluate(
                 self.tree(value_name), {}, self.definitions[value_name].line
             )
             self._definitions_open.pop()
@@ -136,11 +136,11 @@ class Values:
             raise ModelError(f"{quote(name)} is defined by itself", line)
         self._definitions_open.append(name)
 
-    def _value(self, node: Node, arguments: Mapping[str, Value], line: int) -> Value:
+    def _evaluate(self, node: Node, arguments: Mapping[str, Value], line: int) -> Value:
         """The value of an expression; `arguments` are arguments of the function around it."""
         self._count(line)
         self._depth += 1
-        value = self._value_of(node, arguments, line)
+        value = self._evaluate_operation(node, arguments, line)
         self._depth -= 1
         return value
 
@@ -150,24 +150,24 @@ class Values:
         if self._n_steps > _STEPS_MAX or self._depth > _DEPTH_MAX:
             raise ModelError("its expressions are nested too deeply, or are too many", line)
 
-    def _value_of(self, node: Node, arguments: Mapping[str, Value], line: int) -> Value:
+    def _evaluate_operation(self, node: Node, arguments: Mapping[str, Value], line: int) -> Value:
         if node.kind == "number":
             return _finite(float(node.word), line)
         if node.kind == "name":
             return arguments[node.word] if node.word in arguments else self.by_name(node.word, line)
         if node.kind == "negative":
-            return _combine("*", -1.0, self._value(node.parts[0], arguments, line), line)
+            return _combine("*", -1.0, self._evaluate(node.parts[0], arguments, line), line)
         if node.kind == "call":
             return self._call(node, arguments, line)
         if node.kind == "chain" and node.operators[0] == ",":
-            return tuple(self._value(part, arguments, line) for part in node.parts)
+            return tuple(self._evaluate(part, arguments, line) for part in node.parts)
         if node.kind == "chain":
-            value = self._value(node.parts[0], arguments, line)
+            value = self._evaluate(node.parts[0], arguments, line)
             for sign, operand in zip(node.operators, node.parts[1:], strict=True):
                 if sign == ":":
                     value = self._apply_to_input(operand, value, arguments, line)
                 else:
-                    value = _combine(sign, value, self._value(operand, arguments, line), line)
+                    value = _combine(sign, value, self._evaluate(operand, arguments, line), line)
             return value
         raise ModelError(f"{quote(node.word)} has no value by itself", line)
 
@@ -181,7 +181,7 @@ class Values:
                     f"{function_name} is written {function_name}(label, value, least, most, step)"
                 )
                 raise ModelError(message, line)
-            return self._value(node.parts[1], scope, line)
+            return self._evaluate(node.parts[1], scope, line)
         if function_name in ("checkbox", "button") and function_name not in self.definitions:
             return 0.0
         if (
@@ -189,8 +189,8 @@ class Values:
             and function_name not in self.definitions
             and len(node.parts) == 3
         ):
-            return self._value(node.parts[2], scope, line)  # the list of a table
-        arguments = [self._value(part, scope, line) for part in node.parts]
+            return self._evaluate(node.parts[2], scope, line)  # the list of a table
+        arguments = [self._evaluate(part, scope, line) for part in node.parts]
         if (
             function_name == "rdtable"
             and function_name not in self.definitions
@@ -206,7 +206,7 @@ class Values:
                 raise ModelError(message, line)
             self._enter(function_name, line)
             arguments_by_name = dict(zip(definition.arguments, arguments, strict=True))
-            value = self._value(self.tree(function_name), arguments_by_name, definition.line)
+            value = self._evaluate(self.tree(function_name), arguments_by_name, definition.line)
             self._definitions_open.pop()
             return value
         numbers = [argument for argument in arguments if isinstance(argument, float)]
@@ -241,48 +241,52 @@ class Values:
         return any(self._takes_input(part, arguments, depth + 1) for part in node.parts)
 
     def _apply_to_input(
-        self, node: Node, value: Value, arguments: Mapping[str, Value], line: int
+        self, node: Node, input_value: Value, arguments: Mapping[str, Value], line: int
     ) -> Value:
         """The output of an expression for an input value. Raises ModelError."""
         self._count(line)
         if not self._takes_input(node, arguments):
             raise ModelError("what stands behind ':' takes nothing in", line)
         if node.kind == "input":
-            return value
+            return input_value
         if node.kind == "partial":
             if len(node.parts) != 1:
                 raise ModelError(f"{node.word}(...) takes one value here", line)
-            return _combine(node.word, value, self._value(node.parts[0], arguments, line), line)
+            return _combine(
+                node.word, input_value, self._evaluate(node.parts[0], arguments, line), line
+            )
         if node.kind == "name":
             if node.word in self.definitions:
                 self._enter(node.word, line)
                 self._depth += 1
-                value = self._apply_to_input(self.tree(node.word), value, {}, line)
+                input_value = self._apply_to_input(self.tree(node.word), input_value, {}, line)
                 self._depth -= 1
                 self._definitions_open.pop()
-                return value
+                return input_value
             if node.word in _SMOOTHERS:
-                return _smooth(value, line)
-            if node.word == _LIMITER and isinstance(value, Mix):
-                return Mix(value.terms, (*value.filters, Filter(0, 0.0)), value.constant)
-            if not isinstance(value, float) or node.word == _LIMITER:
+                return _smooth(input_value, line)
+            if node.word == _LIMITER and isinstance(input_value, Mix):
+                return Mix(
+                    input_value.terms, (*input_value.filters, Filter(0, 0.0)), input_value.constant
+                )
+            if not isinstance(input_value, float) or node.word == _LIMITER:
                 raise ModelError(f"{node.word} of a sound is not built", line)
-            return _apply(_UNARY_FUNCTIONS[node.word], [value], line)
+            return _apply(_UNARY_FUNCTIONS[node.word], [input_value], line)
         if node.kind == "call":
             if node.word in _SMOOTHERS:
-                return _smooth(value, line)
-            return self._highpassed(node, value, arguments, line)
+                return _smooth(input_value, line)
+            return self._highpassed(node, input_value, arguments, line)
         if node.kind == "chain" and node.operators[0] == ":":
             for part in node.parts:
-                value = self._apply_to_input(part, value, arguments, line)
-            return value
+                input_value = self._apply_to_input(part, input_value, arguments, line)
+            return input_value
         takes_input = [self._takes_input(part, arguments) for part in node.parts]
         if sum(takes_input) != 1 or node.kind != "chain" or "," in node.operators:
             raise ModelError("more than one part behind ':' takes a sound in", line)
         operands = [
-            self._apply_to_input(part, value, arguments, line)
+            self._apply_to_input(part, input_value, arguments, line)
             if has_input
-            else self._value(part, arguments, line)
+            else self._evaluate(part, arguments, line)
             for part, has_input in zip(node.parts, takes_input, strict=True)
         ]
         result = operands[0]
@@ -291,9 +295,9 @@ class Values:
         return result
 
     def _highpassed(
-        self, node: Node, value: Value, arguments: Mapping[str, Value], line_number: int
+        self, node: Node, input_value: Value, arguments: Mapping[str, Value], line_number: int
     ) -> Value:
-        argument_values = [self._value(part, arguments, line_number) for part in node.parts]
+        argument_values = [self._evaluate(part, arguments, line_number) for part in node.parts]
         if len(argument_values) != 2 or not all(
             isinstance(number, float) for number in argument_values
         ):
@@ -302,9 +306,9 @@ class Values:
         if not (1.0 <= order <= 64.0 and order == int(order) and 0.0 < cutoff < RATE / 2):
             message = "highpass has an order from 1 to 64 and a frequency between 0 and 22,050 Hz"
             raise ModelError(message, line_number)
-        if not isinstance(value, Mix):
+        if not isinstance(input_value, Mix):
             return 0.0  # a constant has no filtered part
-        return Mix(value.terms, (*value.filters, Filter(int(order), cutoff)), 0.0)
+        return Mix(input_value.terms, (*input_value.filters, Filter(int(order), cutoff)), 0.0)
 
 
 def text_of_slider(slider_node: Node) -> tuple[str, str] | None:
@@ -319,9 +323,9 @@ def text_of_slider(slider_node: Node) -> tuple[str, str] | None:
     return re.sub(r"\s+", " ", label), slider_node.parts[1].text
 
 
-def _smooth(value: Value, line: int) -> Value:
-    if isinstance(value, float):
-        return value  # a slider that nobody moves
+def _smooth(signal: Value, line: int) -> Value:
+    if isinstance(signal, float):
+        return signal  # a slider that nobody moves
     raise ModelError("a low-pass of a sound is not built: a route has a high-pass alone", line)
 
 
@@ -337,10 +341,10 @@ def _table_value(arguments: list[Value], line_number: int) -> Value:
     return table_rows[int(row_index)]
 
 
-def _finite(value: float, line: int) -> float:
-    if not math.isfinite(value):
+def _finite(number: float, line: int) -> float:
+    if not math.isfinite(number):
         raise ModelError("a number is too large", line)
-    return value
+    return number
 
 
 def _apply(function: Callable[..., float], values: list[float], line_number: int) -> float:
@@ -359,11 +363,7 @@ def _combine(sign: str, a: Value, b: Value, line: int) -> Value:
     if isinstance(a, float) and isinstance(b, float):
         return _apply(_OPERATORS[sign], [a, b], line)
     if sign in "+-":
-        return _sum(
-            a,
-            b if sign == "+" else _combine("*", -1.0, b, line),
-            line,
-        )
+        return _sum(a, b if sign == "+" else _combine("*", -1.0, b, line), line)
     if sign == "*" and isinstance(a, float):
         a, b = b, a
     if isinstance(a, Mix) and isinstance(b, float) and sign in "*/":

@@ -103,13 +103,13 @@ def _add_named(draft: ScoreDraft, value_name: str, line_number: int) -> bool:
     return True
 
 
-def _expression(draft: ScoreDraft, text: str, value: float, line: int) -> str | None:
+def _expression(draft: ScoreDraft, text: str, number: float, line: int) -> str | None:
     """An expression of the score for one of the model, if it can be written and has the same
     value.
     """
     tree = parse(text, line)
     if tree.kind == "number":
-        return number_text(value)
+        return number_text(number)
     if not is_plain(tree) or len(text) > _TEXT_MAX:
         return None
     order_by_name = {name: position for position, name in enumerate(draft.values.definitions)}
@@ -121,7 +121,7 @@ def _expression(draft: ScoreDraft, text: str, value: float, line: int) -> str | 
         amount = evaluate(score_expression, draft.amounts)
     except TextError:
         return None
-    is_same = math.isclose(float(amount.number), value, rel_tol=1e-15, abs_tol=0.0)
+    is_same = math.isclose(float(amount.number), number, rel_tol=1e-15, abs_tol=0.0)
     return (
         score_expression
         if is_same and not amount.unit and len(score_expression) <= _TEXT_MAX
@@ -158,10 +158,12 @@ def times(text: str, factor: str) -> str:
     return f"({text})*{factor}" if any(sign in text[1:] for sign in "+-/") else f"{text}*{factor}"
 
 
-def check_range(statement: Statement, name: str, value: float, limit: float) -> None:
+def check_range(statement: Statement, name: str, checked_value: float, limit: float) -> None:
     """Raises ModelError where a value is greater than a score holds."""
-    if not abs(value) <= limit:
-        raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", statement.line)
+    if not abs(checked_value) <= limit:
+        raise ModelError(
+            f"{name} is {checked_value:g}: a score holds up to {limit:g}", statement.line
+        )
 
 
 def target(draft: ScoreDraft, mass_name: str) -> str:
