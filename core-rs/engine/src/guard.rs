@@ -66,11 +66,18 @@ pub(crate) struct FinerFrames {
     pub(crate) frames: u64,
     /// Largest number of steps in one frame.
     pub(crate) steps_max: u32,
+    /// How often the forces of all links were computed for them.
+    pub(crate) evaluations: u64,
     /// The MAT whose links had stiffened most when the last series of finer frames began.
     pub(crate) mat: usize,
 }
 
-crate::archive::state!(FinerFrames { frames, steps_max, mat });
+crate::archive::state!(FinerFrames {
+    frames,
+    steps_max,
+    evaluations,
+    mat
+});
 
 impl FinerFrames {
     /// The count in whole frames, where one frame has `steps` guarded steps.

@@ -259,12 +259,17 @@ impl Island {
         self.state.motion.modules.exact_work
     }
 
-    /// Sum over parts of their finer frames so far times the most steps that one such frame took.
-    pub(crate) fn guard_steps(&self) -> u64 {
-        let finer_parts = self.finer_parts();
-        finer_parts
-            .map(|(_, frames, substeps)| frames * u64::from(substeps))
-            .sum()
+    /// How often the forces of all links were computed for finer frames, so far.
+    pub(crate) fn finer_evaluations(&self) -> u64 {
+        let guard_frames = self
+            .state
+            .monitors
+            .guard
+            .iter()
+            .filter_map(|guard| guard.finer_frames());
+        let bodies = self.state.motion.bodies.iter();
+        let body_frames = bodies.filter_map(|body| Some(body.finer_frames()?.1));
+        guard_frames.chain(body_frames).map(|finer| finer.evaluations).sum()
     }
 
     /// Makes all motion decay by an additional factor `decay_factor` in each step.

@@ -204,6 +204,15 @@ pub(crate) fn body_ns(body_plan: &BodyPlan) -> f64 {
     }
 }
 
+/// Cost of one step of a frame that the guard computes finer: a step of CA of what it guards [ns].
+pub(crate) fn finer_step_ns(island_plan: &IslandPlan) -> f64 {
+    let mesh_ns = |body: &BodyPlan| match body {
+        BodyPlan::Mesh(mesh) => modules_ns(&mesh.network),
+        BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
+    };
+    modules_ns(&island_plan.network) + island_plan.bodies.iter().map(mesh_ns).sum::<f64>()
+}
+
 /// Cost of a mesh as a multiple of a step of CA a frame.
 fn ca_cost_ratio(mesh: &Mesh) -> f64 {
     let matches_method =

@@ -55,13 +55,18 @@ impl Guard {
         self.end_frame(system, step_count)
     }
 
+    fn compute_link_forces(&mut self, system: &mut impl SubsteppedSystem) {
+        system.compute_link_forces();
+        self.finer_frames.evaluations += 1;
+    }
+
     /// Store the beginning of the frame, and separate outside forces from those of links.
     fn begin_frame(&mut self, system: &mut impl SubsteppedSystem) {
         let MatMotion { force, x, d, .. } = system.mat_motion();
         self.start_positions.copy_from_slice(x);
         self.start_steps.copy_from_slice(d);
         self.outside_forces.copy_from_slice(force);
-        system.compute_link_forces();
+        self.compute_link_forces(system);
         let MatMotion { ties, force, x, d } = system.mat_motion();
         let [w, kappa, zeta, rest] = ties;
         for (outside_force, force) in self.outside_forces.iter_mut().zip(&*force) {
@@ -93,7 +98,7 @@ impl Guard {
             d[mat] = path_end - path_start;
         }
         for step in 1..=steps {
-            system.compute_link_forces();
+            self.compute_link_forces(system);
             let MatMotion { ties, force, x, d } = system.mat_motion();
             if step == 1 {
                 for (i, force) in force.iter_mut().enumerate() {

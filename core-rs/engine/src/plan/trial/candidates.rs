@@ -258,7 +258,7 @@ impl Candidate {
             let counted = if island_plan.bodies.is_empty() {
                 played_run.counted_cost.contacts_ns
             } else {
-                played_run.counted_cost.total_ns()
+                played_run.counted_cost.links_ns()
             };
             let frame_steps = f64::from(island_plan.oversampling) * substeps as f64;
             island_plan.counted_cost =

@@ -78,27 +78,36 @@ impl EnergyGainShares {
     }
 }
 
-/// Work that depends on the motion: that of contacts and laws [ns a frame].
+/// Work that depends on the motion: that of contacts and laws, and of finer frames [ns a frame].
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::plan) struct CountedCost {
     pub(in crate::plan) contacts_ns: u32,
     /// Of the modes of the bodies that they touch.
     pub(in crate::plan) bodies_ns: u32,
+    /// Of frames that the guard computes finer.
+    pub(in crate::plan) finer_ns: u32,
 }
 
 impl CountedCost {
-    /// The mean over `n_frames` of what was counted since `before` [ns].
-    fn new(island: &Island, before: [f64; 2], n_frames: usize) -> Self {
+    /// The mean over `n_frames` of what was counted since `before` [ns]; `finer_step_seconds` is the work of a step of a
+    /// finer frame.
+    fn new(island: &Island, before: [f64; 2], n_frames: usize, finer_step_seconds: f64) -> Self {
         let counted = cost::counted_ns(island);
-        let mean_cost = |index: usize| ((counted[index] - before[index]) / n_frames.max(1) as f64).round() as u32;
+        let mean_cost = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
         Self {
-            contacts_ns: mean_cost(0),
-            bodies_ns: mean_cost(1),
+            contacts_ns: mean_cost(counted[0] - before[0]),
+            bodies_ns: mean_cost(counted[1] - before[1]),
+            finer_ns: mean_cost(1e9 * finer_step_seconds * island.finer_evaluations() as f64),
         }
     }
 
-    pub(in crate::plan) fn total_ns(self) -> u32 {
+    /// Of contacts, laws, and the bodies that they touch.
+    pub(in crate::plan) fn links_ns(self) -> u32 {
         self.contacts_ns.saturating_add(self.bodies_ns)
+    }
+
+    pub(in crate::plan) fn total_ns(self) -> u32 {
+        self.links_ns().saturating_add(self.finer_ns)
     }
 }
 
@@ -238,8 +247,8 @@ struct WorkMeter<'a> {
     allowance: &'a Allowance,
     /// Work of a frame [s].
     frame_seconds: f64,
-    /// Work of one step that a guard adds [s].
-    step_seconds: f64,
+    /// Work of one step of a frame that a guard computes finer [s].
+    finer_step_seconds: f64,
     /// What contacts and guards have cost so far [s].
     added_seconds: f64,
 }
@@ -253,7 +262,7 @@ impl<'a> WorkMeter<'a> {
         Self {
             allowance,
             frame_seconds: frame_work + comparison,
-            step_seconds: frame_work / f64::from(island_plan.oversampling),
+            finer_step_seconds: 1e-9 * cost::finer_step_ns(island_plan),
             added_seconds: 0.0,
         }
     }
@@ -281,7 +290,7 @@ impl<'a> WorkMeter<'a> {
     /// What contacts and guards have added so far [s].
     fn guard_and_contact_seconds(&self, island: &Island) -> f64 {
         let counted: f64 = cost::counted_ns(island).into_iter().sum();
-        1e-9 * counted + self.step_seconds * island.guard_steps() as f64
+        1e-9 * counted + self.finer_step_seconds * island.finer_evaluations() as f64
     }
 
     fn spend_block(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
@@ -417,7 +426,12 @@ fn play_perturbed_while(
         energy_gains: created,
         sound,
         mode_amplitudes_squared: squares,
-        counted_cost: CountedCost::new(&island, counted_at_rest, n_frames - touched_from.unwrap_or(0)),
+        counted_cost: CountedCost::new(
+            &island,
+            counted_at_rest,
+            n_frames - touched_from.unwrap_or(0),
+            meter.finer_step_seconds,
+        ),
         has_diverged: island.n_muted_parts() > 0,
         is_unusable: island.n_muted_parts() > 0 || island.has_energy_risen(),
     }))

@@ -108,7 +108,11 @@ fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64;
         sample_bits.extend(block_sound.iter().map(|x| x.to_bits()));
     }
     let work_counts = island.fine_work();
-    let work_counts = [work_counts.evaluations, work_counts.products, island.guard_steps()];
+    let work_counts = [
+        work_counts.evaluations,
+        work_counts.products,
+        island.finer_evaluations(),
+    ];
     let frames_skipped = island.skipped_steps() / u64::from(island_plan.oversampling);
     (sample_bits, island.write_state(), work_counts, frames_skipped)
 }
