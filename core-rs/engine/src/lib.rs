@@ -39,7 +39,8 @@
 //! timeline.strike(&network, first + 7, 0.01, 1e-3, None, 0)?; // 1 mN·s after 10 ms
 //!
 //! let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
-//! let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked:
+//! let options = SimulationOptions { keeps_ledger: false, records_ergons: false,
+//! on_fault: OnFault::Stop, threads: 1, is_unchecked:
 //! false }; let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
 //! let mut sound = vec![0.0; 44_100];
 //! simulation.process(&mut sound)?;

@@ -64,7 +64,8 @@ pub struct Simulation {
 /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
 /// # let network = Arc::new(network);
 /// # use ergon_engine::{OnFault, SimulationOptions};
-/// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, is_unchecked:
+/// # let options = SimulationOptions { keeps_ledger: false, records_ergons: false,
+/// # on_fault: OnFault::Stop, threads: 1, is_unchecked:
 /// false }; use ergon_engine::Simulation;
 ///
 /// let mut simulation = Simulation::new(network, &timeline, options)?;
@@ -363,7 +364,8 @@ impl Simulation {
     /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
     /// # use ergon_engine::{OnFault, SimulationOptions};
-    /// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1,
+    /// # let options = SimulationOptions { keeps_ledger: false, records_ergons: false,
+    /// # on_fault: OnFault::Stop, threads: 1,
     /// is_unchecked: false }; use ergon_engine::Simulation;
     ///
     /// let mut simulation = Simulation::new(network, &timeline, options)?;
@@ -416,7 +418,8 @@ impl Simulation {
     /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
     /// # use ergon_engine::{OnFault, SimulationOptions};
-    /// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1,
+    /// # let options = SimulationOptions { keeps_ledger: false, records_ergons: false,
+    /// # on_fault: OnFault::Stop, threads: 1,
     /// is_unchecked: false }; use ergon_engine::Simulation;
     ///
     /// let mut one = Simulation::new(network, &timeline, options)?;

@@ -59,7 +59,8 @@ impl Simulation {
     /// # let network = Arc::new(network);
     /// use ergon_engine::{OnFault, SimulationOptions, Simulation};
     ///
-    /// let options = SimulationOptions { ledger: true, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
+    /// let options = SimulationOptions { keeps_ledger: true, records_ergons: false,
+    /// on_fault: OnFault::Stop, threads: 1, is_unchecked: false };
     /// let mut simulation = Simulation::new(network, &timeline, options)?;
     /// simulation.skip(1000)?;
     /// let energy = simulation.energy().expect("the ledger is kept");
