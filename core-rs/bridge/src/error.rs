@@ -38,7 +38,7 @@ pub(crate) fn with_attributes(
     module: Option<&str>,
     attributes: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<()>,
 ) -> PyErr {
-    let set_outcome = Python::attach(|py| {
+    let set_result = Python::attach(|py| {
         let error_object = error.value(py).as_any();
         error_object.setattr("module", module)?;
         error_object.setattr("refusals", Vec::<PyErr>::new())?;
@@ -47,7 +47,7 @@ pub(crate) fn with_attributes(
         attributes(error_object)
     });
     // If an attribute cannot be set (out of memory), that error is returned instead.
-    set_outcome.err().unwrap_or(error)
+    set_result.err().unwrap_or(error)
 }
 
 /// LawError(message, which), with `offset`, `length` and `suggestion`.

@@ -137,7 +137,7 @@ fn setup(
     timeline: &Timeline,
     manifest: String,
     places: &PyReadonlyArray2<'_, f64>,
-    keys: Vec<usize>,
+    key_mats: Vec<usize>,
     n_speakers: usize,
     fps: f64,
 ) -> PyResult<RecordingSetup> {
@@ -153,7 +153,7 @@ fn setup(
             .collect(),
         ergons: simulation.written_ergons(&timeline.inner),
         strike_points: timeline.inner.strike_points().collect(),
-        key_mats: keys,
+        key_mats,
         n_speakers,
         looks_per_second: fps,
     })
@@ -216,7 +216,9 @@ pub(crate) fn motion_bound() -> BTreeMap<&'static str, f64> {
 #[pyfunction]
 pub(crate) fn read_motion(py: Python<'_>, path: PathBuf) -> PyResult<Motion> {
     let file_bytes = py.detach(|| read_bytes(&path))?;
-    py.detach(|| MotionFile::new(file_bytes)).map(Motion).map_err(from_read)
+    py.detach(|| MotionFile::new(file_bytes))
+        .map(Motion)
+        .map_err(read_error)
 }
 
 fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
@@ -227,7 +229,7 @@ fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
     Ok(file_bytes)
 }
 
-fn from_read(error: ReadError) -> PyErr {
+fn read_error(error: ReadError) -> PyErr {
     plain_error(error)
 }
 
@@ -289,7 +291,7 @@ impl Motion {
         if !instants.is_sorted() {
             return Err(plain_error("instants must rise"));
         }
-        let flat_displacements = py.detach(|| self.0.displacements(&instants)).map_err(from_read)?;
+        let flat_displacements = py.detach(|| self.0.displacements(&instants)).map_err(read_error)?;
         let array_shape = (instants.len(), self.0.n_points);
         Ok(Array2::from_shape_vec(array_shape, flat_displacements)
             .map_err(plain_error)?

@@ -31,12 +31,12 @@ struct WorkLimit {
 }
 
 impl WorkLimit {
-    /// Why the work must end, of which a computation has `next_steps` steps; None if it may go on.
-    fn stop_reason(&self, next_steps: u64) -> Option<&'static str> {
+    /// Why the work must end, of which a computation has `uncounted_steps` steps; None if it may go on.
+    fn stop_reason(&self, uncounted_steps: u64) -> Option<&'static str> {
         if self.is_cancelled.load(Ordering::Relaxed) {
             return Some("cancelled");
         }
-        let steps_spent = self.steps_spent.load(Ordering::Relaxed).saturating_add(next_steps);
+        let steps_spent = self.steps_spent.load(Ordering::Relaxed).saturating_add(uncounted_steps);
         self.steps_max
             .is_some_and(|steps_max| steps_spent > steps_max)
             .then_some("costly")
@@ -48,9 +48,9 @@ thread_local! {
     static WORK_LIMITS: RefCell<Vec<Arc<WorkLimit>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Why the work of a thread must end, of which a computation has `next_steps` steps; None if it may go on.
-fn stop_reason(limits: &[Arc<WorkLimit>], next_steps: u64) -> Option<&'static str> {
-    limits.iter().find_map(|limit| limit.stop_reason(next_steps))
+/// Why the work of a thread must end, of which a computation has `uncounted_steps` steps; None if it may go on.
+fn stop_reason(limits: &[Arc<WorkLimit>], uncounted_steps: u64) -> Option<&'static str> {
+    limits.iter().find_map(|limit| limit.stop_reason(uncounted_steps))
 }
 
 /// Count steps of work that is done.
@@ -66,8 +66,8 @@ fn stopped_error(cause: &'static str) -> PyErr {
         _ => "the computation was cancelled",
     };
     let stopped_error = StoppedError::new_err(message);
-    let set_outcome = Python::attach(|py| stopped_error.value(py).setattr("why", cause));
-    set_outcome.err().unwrap_or(stopped_error)
+    let set_result = Python::attach(|py| stopped_error.value(py).setattr("why", cause));
+    set_result.err().unwrap_or(stopped_error)
 }
 
 /// A limit for the computations of one thread, a context manager: work ends after `steps` of about a nanosecond, which
@@ -166,14 +166,14 @@ fn stop_check(
             return false;
         }
         next_check = check_time + CHECK_INTERVAL;
-        let stop_cause = match stop_reason(&limits, step_counter.load(Ordering::Relaxed)) {
-            Some(stop_cause) => Some(stopped_error(stop_cause)),
+        let stop_error = match stop_reason(&limits, step_counter.load(Ordering::Relaxed)) {
+            Some(reason) => Some(stopped_error(reason)),
             // Signal handlers run only in the main thread; in other threads this does nothing.
             None => Python::attach(|py| py.check_signals()).err(),
         };
-        let must_stop = stop_cause.is_some();
+        let must_stop = stop_error.is_some();
         if must_stop {
-            *error_slot.lock().unwrap_or_else(PoisonError::into_inner) = stop_cause;
+            *error_slot.lock().unwrap_or_else(PoisonError::into_inner) = stop_error;
         }
         must_stop
     })

@@ -36,11 +36,11 @@ impl Write for Sink {
 /// A hash of a network without its names, and of the text `other_inputs` (64 hex digits).
 pub(crate) fn network_key(network: &Network, other_inputs: Arguments<'_>) -> String {
     let network = network.anonymous(&PartOrder::new([network]));
-    hex_of(format_args!("{network:?}\n{other_inputs}"))
+    hash_hex(format_args!("{network:?}\n{other_inputs}"))
 }
 
 /// A hash of formatted text (64 hex digits).
-pub(crate) fn hex_of(formatted_text: Arguments<'_>) -> String {
+pub(crate) fn hash_hex(formatted_text: Arguments<'_>) -> String {
     hex(&digest(formatted_text))
 }
 

@@ -44,7 +44,7 @@ pub(crate) const NO_SUCH_AXIS: &str = "the device has no such axis (axes count f
 pub enum DeviceError {
     /// The port or address could not be opened.
     #[error("{url}: {reason}")]
-    Closed {
+    NotOpened {
         /// The URL.
         url: String,
         /// The reason, e.g. the system's error.

@@ -298,7 +298,7 @@ fn service_with_a_silent_host_receives_zero() {
 fn open_of_missing_devices_names_them() {
     let fails = |text: &str| device::open(&DeviceUrl::parse(text).unwrap()).err().unwrap();
     let error = fails("firefader:/dev/no-such-port");
-    assert!(matches!(error, DeviceError::Closed { .. }), "{error}");
+    assert!(matches!(error, DeviceError::NotOpened { .. }), "{error}");
     let error = fails("haply:127.0.0.1:1");
     assert!(error.to_string().contains("ws://"), "{error}");
     let error = fails("frame+udp://224.0.0.1:9999");

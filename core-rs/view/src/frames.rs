@@ -71,15 +71,15 @@ impl PartFrames {
         head_bytes
     }
 
-    /// The frames of a payload; `points_of`: number of points of a part. `None` if the payload is damaged.
-    pub fn read(payload: &[u8], points_of: impl Fn(u16) -> Option<usize>) -> Option<Self> {
+    /// The frames of a payload; `n_points_of`: number of points of a part. `None` if the payload is damaged.
+    pub fn read(payload: &[u8], n_points_of: impl Fn(u16) -> Option<usize>) -> Option<Self> {
         let mut reader = ByteReader(payload);
         let part = reader.u16()?;
         let &[coding, _] = reader.take_bytes(2)? else {
             return None;
         };
         let (n_frames, frame_interval) = (reader.u32()? as usize, reader.f64()?);
-        let point_count = points_of(part)?;
+        let point_count = n_points_of(part)?;
         let n_values = n_frames.checked_mul(point_count).filter(|all| *all <= VALUES_MAX)?;
         if !(frame_interval > 0.0 && frame_interval.is_finite()) || n_frames > VALUES_MAX {
             return None;

@@ -51,7 +51,7 @@ const PREDICTORS: [Predictor; 5] = [
     Predictor::Neighbour,
     Predictor::NeighbourLine,
 ];
-/// Bits of the number of a mode.
+/// Bits of the number of a predictor.
 const PREDICTOR_BITS: u32 = 3;
 
 /// The length of a step in units: 4, 5, 6, 7, 8, 10, 12, 14, 16 …
@@ -66,25 +66,25 @@ fn largest_step_code(bound: f64, unit: f64) -> u64 {
 }
 
 /// What is foreseen of a point in the next frame, from its own frames so far, and those of the two points before it.
-fn predicted_position(predictor: Predictor, frames: &[i64], before: [&[i64]; 2]) -> i64 {
+fn predicted_displacement(predictor: Predictor, frames: &[i64], before: [&[i64]; 2]) -> i64 {
     let frame_index = frames.len();
-    let Some(&last_position) = frames.last() else {
+    let Some(&last_displacement) = frames.last() else {
         return 0;
     };
     let movement_of = |point: &[i64]| point[frame_index].wrapping_sub(point[frame_index - 1]);
     let predicted_move = match predictor {
         Predictor::Rest | Predictor::Hold => 0,
-        Predictor::Line => last_position.wrapping_sub(frames[frame_index.saturating_sub(2)]),
+        Predictor::Line => last_displacement.wrapping_sub(frames[frame_index.saturating_sub(2)]),
         Predictor::Neighbour => movement_of(before[0]),
         Predictor::NeighbourLine => (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1])),
     };
-    last_position.wrapping_add(predicted_move)
+    last_displacement.wrapping_add(predicted_move)
 }
 
 /// What has been learnt so far of the numbers in a chunk.
 struct CodingModel {
     step_numbers: NumberModel,
-    first_positions: NumberModel,
+    first_displacements: NumberModel,
     differences: NumberModel,
     predictor_probabilities: [[u16; 1 << PREDICTOR_BITS]; PREDICTORS.len()],
     step_code: u64,
@@ -100,7 +100,7 @@ impl CodingModel {
     fn new() -> Self {
         Self {
             step_numbers: NumberModel::new(1),
-            first_positions: NumberModel::new(1),
+            first_displacements: NumberModel::new(1),
             differences: NumberModel::new(N_CONTEXTS),
             predictor_probabilities: [[EVEN_PROBABILITY; 1 << PREDICTOR_BITS]; PREDICTORS.len()],
             step_code: 0,
@@ -117,7 +117,7 @@ impl CodingModel {
         (self.step_code <= CODE_MAX).then(|| step_length(self.step_code))
     }
 
-    /// The mode of a block; it is likelier for being that of the block before.
+    /// The predictor of a block; it is likelier for being that of the block before.
     fn code_predictor(&mut self, coder: &mut impl Coder, predictor: Predictor) -> Option<Predictor> {
         let probabilities = &mut self.predictor_probabilities[self.last_predictor];
         let mut tree_node = 1_usize;
@@ -133,7 +133,7 @@ impl CodingModel {
     fn code_difference(&mut self, coder: &mut impl Coder, difference: i64, is_first: bool) -> Option<i64> {
         let magnitude = difference.unsigned_abs();
         let magnitude = if is_first {
-            self.first_positions.code(coder, 0, magnitude)?
+            self.first_displacements.code(coder, 0, magnitude)?
         } else {
             let [last_size, size_before] = self.last_sizes;
             let context_bits = u64::BITS - (2 * last_size + size_before).div_ceil(2).leading_zeros();
@@ -191,7 +191,7 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
         .clamp(INVISIBLE_METRES, ERROR_BOUNDS.metres_min)
         .max(max_magnitude(rows) / STEPS_MAX);
     // The smallest step is four units.
-    let unit_length = power_of_two(0.5 * floor_bound);
+    let unit_length = floor_power_of_two(0.5 * floor_bound);
     let fine_code = largest_step_code(ERROR_BOUNDS.resting_metres.max(floor_bound), unit_length);
     packed_bytes.f64(unit_length);
     packed_bytes.u16(fine_code as u16);
@@ -207,27 +207,28 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
             let is_resting = coarse_code > fine_code && value_range(block.iter()) <= 2.0 * ERROR_BOUNDS.resting_metres;
             let predictors = if is_resting { &PREDICTORS[..1] } else { &PREDICTORS[1..] };
             let step_size = step_length(if is_resting { fine_code } else { coarse_code });
-            let mode_trials = predictors.iter().map(|&mode| {
+            let predictor_trials = predictors.iter().map(|&predictor| {
                 let mut trial_frames = coded_frames.clone();
                 let differences: Vec<i64> = (block.iter())
                     .map(|x| {
-                        let predicted = predicted_position(mode, &trial_frames, [&before, &second_before]);
-                        let step_difference =
+                        let predicted = predicted_displacement(predictor, &trial_frames, [&before, &second_before]);
+                        let difference_in_steps =
                             ((x / unit_length - predicted as f64) / step_size as f64).round_ties_even();
-                        trial_frames.push(predicted + step_difference as i64 * step_size);
-                        step_difference as i64
+                        trial_frames.push(predicted + difference_in_steps as i64 * step_size);
+                        difference_in_steps as i64
                     })
                     .collect();
-                (mode, trial_frames, differences)
+                (predictor, trial_frames, differences)
             });
             let bit_count = |differences: &[i64]| -> u32 {
                 let bit_count = differences.iter().map(|x| u64::BITS - x.unsigned_abs().leading_zeros());
                 bit_count.sum()
             };
-            let Some((mode, trial_frames, differences)) = mode_trials.min_by_key(|trial| bit_count(&trial.2)) else {
+            let Some((predictor, trial_frames, differences)) = predictor_trials.min_by_key(|trial| bit_count(&trial.2))
+            else {
                 continue;
             };
-            coding_model.code_predictor(&mut writer, mode);
+            coding_model.code_predictor(&mut writer, predictor);
             for (i, difference) in differences.into_iter().enumerate() {
                 coding_model.code_difference(&mut writer, difference, coded_frames.len() + i == 0);
             }
@@ -260,9 +261,9 @@ pub(crate) fn unpack(payload: &[u8], n_frames: usize, n_points: usize) -> Option
                 step_size
             };
             for _ in decoded_frames.len()..n_frames.min(decoded_frames.len() + BLOCK_FRAMES) {
-                let predicted = predicted_position(predictor, &decoded_frames, [&before, &second_before]);
-                let step_difference = coding_model.code_difference(&mut reader, 0, decoded_frames.is_empty())?;
-                decoded_frames.push(predicted.wrapping_add(step_difference.wrapping_mul(step_size)));
+                let predicted = predicted_displacement(predictor, &decoded_frames, [&before, &second_before]);
+                let difference_in_steps = coding_model.code_difference(&mut reader, 0, decoded_frames.is_empty())?;
+                decoded_frames.push(predicted.wrapping_add(difference_in_steps.wrapping_mul(step_size)));
             }
         }
         for (row, x) in all_rows.chunks_mut(n_points).zip(&decoded_frames) {
@@ -280,6 +281,6 @@ fn value_range<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
 }
 
 /// The largest power of two that is not above a positive normal number.
-fn power_of_two(x: f64) -> f64 {
+fn floor_power_of_two(x: f64) -> f64 {
     f64::from_bits(x.to_bits() & !((1 << 52) - 1))
 }

@@ -143,16 +143,16 @@ impl MotionFile {
             .ok()?
             .to_owned();
         let manifest: Value = serde_json::from_str(&manifest_text).ok()?;
-        let count_named = |value: &Value, name: &str| -> Option<usize> {
+        let integer = |value: &Value, name: &str| -> Option<usize> {
             usize::try_from(value.get(name)?.as_u64()?)
                 .ok()
                 .filter(|n| *n <= COUNT_MAX)
         };
-        (self.n_points, self.n_modes) = (count_named(&manifest, "points")?, count_named(&manifest, "modes")?);
+        (self.n_points, self.n_modes) = (integer(&manifest, "points")?, integer(&manifest, "modes")?);
         let mut points_end = 0;
         for part in manifest.get("parts")?.as_array()? {
-            let (first, n_points) = (count_named(part, "first")?, count_named(part, "count")?);
-            if first != points_end {
+            let (first_point, n_points) = (integer(part, "first")?, integer(part, "count")?);
+            if first_point != points_end {
                 return None;
             }
             points_end += n_points;
@@ -161,17 +161,17 @@ impl MotionFile {
                 "sampled" => PartMotion::Sampled,
                 "modal" => {
                     let mode_range = part.get("modes")?;
-                    let (first, mode_count) = (count_named(mode_range, "first")?, count_named(mode_range, "count")?);
-                    if first + mode_count > self.n_modes || mode_count * n_points > 8 * COUNT_MAX {
+                    let (first_mode, mode_count) = (integer(mode_range, "first")?, integer(mode_range, "count")?);
+                    if first_mode + mode_count > self.n_modes || mode_count * n_points > 8 * COUNT_MAX {
                         return None;
                     }
-                    PartMotion::Modal(first, mode_count, vec![0.0; mode_count * n_points])
+                    PartMotion::Modal(first_mode, mode_count, vec![0.0; mode_count * n_points])
                 }
                 "none" => PartMotion::NotComputed,
                 _ => return None,
             };
             self.parts.push(MotionPart {
-                first_point: first,
+                first_point,
                 n_points,
                 kind,
             });
@@ -281,8 +281,8 @@ impl MotionFile {
     }
 
     fn read_frames(&self, chunk: &ChunkRef) -> Option<PartFrames> {
-        let points_of = |part: u16| self.parts.get(usize::from(part)).map(|part| part.n_points);
-        PartFrames::read(self.payload(chunk), points_of)
+        let n_points_of = |part: u16| self.parts.get(usize::from(part)).map(|part| part.n_points);
+        PartFrames::read(self.payload(chunk), n_points_of)
     }
 
     /// Displacements of all points [m] at rising instants [s]   (n_instants · n_points); NaN if unknown.
@@ -314,26 +314,27 @@ impl MotionFile {
                     flights_now[number] = (a, b, flight_chunk.seconds);
                 }
             }
-            let position_of = |number: usize| {
+            let displacement_of = |number: usize| {
                 let (a, b, flight_start) = flights_now[number];
                 self.oscillations[number]
                     .coefficients_after((a, b), instant - flight_start)
                     .0
             };
             for part in &self.parts {
-                let part_positions = &mut row[part.first_point..part.first_point + part.n_points];
+                let part_displacements = &mut row[part.first_point..part.first_point + part.n_points];
                 match &part.kind {
                     PartMotion::Free => {
-                        part_positions
+                        part_displacements
                             .iter_mut()
                             .zip(part.first_point..)
-                            .for_each(|(x, number)| *x = position_of(number));
+                            .for_each(|(x, number)| *x = displacement_of(number));
                     }
-                    PartMotion::Modal(first, m, shapes) => {
-                        let mode_positions: Vec<f64> =
-                            (0..*m).map(|mode| position_of(point_count + first + mode)).collect();
-                        for (x, shape) in part_positions.iter_mut().zip(shapes.chunks((*m).max(1))) {
-                            *x = shape.iter().zip(&mode_positions).map(|(share, q)| share * q).sum();
+                    PartMotion::Modal(first_mode, m, shapes) => {
+                        let mode_displacements: Vec<f64> = (0..*m)
+                            .map(|mode| displacement_of(point_count + first_mode + mode))
+                            .collect();
+                        for (x, shape) in part_displacements.iter_mut().zip(shapes.chunks((*m).max(1))) {
+                            *x = shape.iter().zip(&mode_displacements).map(|(share, q)| share * q).sum();
                         }
                     }
                     PartMotion::Sampled | PartMotion::NotComputed => {}
@@ -373,7 +374,7 @@ impl MotionFile {
                 while frame_index + 1 < frames.len() && frames[frame_index + 1].0 <= instant {
                     frame_index += 1;
                 }
-                let part_positions = &mut row[part.first_point..part.first_point + part.n_points];
+                let part_displacements = &mut row[part.first_point..part.first_point + part.n_points];
                 let Some((frame_time, x)) = frames.get(frame_index).filter(|frame| frame.0 <= instant) else {
                     continue;
                 };
@@ -382,14 +383,14 @@ impl MotionFile {
                     x.is_finite().then_some(x)
                 };
                 let Some((next_time, y)) = frames.get(frame_index + 1) else {
-                    part_positions.copy_from_slice(x);
+                    part_displacements.copy_from_slice(x);
                     continue;
                 };
                 let time_share = (instant - frame_time) / (next_time - frame_time);
-                for (point, (position, ends)) in part_positions.iter_mut().zip(x.iter().zip(y)).enumerate() {
+                for (point, (displacement, ends)) in part_displacements.iter_mut().zip(x.iter().zip(y)).enumerate() {
                     let before = neighbour(frame_index.checked_sub(1), point);
                     let after = neighbour(Some(frame_index + 2), point);
-                    *position = interpolate_cubic(time_share, (*ends.0, *ends.1), before, after);
+                    *displacement = interpolate_cubic(time_share, (*ends.0, *ends.1), before, after);
                 }
             }
         }

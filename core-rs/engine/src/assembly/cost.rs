@@ -151,7 +151,7 @@ pub(crate) fn fine_laws_ns(island_plan: &IslandPlan) -> f64 {
             mean_parts * (Costs::nanoseconds("collocation") + Costs::nanoseconds("collocated_bristle"))
         }
         LinkKind::Lnl(law) => {
-            let functions_cost = law.n_functions() as f64 * Costs::nanoseconds("collocated_function");
+            let functions_cost = law.n_function_calls() as f64 * Costs::nanoseconds("collocated_function");
             mean_parts * (Costs::nanoseconds("collocation") + functions_cost)
         }
         _ => 0.0,

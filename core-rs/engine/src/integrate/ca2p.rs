@@ -163,7 +163,7 @@ impl Stepper for Ca2p {
             |mats, ties, [second_positions, v]| {
                 let mat_forces = [elastic, viscous].map(|values| &values[mats.clone()]);
                 let mat_motion = [x, d].map(|values| &values[mats.clone()]);
-                passes::evaluation_point(ties, mat_forces, mat_motion, second_positions, v);
+                passes::set_evaluation_point(ties, mat_forces, mat_motion, second_positions, v);
             },
         );
         for &(mat, impulse) in impulses {

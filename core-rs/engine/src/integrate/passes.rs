@@ -154,7 +154,7 @@ wide! {
 wide! {
     /// The point at which the second pass of CA2P computes forces: x′ = x + a_e/12, v′ = d + ½(a_e + a_v), with the
     /// elastic and the viscous acceleration, including those of the ties.
-    pub(super) fn evaluation_point(
+    pub(super) fn set_evaluation_point(
         ties: Ties<'_>,
         forces: [&[f64]; 2],
         motion: [&[f64]; 2],
@@ -167,17 +167,17 @@ wide! {
         let (x, d, viscous) = (&x[..n], &d[..n], &viscous[..n]);
         let (second_positions, v) = (&mut second_positions[..n], &mut v[..n]);
         for i in 0..n {
-            let a = elastic[i] * w[i] - kappa[i] * (x[i] - rest[i]);
-            let drag = viscous[i] * w[i] - zeta[i] * d[i];
-            second_positions[i] = x[i] + a * (1.0 / 12.0);
-            v[i] = d[i] + 0.5 * (a + drag);
+            let elastic_acceleration = elastic[i] * w[i] - kappa[i] * (x[i] - rest[i]);
+            let viscous_acceleration = viscous[i] * w[i] - zeta[i] * d[i];
+            second_positions[i] = x[i] + elastic_acceleration * (1.0 / 12.0);
+            v[i] = d[i] + 0.5 * (elastic_acceleration + viscous_acceleration);
         }
     }
 }
 
 wide! {
-    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `evaluation_point`); `previous` holds x
-    /// and d before the step.
+    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `set_evaluation_point`); `previous` holds
+    /// x and d before the step.
     pub(super) fn second_pass(
         ties: Ties<'_>,
         force: &[f64],

@@ -29,10 +29,10 @@ impl Island {
         team: &mut ThreadTeam<'_>,
     ) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
-        let first_step = state.frame;
-        let steps_to_check = first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step;
+        let first_frame = state.frame;
+        let steps_to_check = first_frame.next_multiple_of(energy_account::CHECK_STEPS) - first_frame;
         let step_count = (end_step - start_step).min(steps_to_check as usize);
-        let step_count = step_count.min(steps_to_event(script, &state.sources, first_step));
+        let step_count = step_count.min(steps_to_event(script, &state.sources, first_frame));
         if step_count == 0 {
             return Ok(0);
         }
@@ -54,7 +54,7 @@ impl Island {
         targets.clear();
         let (mut steps_done, mut is_bounded) = (0, true);
         while steps_done < step_count && is_bounded {
-            let n = first_step + steps_done as u64;
+            let n = first_frame + steps_done as u64;
             kernel::compute_link_forces(scheme, &parameters.gate_openings, modules, scratch, team);
             for (voice, voice_script) in sources.voices.iter_mut().zip(&script.voices) {
                 voice.step_idle(voice_script, &mut sources.reports, n);

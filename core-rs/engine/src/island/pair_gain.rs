@@ -100,12 +100,12 @@ impl PairEnergyGains {
     }
 
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
-    pub(super) fn has_end_among(&self, is_end_marked: &[bool]) -> bool {
+    pub(super) fn has_end_among(&self, is_mat_marked: &[bool]) -> bool {
         let mut mat_spans = self
             .pair_contacts
             .iter()
             .flat_map(|contacts| contacts.run.point_ranges());
-        mat_spans.any(|span| is_end_marked[span].iter().any(|&is_marked| is_marked))
+        mat_spans.any(|span| is_mat_marked[span].iter().any(|&is_marked| is_marked))
     }
 
     pub(super) fn begin(&mut self, modules: &ModuleState) {
@@ -127,11 +127,12 @@ impl PairEnergyGains {
         ));
     }
 
-    /// The energy created by frame `n`, if that is worth reporting; `motion_energy` is the energy of all masses.
+    /// The energy created by frame `n`, if that is worth reporting; `motion_energy` is the energy of all masses,
+    /// `imposed_work_max` what hands and imposed paths put in.
     pub(super) fn check(
         &mut self,
         modules: &ModuleState,
-        (motion_energy, hand_work): (impl Fn() -> f64, f64),
+        (motion_energy, imposed_work_max): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<EnergyGain> {
         if self.energy_account.is_overdrawn() && !self.includes_start_energy {
@@ -148,7 +149,7 @@ impl PairEnergyGains {
         let gain = self
             .energy_account
             .energy_gain(stored_energy, motion_energy(), n)
-            .with_reference_energy_min(hand_work);
+            .with_reference_energy_min(imposed_work_max);
         if !gain.is_reportable() || gain.created_energy <= self.rounding_energy(modules) {
             return None;
         }
@@ -159,7 +160,7 @@ impl PairEnergyGains {
     /// Elastic energy of friction [J].
     fn friction_energy(&self, modules: &ModuleState) -> f64 {
         let pair_contacts = self.pair_contacts.iter();
-        let pair_energy = |contacts: &PairContacts| {
+        let run_friction_energy = |contacts: &PairContacts| {
             friction_energy(
                 &contacts.run,
                 contacts.stiffness,
@@ -167,17 +168,17 @@ impl PairEnergyGains {
                 modules,
             )
         };
-        pair_contacts.map(pair_energy).sum()
+        pair_contacts.map(run_friction_energy).sum()
     }
 
     fn rounding_energy(&self, modules: &ModuleState) -> f64 {
-        let pair_energy = |contacts: &PairContacts| {
+        let run_rounding_energy = |contacts: &PairContacts| {
             let contact_mats = contacts.run.point_ranges().flatten();
             let largest_position = contact_mats.map(|mat| modules.x[mat].abs()).fold(0.0, f64::max);
             let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * largest_position;
             contacts.run.n_second as f64 * contacts.stiffness * elongation_error * elongation_error
         };
-        self.pair_contacts.iter().map(pair_energy).sum()
+        self.pair_contacts.iter().map(run_rounding_energy).sum()
     }
 }
 

@@ -81,9 +81,9 @@ pub(super) fn move_hands(
             }
         }
         if binding.hand.interpolation == HandInterpolation::Line {
-            let distance = state.end_position - state.start_position;
-            *mat_step = distance / tick_frames as f64;
-            *mat_position = state.start_position + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);
+            let displacement = state.end_position - state.start_position;
+            *mat_step = displacement / tick_frames as f64;
+            *mat_position = state.start_position + displacement * ((frame_in_tick + 1) as f64 / tick_frames as f64);
         }
     }
 }

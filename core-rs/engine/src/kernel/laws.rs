@@ -78,7 +78,7 @@ impl KernelScratch {
                 if longest_runs[*slot] == 0 {
                     laws.law_scratch[*slot] = law.scratch_alone();
                     laws.native_scratch
-                        .resize(laws.native_scratch.len().max(law.room()), 0.0);
+                        .resize(laws.native_scratch.len().max(law.room_len()), 0.0);
                 }
                 if longest_runs[*slot] <= 1 && run.len > 1 {
                     laws.law_scratch[*slot] = law.scratch();

@@ -11,10 +11,10 @@ pub const NATIVE_LANES: usize = 64;
 
 /// Native code of a law: forces `out` of `n` links at elongations `d` and rates `v`.
 ///
-/// `numbers` are the law's constants. If the code calls a function, `room` holds [`NATIVE_LANES`] numbers for d, for v
+/// `constants` are those of the law. If the code calls a function, `room` holds [`NATIVE_LANES`] numbers for d, for v
 /// and for each row.
 pub type Entry =
-    unsafe extern "C" fn(d: *const f64, v: *const f64, out: *mut f64, numbers: *const f64, room: *mut f64, n: i64);
+    unsafe extern "C" fn(d: *const f64, v: *const f64, out: *mut f64, constants: *const f64, room: *mut f64, n: i64);
 
 /// A function of the core over lanes: reads `room` from `a` (and `b`) on, writes `n` values from `to` on.
 pub type Function = unsafe extern "C" fn(room: *mut f64, a: i64, b: i64, to: i64, n: i64);
@@ -39,19 +39,19 @@ impl Law {
     }
 
     /// The law's constants in the order in which its native code reads them; empty without native code.
-    pub(super) fn numbers(&self) -> Vec<f64> {
+    pub(super) fn constants(&self) -> Vec<f64> {
         let law_table = self.native.and_then(|_| self.table());
         law_table.map(|law_table| law_table.constants).unwrap_or_default()
     }
 
     /// Number of its operations that are [`FUNCTIONS`].
-    pub(crate) fn n_functions(&self) -> usize {
+    pub(crate) fn n_function_calls(&self) -> usize {
         let calls_function = |row: &&Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
         self.rows().map_or(0, |rows| rows.iter().filter(calls_function).count())
     }
 
     /// Length of the buffer that the native code needs; laws computed one after another can share one.
-    pub(crate) fn room(&self) -> usize {
+    pub(crate) fn room_len(&self) -> usize {
         let calls_function = |row: &Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
         match self.native.and_then(|_| self.rows()) {
             Some(rows) if rows.iter().any(calls_function) => (FIRST_ROW as usize + rows.len()) * NATIVE_LANES,
@@ -61,16 +61,17 @@ impl Law {
 }
 
 impl Native {
-    /// Compute forces; `numbers` and `room` are those of the same law, `room` at least as long as [`Law::room`] says.
-    pub(super) fn run(self, d: &[f64], v: &[f64], out: &mut [f64], numbers: &[f64], room: &mut [f64]) {
+    /// Compute forces; `constants` and `room` are those of the same law, `room` at least as long as [`Law::room_len`]
+    /// says.
+    pub(super) fn run(self, d: &[f64], v: &[f64], out: &mut [f64], constants: &[f64], room: &mut [f64]) {
         let link_count = out.len();
         debug_assert!(d.len() == link_count && (v.len() == link_count || v.is_empty()));
         // SAFETY: `set_native` was given an entry.
         let entry_point = unsafe { std::mem::transmute::<usize, Entry>(self.entry) };
-        let (d, v, numbers) = (d.as_ptr(), v.as_ptr(), numbers.as_ptr());
+        let (d, v, constants) = (d.as_ptr(), v.as_ptr(), constants.as_ptr());
         // SAFETY: made from this law's rows, it reads n numbers of `d`, of `v` where the law has a damping, and
-        // what `Law::numbers` made; it writes n numbers of `out`, and as much of the room as `Law::room` says.
-        unsafe { entry_point(d, v, out.as_mut_ptr(), numbers, room.as_mut_ptr(), link_count as i64) };
+        // what `Law::constants` made; it writes n numbers of `out`, and as much of the room as `Law::room_len` says.
+        unsafe { entry_point(d, v, out.as_mut_ptr(), constants, room.as_mut_ptr(), link_count as i64) };
     }
 }
 
@@ -82,7 +83,7 @@ wide! {
 
 unsafe extern "C" fn exp(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
-    let (operand, result) = unsafe { (row(room, operand, n), row_mut(room, to, n)) };
+    let (operand, result) = unsafe { (room_values(room, operand, n), room_values_mut(room, to, n)) };
     // Most LNLs of a score are alone in their run.
     if let ([operand], [result]) = (operand, &mut *result) {
         *result = Unary::Exp.apply(*operand);
@@ -105,7 +106,7 @@ unsafe extern "C" fn noise(room: *mut f64, operand: i64, _: i64, to: i64, n: i64
 /// `operand` and `to` are places of two rows of the room.
 unsafe fn link_by_link(operation: Unary, room: *mut f64, operand: i64, to: i64, n: i64) {
     // SAFETY: as above.
-    let (operand, result) = unsafe { (row(room, operand, n), row_mut(room, to, n)) };
+    let (operand, result) = unsafe { (room_values(room, operand, n), room_values_mut(room, to, n)) };
     for (result, operand) in result.iter_mut().zip(operand) {
         *result = operation.apply(*operand);
     }
@@ -113,8 +114,13 @@ unsafe fn link_by_link(operation: Unary, room: *mut f64, operand: i64, to: i64, 
 
 unsafe extern "C" fn power(room: *mut f64, power_base: i64, exponent: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of three rows of the room.
-    let (power_base, exponent, result) =
-        unsafe { (row(room, power_base, n), row(room, exponent, n), row_mut(room, to, n)) };
+    let (power_base, exponent, result) = unsafe {
+        (
+            room_values(room, power_base, n),
+            room_values(room, exponent, n),
+            room_values_mut(room, to, n),
+        )
+    };
     for (result, (power_base, exponent)) in result.iter_mut().zip(power_base.iter().zip(exponent)) {
         *result = Binary::Power.apply(*power_base, *exponent);
     }
@@ -122,14 +128,14 @@ unsafe extern "C" fn power(room: *mut f64, power_base: i64, exponent: i64, to: i
 
 /// # Safety
 /// `n` numbers lie in the room from `offset` on, and nothing writes them meanwhile.
-unsafe fn row<'a>(room: *mut f64, offset: i64, n: i64) -> &'a [f64] {
+unsafe fn room_values<'a>(room: *mut f64, offset: i64, n: i64) -> &'a [f64] {
     // SAFETY: as above.
     unsafe { std::slice::from_raw_parts(room.offset(offset as isize), n as usize) }
 }
 
 /// # Safety
 /// `n` numbers lie in the room from `offset` on, and nothing else reads or writes them meanwhile.
-unsafe fn row_mut<'a>(room: *mut f64, offset: i64, n: i64) -> &'a mut [f64] {
+unsafe fn room_values_mut<'a>(room: *mut f64, offset: i64, n: i64) -> &'a mut [f64] {
     // SAFETY: as above.
     unsafe { std::slice::from_raw_parts_mut(room.offset(offset as isize), n as usize) }
 }

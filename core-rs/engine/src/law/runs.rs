@@ -10,7 +10,7 @@ use crate::maths::wide::wide;
 pub struct Scratch {
     elastic: Vec<Register>,
     damping: Vec<Register>,
-    numbers: Vec<f64>,
+    constants: Vec<f64>,
     room: Vec<f64>,
 }
 
@@ -34,15 +34,15 @@ impl Law {
         Scratch {
             elastic,
             damping: program_registers(self.damping.as_ref()),
-            numbers: self.numbers(),
-            room: vec![0.0; self.room()],
+            constants: self.constants(),
+            room: vec![0.0; self.room_len()],
         }
     }
 
     /// Buffers for runs of one link by [`Law::eval_in`], kept small because a score can have very many.
     pub(crate) fn scratch_alone(&self) -> Scratch {
         Scratch {
-            numbers: self.numbers(),
+            constants: self.constants(),
             ..Scratch::default()
         }
     }
@@ -67,12 +67,12 @@ impl Law {
         scratch.room = scratch_room;
     }
 
-    /// [`Law::eval_run`] with a shared `room`, at least as long as [`Law::room`] says.
+    /// [`Law::eval_run`] with a shared `room`, at least as long as [`Law::room_len`] says.
     pub(crate) fn eval_in(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch, room: &mut [f64]) {
         if self.is_shared() {
             self.shared_run(d, out);
         } else if let Some(native) = &self.native {
-            native.run(d, v, out, &scratch.numbers, room);
+            native.run(d, v, out, &scratch.constants, room);
         } else if let [out] = out {
             // Most LNLs of a score are alone in their run.
             *out = self.force(d[0], v.first().copied().unwrap_or_default());
@@ -180,8 +180,8 @@ impl Law {
 
 wide! {
     fn run(law: &Law, part: Part, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
-        for (chunk, out) in out.chunks_mut(LANES).enumerate() {
-            let span = chunk * LANES..chunk * LANES + out.len();
+        for (chunk_index, out) in out.chunks_mut(LANES).enumerate() {
+            let span = chunk_index * LANES..chunk_index * LANES + out.len();
             let d = &d[span.clone()];
             match part {
                 // −0, not 0: −0 + x keeps the sign of a zero x.

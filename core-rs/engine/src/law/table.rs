@@ -41,26 +41,26 @@ impl Law {
             rows: Vec::new(),
             constants: Vec::new(),
         };
-        let (mut d_operand, mut v_operand, mut lever_operand) = (0, 1, None);
+        let (mut d_operand, mut v_operand, mut reach_operand) = (0, 1, None);
         if self.reach != 1.0 {
-            let reach_operand = table.constant(self.reach);
-            d_operand = table.push("divide", [d_operand, reach_operand, 0]);
+            let divisor = table.push_constant(self.reach);
+            d_operand = table.push("divide", [d_operand, divisor, 0]);
             if self.damping.is_some() {
-                v_operand = table.push("divide", [v_operand, reach_operand, 0]);
+                v_operand = table.push("divide", [v_operand, divisor, 0]);
             }
-            lever_operand = Some(reach_operand);
+            reach_operand = Some(divisor);
         }
         let mut force_operand = match &self.elastic {
-            Elastic::None => table.constant(0.0),
-            Elastic::Expression { program, .. } => table.program(program, d_operand, v_operand),
+            Elastic::None => table.push_constant(0.0),
+            Elastic::Expression { program, .. } => table.push_program(program, d_operand, v_operand),
             Elastic::Points(_) => return None,
         };
         if let Some(damping) = &self.damping {
-            let damping = table.program(damping, d_operand, v_operand);
+            let damping = table.push_program(damping, d_operand, v_operand);
             force_operand = table.push("add", [force_operand, damping, 0]);
         }
-        match lever_operand {
-            Some(reach_operand) => table.push("divide", [force_operand, reach_operand, 0]),
+        match reach_operand {
+            Some(divisor) => table.push("divide", [force_operand, divisor, 0]),
             None => table.push("copy", [force_operand, 0, 0]),
         };
         Some(table)
@@ -73,29 +73,29 @@ impl Table {
         FIRST_ROW + self.rows.len() as i32 - 1
     }
 
-    fn constant(&mut self, value: f64) -> i32 {
+    fn push_constant(&mut self, value: f64) -> i32 {
         self.constants.push(value);
         self.push("constant", [self.constants.len() as i32 - 1, 0, 0])
     }
 
     /// Append a program that reads `d` and `v`; returns the operand that holds its value.
-    fn program(&mut self, program: &Program, d: i32, v: i32) -> i32 {
-        let mut registers = vec![d, v];
+    fn push_program(&mut self, program: &Program, d: i32, v: i32) -> i32 {
+        let mut operands = vec![d, v];
         for step in program.steps() {
             let step_operand = match *step {
-                Step::Constant(value) | Step::Adjustable(_, value) => self.constant(value),
-                Step::Unary(operation, a) => self.push(unary(operation), [registers[a], 0, 0]),
-                Step::WholePower(n, a) => self.push("whole_power", [registers[a], n, 0]),
-                Step::Binary(operation, a, b) => self.push(binary(operation), [registers[a], registers[b], 0]),
-                Step::Where(c, a, b) => self.push("where", [registers[c], registers[a], registers[b]]),
+                Step::Constant(value) | Step::Adjustable(_, value) => self.push_constant(value),
+                Step::Unary(operation, a) => self.push(unary_name(operation), [operands[a], 0, 0]),
+                Step::WholePower(n, a) => self.push("whole_power", [operands[a], n, 0]),
+                Step::Binary(operation, a, b) => self.push(binary_name(operation), [operands[a], operands[b], 0]),
+                Step::Where(c, a, b) => self.push("where", [operands[c], operands[a], operands[b]]),
             };
-            registers.push(step_operand);
+            operands.push(step_operand);
         }
-        registers[program.result()]
+        operands[program.result()]
     }
 }
 
-fn unary(operation: Unary) -> &'static str {
+fn unary_name(operation: Unary) -> &'static str {
     match operation {
         Unary::Negate => "negate",
         Unary::Abs => "abs",
@@ -107,7 +107,7 @@ fn unary(operation: Unary) -> &'static str {
     }
 }
 
-fn binary(operation: Binary) -> &'static str {
+fn binary_name(operation: Binary) -> &'static str {
     match operation {
         Binary::Add => "add",
         Binary::Subtract => "subtract",

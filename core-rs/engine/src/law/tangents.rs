@@ -32,7 +32,7 @@ struct Around {
 pub(crate) struct TangentScratch {
     elastic: Vec<ShortVector>,
     damping: Vec<ShortVector>,
-    numbers: Vec<f64>,
+    constants: Vec<f64>,
     room: Vec<f64>,
 }
 
@@ -46,8 +46,8 @@ impl Law {
         TangentScratch {
             elastic: registers(elastic).unwrap_or_default(),
             damping: registers(self.damping.as_ref()).unwrap_or_default(),
-            numbers: self.numbers(),
-            room: vec![0.0; self.room()],
+            constants: self.constants(),
+            room: vec![0.0; self.room_len()],
         }
     }
 
@@ -90,7 +90,7 @@ impl Law {
             d[..place_sets].as_flattened(),
             v[..place_sets].as_flattened(),
             forces[..place_sets].as_flattened_mut(),
-            &scratch.numbers,
+            &scratch.constants,
             &mut scratch.room,
         );
         let [force, near_v, last_forces] = forces;

@@ -166,7 +166,7 @@ impl Mixer {
         self.check_target(to)?;
         let curve = treatment.curve.clone();
         let mut new_route = Route::new(rate, [out, group], to, gain, treatment)?;
-        new_route.shared_curve = curve.map(|curve| self.curve_index(curve));
+        new_route.shared_curve = curve.map(|curve| self.add_curve(curve));
         new_route.repeats_previous = self.routes.last().is_some_and(|last| new_route.has_same_input_as(last));
         let n_groups = self.group_gains.len().max(group + 1);
         self.group_gains.resize(n_groups, GainGlide::new(rate, 1.0));
@@ -174,8 +174,8 @@ impl Mixer {
         Ok(())
     }
 
-    /// The index of a curve among those of all routes.
-    fn curve_index(&mut self, curve: Curve) -> usize {
+    /// Add a curve if no route has it yet; returns its index among those of all routes.
+    fn add_curve(&mut self, curve: Curve) -> usize {
         let known_index = self.curves.iter().position(|known_curve| *known_curve == curve);
         known_index.unwrap_or_else(|| {
             self.curves.push(curve);
@@ -227,7 +227,7 @@ impl Mixer {
         Ok(self.rooms.len() - 1)
     }
 
-    /// Add frozen outputs to `outputs`, one to each; their first frame is heard at frame `begins`.
+    /// Add frozen outputs to `outputs`, one to each; their first frame is heard at frame `start_frame`.
     ///
     /// ```
     /// use ergon_engine::mix::frozen::FrozenOutputs;
@@ -248,7 +248,7 @@ impl Mixer {
         &mut self,
         source: &Arc<FrozenOutputs>,
         outputs: &[usize],
-        begins: i64,
+        start_frame: i64,
     ) -> Result<(), RouteError> {
         let n_out = self.n_out;
         if let Some(&out) = outputs.iter().find(|&&out| out >= n_out) {
@@ -261,7 +261,7 @@ impl Mixer {
             });
         }
         for (column, &out) in outputs.iter().enumerate() {
-            let placed_output = PlacedOutput::new(source.clone(), column, out, begins, self.rate);
+            let placed_output = PlacedOutput::new(source.clone(), column, out, start_frame, self.rate);
             self.frozen_outputs.push(placed_output);
         }
         Ok(())
@@ -362,7 +362,7 @@ impl Mixer {
     /// The gain of all channels at a frame.
     fn master_gain(&self, n: u64) -> f64 {
         let residual = self.residual_gain.map_or(0.0, |glide| glide.gain_at(n));
-        self.master_curve.as_ref().map_or(1.0, |fade| fade.gain_at(n)) + residual
+        self.master_curve.as_ref().map_or(1.0, |curve| curve.gain_at(n)) + residual
     }
 }
 

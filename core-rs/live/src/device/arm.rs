@@ -23,15 +23,15 @@ struct LeverDevice {
 /// # Errors
 /// [`DeviceError`] for an arm on an axis that does not rotate, or one that is impossible.
 pub(super) fn with_arm(device: Box<dyn Device>, url: &DeviceUrl) -> Result<Box<dyn Device>, DeviceError> {
-    if url.text("arm").is_none() {
+    if url.option_text("arm").is_none() {
         return Ok(device);
     }
-    let arm_length = url.number("arm", 0.0)?;
+    let arm_length = url.option_number("arm", 0.0)?;
     if device.spec().unit != Unit::Radian {
         return Err(url.unsupported_error("its axes do not rotate, so they have no arm; leave ?arm out"));
     }
     if arm_length <= 0.0 || arm_length > ARM_LENGTH_MAX {
-        return Err(url.closed_error(format!(
+        return Err(url.open_error(format!(
             "arm must be above 0 and at most {ARM_LENGTH_MAX} m, not {arm_length}"
         )));
     }

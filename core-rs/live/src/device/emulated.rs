@@ -48,15 +48,18 @@ impl EmulatedDevice {
     pub(super) fn open(url: &DeviceUrl) -> Result<Self, DeviceError> {
         let default_key = KeyConstants::default();
         let key_model = KeyConstants {
-            mass: url.number("mass", default_key.mass)?,
-            stiffness: url.number("stiffness", default_key.stiffness)?,
-            damping: url.number("damping", default_key.damping)?,
+            mass: url.option_number("mass", default_key.mass)?,
+            stiffness: url.option_number("stiffness", default_key.stiffness)?,
+            damping: url.option_number("damping", default_key.damping)?,
             ..default_key
         };
-        let (axis_count, key_rate) = (url.number("axes", 1.0)? as usize, url.number("rate", KEY_RATE)?);
+        let (axis_count, key_rate) = (
+            url.option_number("axes", 1.0)? as usize,
+            url.option_number("rate", KEY_RATE)?,
+        );
         let resting_hands = vec![EmulatedHand::Resting; axis_count.min(MAX_AXES)];
-        let emulated_keys = EmulatedKeys::new(axis_count, key_model, key_rate, resting_hands)
-            .map_err(|error| url.closed_error(error))?;
+        let emulated_keys =
+            EmulatedKeys::new(axis_count, key_model, key_rate, resting_hands).map_err(|error| url.open_error(error))?;
         Ok(Self::new(emulated_keys, key_model))
     }
 
@@ -84,7 +87,7 @@ impl EmulatedDevice {
 pub fn open_board(options: &EmulationOptions) -> Result<Box<dyn Device>, DeviceError> {
     let device_kind = DeviceKind::from(options.board.protocol);
     let board_url = DeviceUrl::in_process(device_kind);
-    let firmware = options.firmware().map_err(|error| board_url.closed_error(error))?;
+    let firmware = options.firmware().map_err(|error| board_url.open_error(error))?;
     let local_board = InProcessBoard {
         periods_left: options
             .seconds

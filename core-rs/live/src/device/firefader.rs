@@ -58,7 +58,7 @@ impl FireFader {
         if url.wide {
             return Err(url.unsupported_error("the option wide is only for the open frame"));
         }
-        let baud_rate = url.number("baud", f64::from(BAUD_RATE))? as u32;
+        let baud_rate = url.option_number("baud", f64::from(BAUD_RATE))? as u32;
         Self::on_port(Port::serial(url, baud_rate)?, url, canceller)
     }
 
@@ -77,7 +77,7 @@ impl FireFader {
             stats: WireStats::default(),
             has_new_position: true,
         };
-        fader.connect().map_err(|loss| url.closed_error(loss))?;
+        fader.connect().map_err(|loss| url.open_error(loss))?;
         if fader.last_reply.is_none() {
             return Err(url.no_answer_error("FireFader"));
         }

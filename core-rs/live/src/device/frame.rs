@@ -122,7 +122,7 @@ impl OpenFrameDevice {
     pub(super) fn open(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         let device_port = match url.kind {
             DeviceKind::FrameUdp => Port::udp(url)?,
-            _ => Port::serial(url, url.number("baud", f64::from(BAUD_RATE))? as u32)?,
+            _ => Port::serial(url, url.option_number("baud", f64::from(BAUD_RATE))? as u32)?,
         };
         Self::on_port(device_port, url, canceller)
     }
@@ -130,7 +130,7 @@ impl OpenFrameDevice {
     /// The driver on an open port.
     pub(super) fn on_port(mut port: Port, url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         let device_info =
-            request_info(&mut port, first_reply_timeout(url)?, canceller).map_err(|loss| url.closed_error(loss))?;
+            request_info(&mut port, first_reply_timeout(url)?, canceller).map_err(|loss| url.open_error(loss))?;
         let device_info = device_info.ok_or_else(|| url.no_answer_error("device of the open frame"))?;
         let spec = spec(&device_info).map_err(|reason| url.impossible_error(reason))?;
         if url.lockstep && !spec.can_lockstep {
@@ -162,7 +162,7 @@ impl OpenFrameDevice {
             device
                 .write_request([0.0; MAX_AXES], flag::REQUEST)
                 .and_then(|()| device.read_replies(Instant::now() + REQUEST_RETRY_INTERVAL))
-                .map_err(|loss| url.closed_error(loss))?;
+                .map_err(|loss| url.open_error(loss))?;
         }
         match device.last_reply {
             Some(_) => Ok(device),
@@ -241,7 +241,7 @@ impl OpenFrameDevice {
 
 /// Longest wait for a reply in lockstep.
 fn lockstep_timeout(url: &DeviceUrl) -> Result<Duration, DeviceError> {
-    let timeout = url.number("patience", LOCKSTEP_TIMEOUT.as_secs_f64())?;
+    let timeout = url.option_number("patience", LOCKSTEP_TIMEOUT.as_secs_f64())?;
     Ok(Duration::from_secs_f64(timeout.clamp(0.0, LOCKSTEP_TIMEOUT_MAX)))
 }
 

@@ -74,19 +74,19 @@ impl HaplyDevice {
         if !url.target.starts_with("ws://") {
             return Err(url.unsupported_error("its address must have the form ws://127.0.0.1:10001"));
         }
-        let closed_error = |error: std::io::Error| url.closed_error(error);
-        let (mut guardian_stream, guardian) = start::start().map_err(closed_error)?;
+        let open_error = |error: std::io::Error| url.open_error(error);
+        let (mut guardian_stream, guardian) = start::start().map_err(open_error)?;
         let request = HostRequest {
             target: &url.target,
-            id: url.text("id"),
+            id: url.option_text("id"),
             lockstep: url.lockstep,
         };
         let reply = write_text(&mut guardian_stream, &request.text())
             .and_then(|()| read_text(&mut guardian_stream, GUARDIAN_START_TIMEOUT + 2 * FIRST_REPLY_TIMEOUT))
-            .map_err(|error| url.closed_error(format!("its guardian process did not start ({error})")))?;
+            .map_err(|error| url.open_error(format!("its guardian process did not start ({error})")))?;
         let position = match OpenReply::parse(&reply) {
             Some(OpenReply::Opened(position)) => position,
-            Some(OpenReply::Refused(reason)) => return Err(url.closed_error(reason)),
+            Some(OpenReply::Refused(reason)) => return Err(url.open_error(reason)),
             Some(OpenReply::NotInLockstep) => {
                 return Err(
                     url.unsupported_error("a real device runs by its own clock; lockstep is only for emulators")
@@ -98,7 +98,7 @@ impl HaplyDevice {
             spec: spec(),
             lockstep: url.lockstep,
             canceller: canceller.clone(),
-            line: GuardianLine::new(guardian_stream).map_err(closed_error)?,
+            line: GuardianLine::new(guardian_stream).map_err(open_error)?,
             _guardian: guardian,
             sent_requests: SentRequests::default(),
             last_order_number: u16::MAX,

@@ -35,9 +35,9 @@ pub(super) struct PointerDevice {
 impl PointerDevice {
     pub(super) fn open(url: &DeviceUrl, period: f64, is_retry: bool) -> Result<Self, DeviceError> {
         let pointer_stream = pointer::find(url.stream_name());
-        let pointer_stream = pointer_stream.ok_or_else(|| url.closed_error("nothing leads this key"))?;
+        let pointer_stream = pointer_stream.ok_or_else(|| url.open_error("nothing leads this key"))?;
         if is_retry && !pointer_stream.is_present() {
-            return Err(url.closed_error("nobody plays this key"));
+            return Err(url.open_error("nobody plays this key"));
         }
         let mut device = Self::new(pointer_stream, period);
         // What the pointer did meanwhile moved nothing, but it may still be down.

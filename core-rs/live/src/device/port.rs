@@ -57,7 +57,7 @@ impl Port {
         #[cfg(unix)]
         {
             use std::os::fd::{FromRawFd, IntoRawFd, OwnedFd};
-            let tty_port = serialport::TTYPort::open(&builder).map_err(|error| url.closed_error(error))?;
+            let tty_port = serialport::TTYPort::open(&builder).map_err(|error| url.open_error(error))?;
             // SAFETY: into_raw_fd gives up the descriptor, which is open.
             let descriptor = unsafe { OwnedFd::from_raw_fd(tty_port.into_raw_fd()) };
             unix::prepare(&descriptor);
@@ -72,11 +72,11 @@ impl Port {
 
     /// A socket connected to one address; datagrams from other addresses are ignored.
     pub(super) fn udp(url: &DeviceUrl) -> Result<Self, DeviceError> {
-        let closed_error = |error: std::io::Error| url.closed_error(error);
-        let mut addresses = url.target.to_socket_addrs().map_err(closed_error)?;
+        let open_error = |error: std::io::Error| url.open_error(error);
+        let mut addresses = url.target.to_socket_addrs().map_err(open_error)?;
         let peer_address = addresses
             .next()
-            .ok_or_else(|| url.closed_error("the address cannot be resolved"))?;
+            .ok_or_else(|| url.open_error("the address cannot be resolved"))?;
         if peer_address.ip().is_multicast()
             || matches!(peer_address, SocketAddr::V4(v4_address) if v4_address.ip().is_broadcast())
         {
@@ -88,11 +88,11 @@ impl Port {
             (false, true) => "0.0.0.0:0",
             (false, false) => "[::]:0",
         };
-        let udp_socket = UdpSocket::bind(local_address).map_err(closed_error)?;
-        udp_socket.connect(peer_address).map_err(closed_error)?;
-        udp_socket.set_nonblocking(true).map_err(closed_error)?;
+        let udp_socket = UdpSocket::bind(local_address).map_err(open_error)?;
+        udp_socket.connect(peer_address).map_err(open_error)?;
+        udp_socket.set_nonblocking(true).map_err(open_error)?;
         #[cfg(unix)]
-        let device_lock = super::lock::DeviceLock::take(peer_address).map_err(|holder| url.closed_error(holder))?;
+        let device_lock = super::lock::DeviceLock::take(peer_address).map_err(|holder| url.open_error(holder))?;
         #[cfg(not(unix))]
         let device_lock = ();
         Ok(Self::Udp(udp_socket, device_lock, RefusalFlag::default()))

@@ -225,25 +225,25 @@ impl DeviceUrl {
     }
 
     /// The text of an option.
-    pub(crate) fn text(&self, key: &str) -> Option<&str> {
+    pub(crate) fn option_text(&self, key: &str) -> Option<&str> {
         let option_entry = self.option_values.iter().find(|(option_key, _)| option_key == key);
         option_entry.map(|(_, value)| value.as_str())
     }
 
     /// The number of an option.
-    pub(crate) fn number(&self, key: &str, default: f64) -> Result<f64, DeviceError> {
-        let Some(option_text) = self.text(key) else {
+    pub(crate) fn option_number(&self, key: &str, default: f64) -> Result<f64, DeviceError> {
+        let Some(option_text) = self.option_text(key) else {
             return Ok(default);
         };
         let option_number = option_text
             .parse()
             .ok()
             .filter(|option_number: &f64| option_number.is_finite());
-        option_number.ok_or_else(|| self.closed_error(format!("{key} must be a number, not '{option_text}'")))
+        option_number.ok_or_else(|| self.open_error(format!("{key} must be a number, not '{option_text}'")))
     }
 
-    pub(super) fn closed_error(&self, reason: impl fmt::Display) -> DeviceError {
-        DeviceError::Closed {
+    pub(super) fn open_error(&self, reason: impl fmt::Display) -> DeviceError {
+        DeviceError::NotOpened {
             url: self.text.clone(),
             reason: reason.to_string(),
         }
@@ -299,9 +299,9 @@ mod tests {
         assert!(url.lockstep && url.wide);
         let url = DeviceUrl::parse("haply:ws://127.0.0.1:10001?id=A14#2").unwrap();
         assert_eq!(url.target, "ws://127.0.0.1:10001");
-        assert_eq!((url.text("id"), url.axis), (Some("A14"), Some(2)));
+        assert_eq!((url.option_text("id"), url.axis), (Some("A14"), Some(2)));
         let url = DeviceUrl::parse("emul:?mass=0.1").unwrap();
-        assert_eq!(url.number("mass", 1.0).unwrap(), 0.1);
+        assert_eq!(url.option_number("mass", 1.0).unwrap(), 0.1);
     }
 
     #[test]

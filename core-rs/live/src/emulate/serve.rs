@@ -96,7 +96,7 @@ pub fn serve(
     let period_rate = firmware.keys().rate().hertz();
     let mut host_line = HostLine::open(options.transport)?;
     on_event(ServeEvent::Ready(host_line.address()?));
-    let mut line_bytes = vec![0; MESSAGE_BYTES_MAX];
+    let mut message_buffer = vec![0; MESSAGE_BYTES_MAX];
     let start_instant = Instant::now();
     let mut last_check = start_instant;
     loop {
@@ -124,7 +124,7 @@ pub fn serve(
         } else {
             Duration::from_secs_f64((firmware.next_period_time() - elapsed.as_secs_f64()).clamp(0.0, 0.02))
         };
-        match host_line.read(&mut line_bytes, read_wait)? {
+        match host_line.read(&mut message_buffer, read_wait)? {
             LineEvent::Nothing => {}
             LineEvent::Connected => {
                 if let Some(greeting) = firmware.greeting() {
@@ -133,8 +133,8 @@ pub fn serve(
             }
             LineEvent::Bytes(n) => {
                 firmware.run_to(start_instant.elapsed());
-                let write_reply = &mut |line_bytes: &[u8]| host_line.write(line_bytes);
-                firmware.receive(&line_bytes[..n], start_instant.elapsed(), write_reply);
+                let write_reply = &mut |reply_bytes: &[u8]| host_line.write(reply_bytes);
+                firmware.receive(&message_buffer[..n], start_instant.elapsed(), write_reply);
                 if !firmware.is_host_active() {
                     host_line.release_host();
                 }

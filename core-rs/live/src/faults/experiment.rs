@@ -299,14 +299,14 @@ pub(super) fn held_device(
     emulator: Emulator,
     hands: impl Fn(usize) -> Vec<EmulatedHand>,
 ) -> Result<(DefectiveDevice, SharedWorld), DeviceError> {
-    let closed_error = |error| DeviceError::Closed {
+    let open_error = |error| DeviceError::NotOpened {
         url: emulator.name().to_owned(),
         reason: format!("its emulator cannot be made: {error}"),
     };
     let (protocol, axis_count, force_max) = match emulator {
         Emulator::InProcess => {
             let emulated_keys = EmulatedKeys::new(1, KeyConstants::default(), 1.0 / PERIOD.as_secs_f64(), hands(1));
-            let device = EmulatedDevice::new(emulated_keys.map_err(closed_error)?, KeyConstants::default());
+            let device = EmulatedDevice::new(emulated_keys.map_err(open_error)?, KeyConstants::default());
             let world = SharedWorld::new(SimulatedWorld::new(None, false));
             return Ok((DefectiveDevice::new(Box::new(device), Some(world.clone())), world));
         }
@@ -315,8 +315,7 @@ pub(super) fn held_device(
         Emulator::Board(Protocol::Haply) => (Protocol::Haply, 3, 10.0),
     };
     let plain_key = KeyConstants::default();
-    let emulated_keys =
-        EmulatedKeys::new(axis_count, plain_key, BOARD_RATE, hands(axis_count)).map_err(closed_error)?;
+    let emulated_keys = EmulatedKeys::new(axis_count, plain_key, BOARD_RATE, hands(axis_count)).map_err(open_error)?;
     let is_haply = protocol == Protocol::Haply;
     let board = BoardConfig {
         protocol,

@@ -91,7 +91,7 @@ impl DefectiveDevice {
         self.spec.pos_range = self.spec.pos_range.map(|end| share * end);
     }
 
-    fn record_force(&mut self, force: f64) {
+    fn apply_force(&mut self, force: f64) {
         if let Some(world) = &self.motor_world {
             world.lock().motor.force = force;
         }
@@ -114,13 +114,13 @@ impl Device for DefectiveDevice {
         }
         self.last_force = force;
         self.device.send(&force)?;
-        self.record_force(force.newtons()[0]);
+        self.apply_force(force.newtons()[0]);
         Ok(())
     }
 
     fn switch_off(&mut self) -> Result<(), DeviceLoss> {
         self.device.switch_off()?;
-        self.record_force(0.0);
+        self.apply_force(0.0);
         Ok(())
     }
 
@@ -152,7 +152,7 @@ impl Device for DefectiveDevice {
 
     fn zero(&mut self) {
         self.device.zero();
-        self.record_force(0.0);
+        self.apply_force(0.0);
     }
 }
 
@@ -162,7 +162,7 @@ pub(super) struct HaplyHost {
     spec: DeviceSpec,
     last_number: u16,
     sample: DeviceSample,
-    has_new_state: bool,
+    is_first_receive: bool,
 }
 
 impl HaplyHost {
@@ -176,7 +176,7 @@ impl HaplyHost {
                 is_force_enabled: [true; MAX_AXES],
                 ..DeviceSample::default()
             },
-            has_new_state: true,
+            is_first_receive: true,
         }
     }
 
@@ -200,7 +200,7 @@ impl Device for HaplyHost {
 
     fn receive(&mut self, sample: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
         let newest_state = self.world.lock().take_state()?;
-        let is_fresh = newest_state.is_some() || std::mem::take(&mut self.has_new_state);
+        let is_fresh = newest_state.is_some() || std::mem::take(&mut self.is_first_receive);
         if let Some((state_number, position, let_go)) = newest_state {
             self.sample.position[..3].copy_from_slice(&position);
             (self.sample.seq, self.sample.has_let_go) = (u32::from(state_number), let_go);

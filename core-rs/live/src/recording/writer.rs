@@ -267,7 +267,7 @@ impl RecordingWriter {
     fn append_all(&mut self, is_last: bool) -> io::Result<()> {
         self.append()?;
         while self.rows.slots() >= self.row_size || self.events.slots() > 0 {
-            self.next_payload();
+            self.fill_pending_chunks();
             self.append()?;
         }
         if is_last {
@@ -279,16 +279,16 @@ impl RecordingWriter {
     }
 
     /// Move the rows and the events of the rings into one chunk each.
-    fn next_payload(&mut self) {
+    fn fill_pending_chunks(&mut self) {
         let payload_limit = chunk::PAYLOAD_MAX / self.row_size * self.row_size;
-        let row_bytes = self.rows.slots() / self.row_size * self.row_size;
-        if pop_bytes(&mut self.rows, row_bytes.min(payload_limit), &mut self.payload) {
+        let n_row_bytes = self.rows.slots() / self.row_size * self.row_size;
+        if pop_bytes(&mut self.rows, n_row_bytes.min(payload_limit), &mut self.payload) {
             chunk::append(&mut self.pending_chunks, chunk::ROWS, &self.payload);
             self.pending_rows = (self.payload.len() / self.row_size) as u64;
         }
         // An event enters its ring at once, so the ring always holds whole events; all of them fit in a payload.
-        let event_bytes = self.events.slots();
-        if pop_bytes(&mut self.events, event_bytes, &mut self.payload) {
+        let n_event_bytes = self.events.slots();
+        if pop_bytes(&mut self.events, n_event_bytes, &mut self.payload) {
             chunk::append(&mut self.pending_chunks, chunk::EVENTS, &self.payload);
         }
     }

@@ -100,12 +100,12 @@ impl CheckedLink {
     }
 
     /// The energy created by frame `n`, if that is worth reporting; `motion_energy` is the energy of all masses,
-    /// `hand_work` what hands put in.
+    /// `imposed_work_max` what hands and imposed paths put in.
     pub(super) fn check(
         &mut self,
         link_account: &mut LinkAccount,
         modules: &ModuleState,
-        (motion_energy, hand_work): (impl Fn() -> f64, f64),
+        (motion_energy, imposed_work_max): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<EnergyGain> {
         if link_account.energy_account.is_overdrawn() && !self.includes_start_energy {
@@ -118,7 +118,7 @@ impl CheckedLink {
         }
         let energy_now = motion_energy();
         link_account.energy_account.add_work_of_masses(0.0, energy_now);
-        let gain = link_account.energy_gain(self, modules, (energy_now, hand_work), n);
+        let gain = link_account.energy_gain(self, modules, (energy_now, imposed_work_max), n);
         if !gain.is_reportable() || gain.created_energy <= rounding_energy(&self.run, modules) {
             return None;
         }
@@ -201,13 +201,13 @@ impl LinkAccount {
         self.previous_force = link_force;
     }
 
-    /// The energy created so far, by frame `n`; `motion_energy` is the energy of all masses, `hand_work` what hands put
-    /// in.
+    /// The energy created so far, by frame `n`; `motion_energy` is the energy of all masses, `imposed_work_max` what
+    /// hands and imposed paths put in.
     pub(super) fn energy_gain(
         &self,
         link: &CheckedLink,
         modules: &ModuleState,
-        (motion_energy, hand_work): (f64, f64),
+        (motion_energy, imposed_work_max): (f64, f64),
         n: u64,
     ) -> EnergyGain {
         let mut account = self.energy_account;
@@ -217,7 +217,7 @@ impl LinkAccount {
         let stored_energy = self.stored_energy(&link.run, modules);
         account
             .energy_gain(stored_energy, motion_energy, n)
-            .with_reference_energy_min(hand_work)
+            .with_reference_energy_min(imposed_work_max)
     }
 
     /// The energy that its link stored when the account began [J].

@@ -154,10 +154,11 @@ impl SteppedPoints {
     }
 
     /// The energy created by frame `n`, if it is worth reporting: a link and the MAT where most of it was created, and
-    /// the energy. `motion_energy` gives the energy of everything that moves, `hand_work` the work of hands.
+    /// the energy. `motion_energy` gives the energy of everything that moves, `imposed_work_max` the work of hands and
+    /// imposed paths.
     pub(in crate::island) fn check_energy(
         &mut self,
-        (motion_energy, hand_work): (impl Fn() -> f64, f64),
+        (motion_energy, imposed_work_max): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<(usize, usize, EnergyGain)> {
         if !self.energy_account.is_overdrawn() {
@@ -166,7 +167,7 @@ impl SteppedPoints {
         let gain = self
             .energy_account
             .energy_gain(0.0, motion_energy(), n)
-            .with_reference_energy_min(hand_work);
+            .with_reference_energy_min(imposed_work_max);
         let points = self.points.iter();
         let worst_point =
             points.max_by(|point, other_point| point.created_energy.total_cmp(&other_point.created_energy))?;

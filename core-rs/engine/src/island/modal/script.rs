@@ -59,10 +59,10 @@ impl ModalScript {
                 .map(|row| lanes(modes, group, |mode| row[mode]))
                 .collect()
         };
-        let group_gains = |group, step_index: usize| -> Vec<Lanes> {
+        let group_gains = |group, gain_index: usize| -> Vec<Lanes> {
             let ports = 0..plan.ports.len();
             ports
-                .map(|port| lanes(modes, group, |mode| plan.port_gain(port, mode)[step_index]))
+                .map(|port| lanes(modes, group, |mode| plan.port_gain(port, mode)[gain_index]))
                 .collect()
         };
         let n_complex_groups = if plan.complex_responses.is_some() {
@@ -122,13 +122,13 @@ fn strike_steps(plan: &Modal) -> Vec<StrikeStep> {
     let takes_two_steps = !plan.is_discrete();
     let mut strike_steps = Vec::new();
     for (point_index, struck_point) in plan.struck_points.iter().enumerate() {
-        for (blow, &(frame, _, _)) in struck_point.strikes.iter().enumerate() {
-            strike_steps.push((frame, point_index, blow, false));
+        for (blow_index, &(frame, _, _)) in struck_point.strikes.iter().enumerate() {
+            strike_steps.push((frame, point_index, blow_index, false));
             if takes_two_steps {
-                strike_steps.push((frame + 1, point_index, blow, true));
+                strike_steps.push((frame + 1, point_index, blow_index, true));
             }
         }
     }
-    strike_steps.sort_by_key(|blow| blow.0);
+    strike_steps.sort_by_key(|strike_step| strike_step.0);
     strike_steps
 }

@@ -354,12 +354,12 @@ fn mixer_without_inputs_or_outputs() {
     Mixer::new(44_100.0, 0, 0).process(&[], &mut []);
 }
 
-/// A mixer of one output; a frozen ramp begins at `begins`, if that is given.
-fn ramp(source: &Arc<FrozenOutputs>, begins: Option<i64>) -> Mixer {
+/// A mixer of one output; a frozen ramp begins at `start_frame`, if that is given.
+fn ramp(source: &Arc<FrozenOutputs>, start_frame: Option<i64>) -> Mixer {
     let mut mixer = Mixer::new(44_100.0, 1, 1);
     mixer.add_route(0, 0, 1.0, None).unwrap();
-    if let Some(begins) = begins {
-        mixer.add_frozen_outputs(source, &[0], begins).unwrap();
+    if let Some(start_frame) = start_frame {
+        mixer.add_frozen_outputs(source, &[0], start_frame).unwrap();
     }
     mixer
 }
@@ -375,8 +375,8 @@ fn frozen_outputs_begin_and_move_without_a_jump() {
         let changes = [(1000, Some(0)), (2000, Some(500)), (2100, Some(500)), (4000, None)];
         while listened.len() < 6_000 {
             let position = listened.len();
-            if let Some((_, begins)) = changes.iter().find(|change| change.0 == position) {
-                let mut next = ramp(&source, *begins).clone();
+            if let Some((_, start_frame)) = changes.iter().find(|change| change.0 == position) {
+                let mut next = ramp(&source, *start_frame).clone();
                 next.take_over(&mut mixer, None);
                 mixer = next;
             }

@@ -54,15 +54,15 @@ impl PlanBuilder<'_> {
         assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<PilotResult, Error> {
         let needs_trials = !matches!(budget, Budget::Method(_));
-        let record_series = self.trial_store.filter(|_| needs_trials).map(|store| {
+        let trial_series = self.trial_store.filter(|_| needs_trials).map(|store| {
             let content_label = format_args!("pilot {budget:?} {cost_rule:?}");
             TrialSeries::new(
                 store,
                 IslandContent::new(&subset.network, &island_timeline.timeline, content_label),
             )
         });
-        let recorded_result = record_series.as_ref().and_then(|record_series| {
-            let (recorded_work, pilot_record) = record_series.find(&self.allowance)?;
+        let recorded_result = trial_series.as_ref().and_then(|trial_series| {
+            let (recorded_work, pilot_record) = trial_series.find(&self.allowance)?;
             let assemble = |options: AssemblyOptions<'_>, pin: Option<&SteppedChoice>| {
                 Assembled::new(subset, island_timeline, self.budget, options, pin, &self.mode_cache)
             };
@@ -77,8 +77,8 @@ impl PlanBuilder<'_> {
         }
         let allowance_left = self.allowance.begin_series();
         let pilot_result = pilot::choose_by_trials(assemble, budget, &self.allowance, cost_rule)?;
-        if let Some(record_series) = &record_series {
-            record_series.store(&self.allowance, allowance_left, pilot_result.record());
+        if let Some(trial_series) = &trial_series {
+            trial_series.store(&self.allowance, allowance_left, pilot_result.record());
         }
         Ok(pilot_result)
     }

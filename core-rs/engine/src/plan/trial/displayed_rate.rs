@@ -66,14 +66,14 @@ fn compare_rates(
         };
         unless_spent(play(island_plan, island_plan.contact_substeps, excerpt, allowance))
     };
-    let (Some(lower_rate_run), Some(full_rate)) = (
+    let (Some(lower_rate_run), Some(full_rate_run)) = (
         play_island(lower_rate_plan, 1)?,
         play_island(full_rate_plan, frame_stride)?,
     ) else {
         return Ok(None);
     };
     let spans = ComparedSpans::new(lower_rate_plan, excerpt.n_frames);
-    let strided_frames = full_rate.sound.chunks(spans.n_out).step_by(frame_stride);
+    let strided_frames = full_rate_run.sound.chunks(spans.n_out).step_by(frame_stride);
     let full_rate_sound: Vec<f64> = strided_frames.flatten().copied().collect();
     let db = difference_db(&lower_rate_run.sound, &full_rate_sound, &spans);
     Ok(db.is_finite().then_some(MeasuredError {

@@ -2,7 +2,7 @@
 
 use crate::assembly::budget::Budget;
 use crate::assembly::unit::IslandPlan;
-use crate::content::hex_of;
+use crate::content::hash_hex;
 use crate::content::island::Content;
 use crate::gesture::script::Gesture;
 use crate::hearing::Scatter;
@@ -17,7 +17,7 @@ use crate::plan::constants::{
 use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::chaos::is_linear;
-use crate::plan::trial::pilot_run::{Excerpt, frame_seconds, frames_per_second, play, resting_frames};
+use crate::plan::trial::pilot_run::{Excerpt, frame_cost_seconds, frames_per_second, play, resting_frames};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::waveform_error::ComparedSpans;
 use crate::timeline::Timeline;
@@ -87,7 +87,7 @@ pub(in crate::plan) fn extend_error(
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
     let reserve = allowance.reserve();
-    let frame_work = frame_seconds(coarse_island.0) + frame_seconds(other.0);
+    let frame_work = frame_cost_seconds(coarse_island.0) + frame_cost_seconds(other.0);
     // The pilot has already drawn the work of finding this rest.
     let Some(first_frame) = unless_spent(resting_frames(coarse_island.0, &allowance.reserve()))? else {
         return Ok(measured);
@@ -131,7 +131,7 @@ fn horizon_key(measured: MeasuredError, budget: &Budget, played: [PlannedSteps<'
         let content = Content::new(island_plan).key(island_plan, (0, n_frames as u64), "");
         (content, contact_substeps)
     });
-    hex_of(format_args!(
+    hash_hex(format_args!(
         "horizon {measured:?} {budget:?} {run_key:?} {other_key:?} {n_frames}"
     ))
 }

@@ -112,14 +112,14 @@ impl CountedCost {
 }
 
 /// Seconds of work for a frame, by the table of costs.
-pub(in crate::plan) fn frame_seconds(island_plan: &IslandPlan) -> f64 {
+pub(in crate::plan) fn frame_cost_seconds(island_plan: &IslandPlan) -> f64 {
     let body_costs: f64 = island_plan.bodies.iter().map(cost::body_ns).sum();
     1e-9 * f64::from(island_plan.oversampling)
         * (cost::stepped_ns(&island_plan.network, &island_plan.timeline) + body_costs)
 }
 
 pub(in crate::plan) fn is_affordable(island_plan: &IslandPlan, n_frames: usize) -> bool {
-    frame_seconds(island_plan) * n_frames as f64 <= TRIAL_WORK_MAX
+    frame_cost_seconds(island_plan) * n_frames as f64 <= TRIAL_WORK_MAX
 }
 
 /// How many frames an island rests from its beginning on; 0 if finding that out would take too long.
@@ -237,7 +237,7 @@ pub(in crate::plan) fn frames_per_second(island_plan: &IslandPlan) -> f64 {
 
 /// Most frames of an excerpt.
 fn frames_max(island_plan: &IslandPlan) -> usize {
-    let work_frames = (TRIAL_WORK_MAX / frame_seconds(island_plan)) as usize;
+    let work_frames = (TRIAL_WORK_MAX / frame_cost_seconds(island_plan)) as usize;
     work_frames.min((EXCERPT_SECONDS_MAX * frames_per_second(island_plan)) as usize)
 }
 
@@ -246,7 +246,7 @@ fn frames_max(island_plan: &IslandPlan) -> usize {
 struct WorkMeter<'a> {
     allowance: &'a Allowance,
     /// Work of a frame [s].
-    frame_seconds: f64,
+    frame_cost_seconds: f64,
     /// Work of one step of a frame that a guard computes finer [s].
     finer_step_seconds: f64,
     /// What contacts and guards have cost so far [s].
@@ -257,11 +257,11 @@ impl<'a> WorkMeter<'a> {
     fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
         let rows_cost: f64 = island_plan.bodies.iter().map(cost::short_rows_ns).sum();
         let short_cost = rows_cost + cost::lone_laws_ns(&island_plan.network);
-        let frame_work = frame_seconds(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
+        let frame_work = frame_cost_seconds(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
         let comparison = 1e-9 * Costs::nanoseconds("comparison") * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
-            frame_seconds: frame_work + comparison,
+            frame_cost_seconds: frame_work + comparison,
             finer_step_seconds: 1e-9 * cost::finer_step_ns(island_plan),
             added_seconds: 0.0,
         }
@@ -297,7 +297,8 @@ impl<'a> WorkMeter<'a> {
         let added_work = self.guard_and_contact_seconds(island);
         let more_work = added_work - self.added_seconds;
         self.added_seconds = added_work;
-        self.allowance.spend(self.frame_seconds * n_frames as f64 + more_work)
+        self.allowance
+            .spend(self.frame_cost_seconds * n_frames as f64 + more_work)
     }
 }
 
@@ -381,7 +382,7 @@ fn play_perturbed_while(
     // A run that the allowance cannot pay for is not begun.
     meter
         .allowance
-        .check_affordable(frame_seconds(island_plan) * n_frames as f64)?;
+        .check_affordable(frame_cost_seconds(island_plan) * n_frames as f64)?;
     let mut island = started_island(island_plan, contact_substeps)?;
     let counted_at_rest = meter.play_rest(&mut island, excerpt.first_frame)?;
     let n_outputs = island.n_out();

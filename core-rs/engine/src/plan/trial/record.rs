@@ -5,7 +5,7 @@
 //! keys: the hash of all that does not depend on time leads to the lengths that earlier series of the island played,
 //! and the hash of that and of the events up to one such length leads to what the series found.
 
-use crate::content::hex_of;
+use crate::content::hash_hex;
 use crate::content::island::IslandContent;
 use crate::hearing::{Audible, JUST_NOTICEABLE};
 use crate::network::Error;
@@ -53,15 +53,15 @@ impl TrialRecord {
         self.reason.as_deref() == Some(NO_TRIAL_REASON)
     }
 
-    /// The record with `taken` at its head.
-    fn with_header(mut self, taken: &SeriesWork) -> Self {
+    /// The record with `series_work` at its head.
+    fn with_header(mut self, series_work: &SeriesWork) -> Self {
         let header_numbers = [
-            Some(taken.spent_seconds),
-            Some(taken.needed_seconds),
-            taken.left_at_start.map(RemainingWork::to_number),
+            Some(series_work.spent_seconds),
+            Some(series_work.needed_seconds),
+            series_work.left_at_start.map(RemainingWork::to_number),
         ];
         self.numbers.splice(0..0, header_numbers);
-        self.counts.insert(0, vec![u32::from(taken.ended_early)]);
+        self.counts.insert(0, vec![u32::from(series_work.ended_early)]);
         self
     }
 
@@ -73,8 +73,8 @@ impl TrialRecord {
             return None;
         }
         let header_numbers: Vec<Option<f64>> = self.numbers.drain(..3).collect();
-        let taken = SeriesWork {
-            spent_seconds: header_numbers[0].filter(|drawn| *drawn >= 0.0)?,
+        let series_work = SeriesWork {
+            spent_seconds: header_numbers[0].filter(|seconds| *seconds >= 0.0)?,
             needed_seconds: header_numbers[1]?,
             left_at_start: header_numbers[2].map(RemainingWork::from_number),
             ended_early: match self.counts.remove(0)[..] {
@@ -84,7 +84,7 @@ impl TrialRecord {
             },
             frames_played: 0,
         };
-        Some((taken, self))
+        Some((series_work, self))
     }
 
     /// An error as numbers.
@@ -125,9 +125,9 @@ impl TrialRecord {
         let audible = <[f64; JUST_NOTICEABLE.len()]>::try_from(audible_numbers)
             .ok()
             .map(Audible::from);
-        let measured_error = waveform_db.zip(*duration).map(|(db, over)| MeasuredError {
+        let measured_error = waveform_db.zip(*duration).map(|(db, seconds)| MeasuredError {
             waveform_db: db,
-            duration_seconds: over,
+            duration_seconds: seconds,
             third_octave_db: *third_octave_db,
             audible,
         });
@@ -144,16 +144,16 @@ pub(in crate::plan) struct TrialSeries<'a> {
 
 impl<'a> TrialSeries<'a> {
     pub(in crate::plan) fn new(store: &'a dyn TrialStore, content: IslandContent<'a>) -> Self {
-        let fixed = content.fixed();
+        let series_key = content.fixed();
         Self {
             store,
             content,
-            series_key: fixed,
+            series_key,
         }
     }
 
     fn key(&self, frames: u64) -> String {
-        hex_of(format_args!("{} {}", self.series_key, self.content.until(frames)))
+        hash_hex(format_args!("{} {}", self.series_key, self.content.until(frames)))
     }
 
     fn recorded_lengths(&self) -> Vec<u64> {
@@ -196,9 +196,9 @@ pub(in crate::plan) fn measured_error(
     measure: impl FnOnce() -> Result<Option<MeasuredError>, Error>,
 ) -> Result<Option<MeasuredError>, Error> {
     let recalled = series.as_ref().and_then(|series| series.find(allowance));
-    let known_error = recalled.and_then(|(taken, record)| Some((taken, record.sole_error()?)));
-    if let Some((taken, recorded_error)) = known_error {
-        allowance.replay(&taken);
+    let known_error = recalled.and_then(|(series_work, record)| Some((series_work, record.sole_error()?)));
+    if let Some((series_work, recorded_error)) = known_error {
+        allowance.replay(&series_work);
         return Ok(recorded_error);
     }
     let work_left = allowance.begin_series();
@@ -238,5 +238,5 @@ pub(in crate::plan) fn store_record(
 
 /// The key for trials whose results depend on what was left.
 fn key_with_left(key: &str, work_left: RemainingWork) -> String {
-    hex_of(format_args!("{key} {:016x}", work_left.to_number().to_bits()))
+    hash_hex(format_args!("{key} {:016x}", work_left.to_number().to_bits()))
 }

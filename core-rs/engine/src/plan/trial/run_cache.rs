@@ -8,7 +8,7 @@ use crate::integrate::MeshMethod;
 use crate::island::StepNumbers;
 use crate::island::bodies::BodyPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::pilot_run::{Excerpt, PilotRun, frame_seconds, play_while};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, frame_cost_seconds, play_while};
 
 /// Most samples of sound that are kept.
 const SAMPLES_MAX: usize = 1 << 24;
@@ -51,10 +51,10 @@ impl RunCache {
     }
 
     fn store_run(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
-        let mut played_runs = self.stored_runs.borrow_mut();
-        let sample_count: usize = played_runs.iter().map(|(_, run)| run.sound.len()).sum();
+        let mut stored_runs = self.stored_runs.borrow_mut();
+        let sample_count: usize = stored_runs.iter().map(|(_, run)| run.sound.len()).sum();
         if sample_count + run.sound.len() <= SAMPLES_MAX {
-            played_runs.push((run_key(island_plan, contact_substeps), run.clone()));
+            stored_runs.push((run_key(island_plan, contact_substeps), run.clone()));
         }
     }
 
@@ -65,10 +65,10 @@ impl RunCache {
     /// Those of [`play_while`].
     pub(in crate::plan) fn play(
         &self,
-        played_plan: (&IslandPlan, usize),
+        requested_plan: (&IslandPlan, usize),
         allowance: &Allowance,
     ) -> Result<Rc<PilotRun>, TrialError> {
-        let full_run = self.play_while(played_plan, allowance, |_, _| true)?;
+        let full_run = self.play_while(requested_plan, allowance, |_, _| true)?;
         Ok(full_run.unwrap_or_else(|| unreachable!("nothing ends it")))
     }
 
@@ -90,10 +90,10 @@ impl RunCache {
         if let Some(run) = self.stored_runs.borrow().iter().find_map(known_run) {
             return Ok(Some(run));
         }
-        let played_plan = (island_plan, contact_substeps);
-        let run = play_while(played_plan, self.excerpt, allowance, should_continue)?.map(Rc::new);
+        let requested_plan = (island_plan, contact_substeps);
+        let run = play_while(requested_plan, self.excerpt, allowance, should_continue)?.map(Rc::new);
         if let Some(run) = &run {
-            self.store_run(played_plan, run);
+            self.store_run(requested_plan, run);
         }
         Ok(run)
     }
@@ -105,7 +105,7 @@ fn run_key(island_plan: &IslandPlan, contact_substeps: usize) -> RunKey {
         ports: body.ports(),
     };
     RunKey {
-        frame_cost_bits: frame_seconds(island_plan).to_bits(),
+        frame_cost_bits: frame_cost_seconds(island_plan).to_bits(),
         steps: island_plan.step_numbers(contact_substeps),
         bodies: island_plan.bodies.iter().map(body_key).collect(),
     }

@@ -98,7 +98,7 @@ impl Simulation {
             *key = if *is_silent {
                 String::new()
             } else {
-                crate::content::hex_of(format_args!("{key}"))
+                crate::content::hash_hex(format_args!("{key}"))
             };
         }
         keys_by_stop

@@ -151,7 +151,7 @@ impl WindowRelay {
             write_chunk(&mut live_chunks.latest, kind::CLOCK, seconds, &clock_bytes.0);
         }
         if !live_chunks.events.is_empty() {
-            let retention = if live_chunks.is_key {
+            let retention = if live_chunks.has_key_state {
                 Retention::KeyState
             } else {
                 Retention::All
