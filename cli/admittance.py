@@ -39,7 +39,7 @@ _ARGUMENTS = {"forced": "FROM", "observed": "TO"}
 )
 @click.option("--linear", is_flag=True, help="Frequencies even in Hz, not by logarithm.")
 @click.option("--peaks", is_flag=True, help="Add the frequencies of the modes between.")
-@click.option("--csv", "table", metavar="FILE", help="Write all numbers into a CSV file.")
+@click.option("--csv", "csv_target", metavar="FILE", help="Write all numbers into a CSV file.")
 @click.option("--npz", metavar="FILE", help="Write all numbers as arrays into an npz file.")
 @click.option("--svg", metavar="FILE", help="Draw the levels into an SVG picture.")
 @options.force
@@ -50,7 +50,7 @@ def admittance(
     score_path: str,
     forced: str,
     observed: tuple[str, ...],
-    table: str | None,
+    csv_target: str | None,
     npz: str | None,
     svg: str | None,
     force: bool,
@@ -72,14 +72,14 @@ def admittance(
         raise Refused(f"{_ARGUMENTS[error.option]}: {error.reason}") from None
     part_names = " + ".join(admittance.parts)
     if admittance.n_laws:
-        laws = plural(admittance.n_laws, "link")
-        console.warn(f"{part_names}: the law of {laws} was linearised at rest")
+        laws_text = plural(admittance.n_laws, "link")
+        console.warn(f"{part_names}: the law of {laws_text} was linearised at rest")
     if admittance.n_contacts:
         console.warn(f"{part_names}: {plural(admittance.n_contacts, 'contact')} counted as open")
-    _write(console, admittance, table, npz, svg, force)
+    _write(console, admittance, csv_target, npz, svg, force)
     if console.json:
         _records(console, admittance)
-    elif not (table or npz or svg):
+    elif not (csv_target or npz or svg):
         console.data("".join(_peaks(admittance, row) for row in range(len(admittance.observed))))
 
 
@@ -131,11 +131,11 @@ def _peaks(admittance: Admittance, point_index: int) -> str:
     if not admittance.values[point_index].any():
         return f"{heading}: no force from there reaches this point, so it does not move\n"
     if not peaks:
-        level_range = (
+        levels_text = (
             f"{levels_db[0]:.1f} dB at {f[0]:g} Hz, {levels_db[-1]:.1f} dB at {f[-1]:g} Hz"
         )
-        return f"{heading}: no peak from {range_text}: {level_range}\n"
-    peak_count = (
+        return f"{heading}: no peak from {range_text}: {levels_text}\n"
+    peaks_text = (
         f"the highest {_PEAKS_SHOWN_MAX} of {len(all_peaks):,} peaks"
         if all_peaks[_PEAKS_SHOWN_MAX:].size
         else ""
@@ -149,7 +149,7 @@ def _peaks(admittance: Admittance, point_index: int) -> str:
             (str(peak_number), note_name, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, phase_text)
         )
     return (
-        f"{heading}: {peak_count or 'peaks'} from {range_text}\n{columns(table_rows, right=True)}"
+        f"{heading}: {peaks_text or 'peaks'} from {range_text}\n{columns(table_rows, right=True)}"
     )
 
 

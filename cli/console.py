@@ -36,7 +36,7 @@ class Console(Report):
 
     def record(self, event: str, **fields: Any) -> None:
         """A JSON line on stdout."""
-        print(line(event, **fields), flush=True)
+        print(json_line(event, **fields), flush=True)
 
     def data(self, text: str) -> None:
         """Text that was asked for, on stdout."""
@@ -110,7 +110,7 @@ class Console(Report):
                 word = f"{diagnostic.severity}[{diagnostic.code}]"
                 link = linked_code(word, diagnostic.code)
                 report_text = report_text.replace(word, style(diagnostic.severity, link), 1)
-            print(_sayable(report_text) if output_form == "json" else report_text, file=stream)
+            print(_encodable(report_text) if output_form == "json" else report_text, file=stream)
         for severity, count in left_out.items():
             if count:
                 self.say(f"and {count:,} more {severity}" + ("s" if count > 1 else ""))
@@ -128,23 +128,23 @@ class Console(Report):
         return bar(clean(task), total, rate, self.quiet, self.record if self.json else None)
 
 
-def line(event_name: str, **record_fields: Any) -> str:
+def json_line(event_name: str, **record_fields: Any) -> str:
     """One JSON line; a number that JSON does not have (inf, nan) becomes null.
 
     Characters that stdout cannot encode are escaped as in JSON, and so are bytes of file names
     that are not text.
     """
     record_fields = {name: _finite(value) for name, value in record_fields.items()}
-    return _sayable(json_text({"v": VERSION, "event": event_name, **record_fields}))
+    return _encodable(json_text({"v": VERSION, "event": event_name, **record_fields}))
 
 
-def _sayable(spoken_text: str) -> str:
+def _encodable(text: str) -> str:
     try:
-        spoken_text.encode(sys.stdout.encoding or "utf-8")
+        text.encode(sys.stdout.encoding or "utf-8")
     except UnicodeEncodeError:
-        escaped: str = json.dumps(json.loads(spoken_text))
+        escaped: str = json.dumps(json.loads(text))
         return escaped
-    return spoken_text
+    return text
 
 
 def _finite(json_value: Any) -> Any:

@@ -12,7 +12,7 @@ from .outcome import DeviceMissing, Refused
 
 if TYPE_CHECKING:
     from ergon._core import Device
-    from ergon.live.calibration import Axis
+    from ergon.live.calibration import AxisCalibration
 
 _PERIOD = 1e-3  # [s]
 _TRAVEL_MIN = 0.05  # share of the device's range; a smaller movement may be a tremor
@@ -109,11 +109,11 @@ def calibrate(
 def _axis_with_ends(
     console: Console,
     device: Device,
-    axis: Axis,
+    axis: AxisCalibration,
     axis_number: int,
     push_seconds: float,
     travel: float | None,
-) -> Axis:
+) -> AxisCalibration:
     from ergon.live.calibration import axis_between_ends
 
     console.say(f"move the key from end to end, for {push_seconds:g} s")
@@ -130,7 +130,9 @@ def _axis_with_ends(
     )
 
 
-def _with_options(measured_axis: Axis, is_reversed: bool, force_max: float | None) -> Axis:
+def _with_options(
+    measured_axis: AxisCalibration, is_reversed: bool, force_max: float | None
+) -> AxisCalibration:
     from dataclasses import replace
 
     if is_reversed:
@@ -141,7 +143,9 @@ def _with_options(measured_axis: Axis, is_reversed: bool, force_max: float | Non
     return measured_axis
 
 
-def _say(console: Console, device_name: str, axis: Axis, unit_name: str, path: str) -> None:
+def _say(
+    console: Console, device_name: str, axis: AxisCalibration, unit_name: str, path: str
+) -> None:
     if console.json:
         console.record(
             "calibrated",

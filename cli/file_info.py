@@ -37,23 +37,25 @@ class Content(NamedTuple):
     passed_over: list[str]
 
 
-def content(console: Console, path: Path) -> bool:
+def print_content(console: Console, path: Path) -> bool:
     """Print the content of a file that has one of these forms; return False for other files."""
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         return False
-    report = reader(path)
-    if report is None:
+    file_content = reader(path)
+    if file_content is None:
         return False
     if console.json:
-        fields = {"form": report.form, **report.read, "passed_over": report.passed_over}
+        fields = {
+            "form": file_content.form,
+            **file_content.read,
+            "passed_over": file_content.passed_over,
+        }
         console.record("file", file=str(path), **fields)
         return True
-    text_lines = [f"{path}: {report.form}"]
-    text_lines += [f"  {name}: {value}" for name, value in report.read.items()]
-    text_lines += [
-        f"  passed over: {passed_over}" for passed_over in report.passed_over or ["nothing"]
-    ]
+    text_lines = [f"{path}: {file_content.form}"]
+    text_lines += [f"  {name}: {value}" for name, value in file_content.read.items()]
+    text_lines += [f"  passed over: {item}" for item in file_content.passed_over or ["nothing"]]
     console.data("\n".join(map(printable, text_lines)) + "\n")
     return True
 
@@ -64,7 +66,7 @@ def is_score(path: Path) -> bool:
     return is_named_so or _ERGON_LINE.search(_read_bytes(path)) is not None
 
 
-def unknown(path: Path) -> str:
+def unknown_form_message(path: Path) -> str:
     """The error message for a file of an unknown form, with a list of the known forms."""
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
@@ -140,15 +142,15 @@ def _n_bodies(n: int, edges: object) -> int:
     """The number of connected components."""
     parents = list(range(n))
 
-    def top(point_index: int) -> int:
+    def root(point_index: int) -> int:
         while parents[point_index] != point_index:
             parents[point_index] = parents[parents[point_index]]
             point_index = parents[point_index]
         return point_index
 
     for a, b in edges:  # type: ignore[attr-defined]
-        parents[top(a)] = top(b)
-    return len({top(point) for point in range(n)})
+        parents[root(a)] = root(b)
+    return len({root(point) for point in range(n)})
 
 
 def _gltf(path: Path) -> Content:
@@ -172,8 +174,8 @@ def _scala(path: Path) -> Content:
     from ergon.notation.tables.scala import ScalaError, decoded, parse_key_map, parse_scale
 
     scala_text = decoded(_read_bytes(path))
-    comments = sum(line.startswith("!") for line in scala_text.splitlines())
-    passed_over = [plural(comments, "comment")] if comments else []
+    n_comments = sum(line.startswith("!") for line in scala_text.splitlines())
+    passed_over = [plural(n_comments, "comment")] if n_comments else []
     try:
         if path.suffix.lower() == ".scl":
             scale = parse_scale(scala_text)
@@ -202,18 +204,18 @@ def _sofa(path: Path) -> Content:
     from ergon.exchange import sofa
 
     try:
-        sofa_header = sofa.read(path)
+        head_responses = sofa.read(path)
     except sofa.SofaError as error:
         raise Refused(str(error)) from None
-    n, _, taps = sofa_header.responses.shape
-    delay_spread_ms = float(sofa_header.delays.max() - sofa_header.delays.min()) * 1e3
+    n, _, taps = head_responses.responses.shape
+    delay_spread_ms = float(head_responses.delays.max() - head_responses.delays.min()) * 1e3
     figures_read = {
         "directions": n,
         "samples of each response": taps,
-        "rate": f"{sofa_header.rate:g} Hz",
+        "rate": f"{head_responses.rate:g} Hz",
         "delays": f"up to {delay_spread_ms:.3g} ms apart",
     }
-    return Content("head (SOFA)", figures_read, list(sofa_header.passed_over))
+    return Content("head (SOFA)", figures_read, list(head_responses.passed_over))
 
 
 def _xml(path: Path) -> Content | None:
@@ -241,8 +243,8 @@ def _layout(path: Path) -> Content | None:
     file_bytes = _read_bytes(path)
     if path.suffix.lower() == ".json" and b"LoudspeakerLayout" not in file_bytes:
         return None
-    endings = {form.ending: form for form in FORMS.values()}
-    layout_form = endings[path.suffix.lower().replace(".yml", ".yaml")]
+    form_by_ending = {form.ending: form for form in FORMS.values()}
+    layout_form = form_by_ending[path.suffix.lower().replace(".yml", ".yaml")]
     try:
         layout = layout_form.read(file_bytes)
     except LayoutFileError as error:

@@ -104,11 +104,11 @@ def option_instead(option_name: str, known_options: Iterable[str]) -> str | None
 
 def instead(command_words: list[str]) -> str | None:
     """The line that does what `command_words` most likely mean; None for others."""
-    score_file = next(
+    file_word = next(
         iter(command_words[1:2] if command_words[0] == "convert" else command_words[:1]), ""
     )
-    if advice := FILES_INSTEAD.get(Path(score_file).suffix.lower()):
-        return advice.format(file=score_file, stem=Path(score_file).stem)
+    if advice := FILES_INSTEAD.get(Path(file_word).suffix.lower()):
+        return advice.format(file=file_word, stem=Path(file_word).stem)
     line = INSTEAD.get(command_words[0])
     further_words = "".join(f" {word}" for word in command_words[1:])
     return None if line is None else line.format(rest=further_words)
@@ -130,7 +130,7 @@ def reordered(command_words: list[str], commands: Iterable[str]) -> str | None:
     )
 
 
-def single_dash(command_words: Iterable[str], known_options: Iterable[str]) -> str | None:
+def long_option_meant(command_words: Iterable[str], known_options: Iterable[str]) -> str | None:
     """The long option that a word with one dash was meant for (`-output`); None if there is none.
 
     Such a word would be read as short options in a row, and the next one as a score.

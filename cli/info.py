@@ -16,7 +16,7 @@ from ergon.common.terminal import printable
 from . import options
 from .bundled import PackedPath, ScorePath, is_pack
 from .console import Console, plural
-from .file_info import content, is_score, unknown
+from .file_info import is_score, print_content, unknown_form_message
 from .outcome import Findings, Refused
 from .tables import table
 from .units import octets, seconds
@@ -73,12 +73,12 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         motion(console, path)
     elif (foreign_kind := foreign_file(path)) is not None:
         raise Refused(f"{file}: {foreign_kind}")
-    elif content(console, path):
+    elif print_content(console, path):
         return
     elif file == score.STDIN or is_score(path):
         _score(console, file, trust)
     else:
-        raise Refused(unknown(path))
+        raise Refused(unknown_form_message(path))
 
 
 def _pack(console: Console, path: Path) -> None:

@@ -91,7 +91,7 @@ class LazyGroup(click.Group):
         resolved, command, command_words = super().resolve_command(ctx, args)
         if command is not None and not isinstance(command, click.Group):
             names = (word for option in command.params for word in option.opts)
-            if option_meant := habits.single_dash(command_words, names):
+            if option_meant := habits.long_option_meant(command_words, names):
                 raise click.UsageError(
                     f"{option_meant[1:]} is written with two dashes: {option_meant}", ctx
                 )

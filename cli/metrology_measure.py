@@ -17,7 +17,7 @@ from .outcome import DeviceMissing, Refused
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.calibration import Axis as Known
+    from ergon.live.calibration import AxisCalibration as Known
     from ergon.workshop.metrology.gesture import Floats
     from ergon.workshop.metrology.ladder import Axis, Ladder, Rung
     from ergon.workshop.metrology.takes import Take

@@ -120,9 +120,9 @@ def _staged_job(job: Job) -> _StagedJob:
             return staged_job
     check_version(job["version"])
     with unpack(job["content"]) as path:
-        plan = path.with_name(f"{path.name}.plan")
-        plan.write_text(job["plan"], encoding="utf-8")
-        options = AccuracyOptions(plan=plan, seed=job["seed"])
+        plan_path = path.with_name(f"{path.name}.plan")
+        plan_path.write_text(job["plan"], encoding="utf-8")
+        options = AccuracyOptions(plan=plan_path, seed=job["seed"])
         loaded = scores.read(path, options, Report())
         staged_score = scores.stage_piece(loaded, options, rate=job["rate"])
         staged_plan = staged_score.stage.plan

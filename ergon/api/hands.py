@@ -12,7 +12,7 @@ from .errors import DeviceError, OptionError
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
-    from ergon.live.calibration import Axis
+    from ergon.live.calibration import AxisCalibration
     from ergon.live.led_address import LedKey
     from ergon.live.led_hands import LedHands
     from ergon.scores.reading.piece import Piece
@@ -163,8 +163,8 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
 def _try_together(
     boards: Sequence[Board],
     uncalibrated_axes: Sequence[Sequence[tuple[int, str]]],
-    calibrations: Sequence[dict[int, Axis]],
-) -> list[dict[int, Axis]]:
+    calibrations: Sequence[dict[int, AxisCalibration]],
+) -> list[dict[int, AxisCalibration]]:
     """The axes of each device that move as they should when all are pushed at the same time.
 
     The axes of an arm move each other, so each is tried alone.
@@ -173,7 +173,7 @@ def _try_together(
 
     from ergon.live.calibration import confirmed_axes
 
-    def trial(board_index: int) -> dict[int, Axis]:
+    def trial(board_index: int) -> dict[int, AxisCalibration]:
         axis_numbers = [number for number, _ in uncalibrated_axes[board_index]]
         if not axis_numbers or boards[board_index].kind == "haply":
             return {}
@@ -193,8 +193,8 @@ def _find_direction(
     board: Board,
     axis: int,
     player: str,
-    calibrations: dict[int, Axis],
-    known_axis: Axis | None,
+    calibrations: dict[int, AxisCalibration],
+    known_axis: AxisCalibration | None,
     report: Report,
 ) -> None:
     """Put the direction of an axis into `calibrations`; push it a little without a `known_axis`."""

@@ -87,10 +87,10 @@ class Plan:
         write(str(path), self.choices, self.hash, self.budget, force=force, inputs=self.inputs)
 
 
-def budget_of(wished: Accuracy) -> Budget:
+def budget_of(accuracy: Accuracy) -> Budget:
     """The accuracy that a plan was made for, as far as it was given."""
     names = ("method", "error", "cents", "upto")
-    return {name: getattr(wished, name) for name in names if getattr(wished, name) is not None}
+    return {name: getattr(accuracy, name) for name in names if getattr(accuracy, name) is not None}
 
 
 def plan(

@@ -70,23 +70,23 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     loaded = replace(loaded, piece=piece)
     boards = boards_of(piece, options)
     driven_names = driven_players(piece, options, boards)
-    real_hands = {player: None for board in boards for _, player in board.axes}
+    real_players = {player: None for board in boards for _, player in board.axes}
     osc = osc_of(options.osc, options.osc_to, report)
     frozen = None
     if options.frozen is not None:
         frozen = freeze.read(score_piece, Path(options.frozen), options.seed, report)
-        freeze.check_freezable(piece, frozen, real_hands)
+        freeze.check_freezable(piece, frozen, real_players)
     boards = calibrated_boards(boards, options.unchecked, report)
     stage = scores.stage_piece(
         loaded,
         options,
         report,
-        real_hands=real_hands,
+        real_hands=real_players,
         silent=() if frozen is None else frozen.parts,
         on_fault="mute",
         is_seen=is_seen,
     ).stage
-    _refuse_felt_automation(stage, real_hands)
+    _refuse_felt_automation(stage, real_players)
     stems: Sequence[VerifiedStem] = ()
     if frozen is not None and options.frozen is not None:
         stems = freeze.verified(stage, frozen, Path(options.frozen))
@@ -178,7 +178,7 @@ def _performance_config(
     stage: Stage,
     boards: Sequence[Board],
     play_options: PlayOptions,
-    frozen: Sequence[VerifiedStem],
+    stems: Sequence[VerifiedStem],
     report: Report,
 ) -> PlaybackConfig:
     from ergon.live.perform import PlaybackConfig, tick_frames
@@ -205,12 +205,12 @@ def _performance_config(
     if play_options.loop and (recording_path or play_options.audio.startswith("file:")):
         raise OptionError("loop", "excludes --record, --record-input and file:, written once")
     scores.integer_rate(stage.rate)
-    record_target = (
+    new_recording_path = (
         None if play_options.record is None else _new_recording_path(play_options.record, stage)
     )
     config = PlaybackConfig(
         audio=play_options.card,
-        gain=gain_of(piece, lambda: stage, play_options.gain, report, frozen),
+        gain=gain_of(piece, lambda: stage, play_options.gain, report, stems),
         limit=limit,
         highpass=HIGHPASS_HZ,
         reference=piece.mix.reference(),
@@ -222,11 +222,11 @@ def _performance_config(
         frames_ahead=play_options.ahead,
         audio_in=play_options.audio_in,
         record_in=_input_file(play_options, piece),
-        record=record_target,
-        frozen_stems=frozen,
+        record=new_recording_path,
+        frozen_stems=stems,
         fold=fold_of(piece, play_options, report),
     )
-    if record_target is None:
+    if new_recording_path is None:
         return config
     return replace(config, header=_recording_description(piece, stage, config, play_options))
 

@@ -53,18 +53,28 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     probed_piece = probe_piece(piece)
     stage = stage_as_checked(probed_piece.piece, report)
     with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
-        moved, closed, bows = measure_excursions(stage, probed_piece, progress.update)
+        excursions, contact_closings, slidings = measure_excursions(
+            stage, probed_piece, progress.update
+        )
     fidelities = gesture_fidelities(stage)
-    return Simulated(fidelities, moved, closed, stage.rate, probed_piece.n_left_out, bows, stage)
+    return Simulated(
+        fidelities,
+        excursions,
+        contact_closings,
+        stage.rate,
+        probed_piece.n_left_out,
+        slidings,
+        stage,
+    )
 
 
 def never_stuck_warnings(simulated: Simulated) -> list[Diagnostic]:
     """W323 for each bow that slipped and did not stick again."""
     warnings = []
-    stuck = {bow.rubbing.full_name for bow in simulated.bows if bow.has_stuck}
+    stuck_names = {bow.rubbing.full_name for bow in simulated.bows if bow.has_stuck}
     for bow in simulated.bows:
         rubbing = bow.rubbing
-        if rubbing.full_name in stuck or not bow.has_slipped:
+        if rubbing.full_name in stuck_names or not bow.has_slipped:
             continue
         message = (
             f"bow {quote(rubbing.name)} never sticks: once it has slipped, the speed of "
@@ -88,7 +98,7 @@ def never_closed_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic
     A contact over a range closes if one of its points does; else the nearest of them counts.
     """
     families = piece.note_families()
-    closed = {
+    closed_names = {
         shared_name(closing.contact.full_name, families)
         for closing in simulated.contacts
         if closing.times
@@ -100,12 +110,13 @@ def never_closed_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic
             nearest_by_contact[closing.contact.full_name] = closing
     warnings = []
     for closing in nearest_by_contact.values():
-        if shared_name(closing.contact.full_name, families) in closed:
+        if shared_name(closing.contact.full_name, families) in closed_names:
             continue
-        contact, nearest = closing.contact, scores.where(piece, closing.deepest_at / simulated.rate)
+        contact = closing.contact
+        position_text = scores.where(piece, closing.deepest_at / simulated.rate)
         message = (
             f"contact {quote(contact.full_name)} never closes: {contact.a.name} comes within "
-            f"{-1e3 * closing.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"
+            f"{-1e3 * closing.deepest:.3g} mm of touching {contact.b.name}, at {position_text}"
         )
         help = "make the gap smaller by more than that, or the movement larger"
         if closing.deepest_swapped > 0.0:

@@ -420,7 +420,7 @@ def _keep_results(
             )
             finished_seconds += outcome["figures"].get("cpu_s") or 0.0
             n_finished += 1
-            sweep_table.keep(
+            sweep_table.write_unfinished(
                 [rows_by_number[number] for number in sorted(rows_by_number)],
                 force=sweep_options.force,
             )

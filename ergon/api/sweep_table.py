@@ -76,7 +76,7 @@ class Table:
             return {}
         return rows_by_digest
 
-    def keep(self, rows: Sequence[SweepRow], *, force: bool) -> None:
+    def write_unfinished(self, rows: Sequence[SweepRow], *, force: bool) -> None:
         """Write an unfinished table, at most once a second."""
         now = time.monotonic()
         if now - self._saved_time >= _SAVE_INTERVAL_SECONDS:
@@ -95,9 +95,9 @@ class Table:
         for sweep_row in rows:
             figures = ["" if x is None else f"{x:.8g}" for x in map(sweep_row.figures.get, FIGURES)]
             reason = " ".join(sweep_row.reason.split())
-            end = (sweep_row.digest, sweep_row.sha256, reason)
+            last_cells = (sweep_row.digest, sweep_row.sha256, reason)
             csv_table.writerow(
-                (*sweep_row.values, sweep_row.status, sweep_row.file, *figures, *end)
+                (*sweep_row.values, sweep_row.status, sweep_row.file, *figures, *last_cells)
             )
         write_text(self.path, out.getvalue(), force=force)
 
@@ -107,5 +107,5 @@ def _sweep_row(row_fields: Mapping[str, str]) -> SweepRow:
     file_name = row_fields["file"]
     if file_name and Path(file_name).name != file_name:
         raise ValueError(file_name)
-    end = (row_fields["score_sha256"], row_fields["file_sha256"], row_fields["reason"])
-    return SweepRow((), row_fields["status"], file_name, figures, *end)
+    last_fields = (row_fields["score_sha256"], row_fields["file_sha256"], row_fields["reason"])
+    return SweepRow((), row_fields["status"], file_name, figures, *last_fields)

@@ -16,7 +16,7 @@ from ergon.common.user_folders import config_folder
 if TYPE_CHECKING:
     from ergon import _core
 
-    from .calibration import Axis
+    from .calibration import AxisCalibration
 
 # The name of a device in the user's file, with an optional axis, such as tgr0.3.
 _DEVICE_NAME = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
@@ -39,7 +39,7 @@ class Board:
 
     url: str
     axes: tuple[tuple[int, str], ...]
-    calibrations: Mapping[int, Axis] = field(default_factory=dict)
+    calibrations: Mapping[int, AxisCalibration] = field(default_factory=dict)
     name: str = ""
     lead: _core.Lead | None = None
 

@@ -23,7 +23,7 @@ _PROTOCOL_OPTIONS = ("lockstep", "wide")
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
+class AxisCalibration:
     """The calibration of an axis; positions in m or rad, `force_max` in N or N·m.
 
     `sign` is 1 if a positive force moves the axis towards positive positions as the device gives
@@ -43,19 +43,21 @@ class Axis:
         )
 
 
-def uncalibrated_axis(device: Device, sign: int) -> Axis:
+def uncalibrated_axis(device: Device, sign: int) -> AxisCalibration:
     """The axis as its device describes it, with the given sign."""
-    return Axis(sign, 0.0, 1.0, device.range, device.force_max)
+    return AxisCalibration(sign, 0.0, 1.0, device.range, device.force_max)
 
 
-def axis_between_ends(axis: Axis, low_end: float, high_end: float, travel: float) -> Axis:
+def axis_between_ends(
+    axis: AxisCalibration, low_end: float, high_end: float, travel: float
+) -> AxisCalibration:
     """The axis with its ends at the device's positions `low_end` and `high_end`, which are truly
     `travel`.
 
     Zero is midway.
     """
     half_travel = 0.5 * abs(travel)
-    return Axis(
+    return AxisCalibration(
         axis.sign,
         0.5 * (low_end + high_end),
         travel / (high_end - low_end),
@@ -91,7 +93,7 @@ def _device_address(url: str) -> str:
     return url_target + ("?" + "&".join(target_options) if target_options else "")
 
 
-def known_axes(url: str) -> dict[int, Axis]:
+def known_axes(url: str) -> dict[int, AxisCalibration]:
     """The known calibrations of a device's axes, by their numbers.
 
     Raises BoardError.
@@ -104,7 +106,7 @@ def calibrated_axes(url: str) -> set[int]:
     return {number for number, (_, is_same_board) in _axes_in_list(url).items() if is_same_board}
 
 
-def _axes_in_list(url: str) -> dict[int, tuple[Axis, bool]]:
+def _axes_in_list(url: str) -> dict[int, tuple[AxisCalibration, bool]]:
     axis_table = _axis_table(read_config())
     identity, address = board_identity(url), _device_address(url)
     axes_by_number = {}
@@ -138,7 +140,7 @@ def axis_header(board: Board, axis_number: int) -> dict[str, object]:
     }
 
 
-def _parse_axis(axis_name: str, axis_row: Any) -> Axis:
+def _parse_axis(axis_name: str, axis_row: Any) -> AxisCalibration:
     try:
         low_end, high_end = axis_row["range"]
         written_numbers = (
@@ -148,7 +150,7 @@ def _parse_axis(axis_name: str, axis_row: Any) -> Axis:
         )
         if any(type(value) not in (int, float) for value in written_numbers):
             raise TypeError
-        parsed_axis = Axis(
+        parsed_axis = AxisCalibration(
             int(axis_row["sign"]),
             float(axis_row["zero"]),
             float(axis_row["gain"]),
@@ -170,7 +172,9 @@ def _parse_axis(axis_name: str, axis_row: Any) -> Axis:
     return parsed_axis
 
 
-def find_direction(url: str, axis_number: int, axis_before: Axis | None = None) -> Axis:
+def find_direction(
+    url: str, axis_number: int, axis_before: AxisCalibration | None = None
+) -> AxisCalibration:
     """Find the direction of an axis by a small force.
 
     Returns `axis_before` if its direction still holds; else another motor is connected, and the
@@ -194,7 +198,9 @@ def find_direction(url: str, axis_number: int, axis_before: Axis | None = None) 
         device.close()
 
 
-def confirmed_axes(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int, Axis]:
+def confirmed_axes(
+    url: str, axes_before: Mapping[int, AxisCalibration | None]
+) -> dict[int, AxisCalibration]:
     """Push the axes `axes_before` together by small forces; return those that move in the expected
     direction.
 
@@ -202,8 +208,10 @@ def confirmed_axes(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int
     these are pushed together once more, for a busy machine may have passed over the push. Raises
     EngineError.
     """
-    axes_known = {number: axis for number, axis in axes_before.items() if axis is not None}
-    device = _core.Device(url, [axis.for_core(number) for number, axis in axes_known.items()])
+    calibrations_before = {number: axis for number, axis in axes_before.items() if axis is not None}
+    device = _core.Device(
+        url, [axis.for_core(number) for number, axis in calibrations_before.items()]
+    )
     try:
         signs = dict(zip(axes_before, device.directions(list(axes_before), 1e-3), strict=True))
         unmoved_axes = [number for number, sign in signs.items() if sign is None]
@@ -211,13 +219,14 @@ def confirmed_axes(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int
             signs.update(zip(unmoved_axes, device.directions(unmoved_axes, 1e-3), strict=True))
         moved_axes = [number for number, sign in signs.items() if sign == 1.0]
         return {
-            number: axes_known.get(number) or uncalibrated_axis(device, 1) for number in moved_axes
+            number: calibrations_before.get(number) or uncalibrated_axis(device, 1)
+            for number in moved_axes
         }
     finally:
         device.close()
 
 
-def store_axis(url: str, axis_number: int, stored_axis: Axis) -> Path:
+def store_axis(url: str, axis_number: int, stored_axis: AxisCalibration) -> Path:
     """Write an axis into the user's list of devices; every other line stays. Raises BoardError."""
     from ergon.exchange.safe import open_for_writing
 
@@ -256,7 +265,7 @@ def _with_table(config_text: str, table_lines: list[str]) -> str:
     table_text = line_end.join(table_lines) + line_end
     config_lines = config_text.splitlines(keepends=True)
     header_index = next(
-        (index for index, row in enumerate(config_lines) if row.strip() == table_lines[0]), None
+        (index for index, line in enumerate(config_lines) if line.strip() == table_lines[0]), None
     )
     if header_index is None:
         blank_line = (

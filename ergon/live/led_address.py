@@ -57,7 +57,7 @@ class LedAddress:
     """
 
     kind: str
-    value_name: str
+    address: str
     finger: Finger
     delay: float = 0.02
     travel: float | None = None
@@ -70,7 +70,7 @@ class LedAddress:
     @property
     def controller(self) -> int | None:
         """The number of the MIDI controller; None for other values."""
-        match = _CONTROLLER.match(self.value_name)
+        match = _CONTROLLER.match(self.address)
         return int(match[1]) if match else None
 
 

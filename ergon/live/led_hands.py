@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 _NO_KEYS: Mapping[str, LedKey] = {}
 _TRACED_RATE = 1100  # ticks a second, or a little more
-_ACCELERATION = 10.0  # [m/s²], the acceleration of a fast hand, for which a path's error is stated
+_FAST_HAND_ACCELERATION = (
+    10.0  # [m/s²], the acceleration of a fast hand, for which a path's error is stated
+)
 
 
 class _Source(Protocol):
@@ -77,15 +79,15 @@ def open_led_hands(
     try:
         for url, address in addresses.items():
             leads[url] = _make_lead(url, address, keys.get(players[url], LedKey()))
-        for port, osc_values in _osc_values(addresses, leads).items():
+        for port, osc_listeners in _osc_listeners(addresses, leads).items():
             osc = OscPort(port)
             led_sources.append(osc)
-            for listener in osc_values:
+            for listener in osc_listeners:
                 osc.add(listener)
             osc.begin()
-            paths = ", ".join(listener.path for listener in osc_values)
+            paths = ", ".join(listener.path for listener in osc_listeners)
             sentences.append(f"positions of {paths} are taken from OSC at 127.0.0.1:{osc.port}")
-        for input_name, listeners in _midi_values(addresses, leads).items():
+        for input_name, listeners in _midi_listeners(addresses, leads).items():
             midi_input = open_midi_input(input_name or VIRTUAL, listeners, make_midi)
             led_sources.append(midi_input)
             sentences.append(f"positions are taken from the MIDI input {midi_input.name}")
@@ -122,7 +124,7 @@ def _make_lead(url: str, address: LedAddress, led_key: LedKey) -> _core.Lead:
         raise BoardError(str(error)) from None
 
 
-def _osc_values(
+def _osc_listeners(
     addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
 ) -> dict[int, list[OscValues]]:
     """The values of each port; of keys in lockstep none, whose messages a test brings."""
@@ -133,10 +135,10 @@ def _osc_values(
     return listeners
 
 
-def _midi_values(
+def _midi_listeners(
     addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
 ) -> dict[str, list[MidiValues]]:
-    """The values of each input, as `_osc_values`."""
+    """The values of each input, as `_osc_listeners`."""
     listeners: dict[str, list[MidiValues]] = {}
     for url, address in addresses.items():
         if address.kind == "midi" and not address.lockstep:
@@ -147,7 +149,7 @@ def _midi_values(
 def _gamepad_axes(
     addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
 ) -> dict[str, list[GamepadAxis]]:
-    """The values of each gamepad, as `_osc_values`."""
+    """The values of each gamepad, as `_osc_listeners`."""
     axes: dict[str, list[GamepadAxis]] = {}
     for url, address in addresses.items():
         if address.kind == "gamepad" and not address.lockstep:
@@ -171,8 +173,8 @@ def summary(board: Board, lead: _core.Lead) -> str:
         arrival_sentence += (
             f", one each {gap_seconds * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path "
             f"{address.delay * 1e3:g} ms late and within "
-            f"{_ACCELERATION * gap_seconds * gap_seconds / 8.0 * 1e3:.2g} mm "
-            f"where the hand accelerates by {_ACCELERATION:g} m/s²"
+            f"{_FAST_HAND_ACCELERATION * gap_seconds * gap_seconds / 8.0 * 1e3:.2g} mm "
+            f"where the hand accelerates by {_FAST_HAND_ACCELERATION:g} m/s²"
         )
     counts = [
         (tally["late"], "too late"),

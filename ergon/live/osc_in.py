@@ -126,11 +126,11 @@ def _joined_parts(piece: Piece) -> Iterator[set[str]]:
     """For each link, the parts that it joins: those of its two ends, and the one in which it is
     written.
     """
-    module_parts: list[tuple[str, Sequence[Module]]] = [
+    parts_with_modules: list[tuple[str, Sequence[Module]]] = [
         *((name, key.modules) for name, key in piece.keys.items()),
         *((name, instrument.modules) for name, instrument in piece.instruments.items()),
     ]
-    for part_name, modules in module_parts:
+    for part_name, modules in parts_with_modules:
         for module in modules:
             if module.ends:
                 yield {part_name, *(end.part for end in module.ends)}

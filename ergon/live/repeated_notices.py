@@ -38,7 +38,7 @@ class RepeatedNotices:
     def __init__(self, rate: float) -> None:
         """Count by frames of the piece at `rate` [Hz]."""
         self._pause_frames = int(_PAUSE * rate)
-        self._counts_by_name: dict[str, _NoticeCount] = {}
+        self._counts_by_key: dict[str, _NoticeCount] = {}
 
     def add_notice(
         self, frame: int, kind: str, sentence: str, seconds: float = 0.0
@@ -49,12 +49,12 @@ class RepeatedNotices:
         """
         if kind not in REPEATING:
             return [(frame, sentence)]
-        notice_name = kind if seconds else sentence
-        notice_count = self._counts_by_name.get(notice_name)
+        count_key = kind if seconds else sentence
+        notice_count = self._counts_by_key.get(count_key)
         if notice_count is None or (
             not notice_count.count and frame >= notice_count.line_frame + self._pause_frames
         ):
-            self._counts_by_name[notice_name] = _NoticeCount(frame)
+            self._counts_by_key[count_key] = _NoticeCount(frame)
             return [(frame, sentence)]
         notice_count.count += 1
         notice_count.seconds += seconds
@@ -73,7 +73,7 @@ class RepeatedNotices:
         """Lines of the kinds whose last line came at frame `latest_frame` or before; None: of all
         kinds.
         """
-        pending_notices = (notice for notice in self._counts_by_name.values() if notice.count)
+        pending_notices = (notice for notice in self._counts_by_key.values() if notice.count)
         return sorted(
             notice_count.take_line()
             for notice_count in pending_notices

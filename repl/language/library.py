@@ -13,7 +13,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import SHOWN_SLOT, Slot, Words, form
-from ergon.repl.language.scope import SUFFIXES, Scope, scores_in, unused_family
+from ergon.repl.language.scope import SCORE_SUFFIXES, Scope, scores_in, unused_family
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.families import file_of, library
 
@@ -83,7 +83,7 @@ def _read_family(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[st
         if len(slot_text) > 1 and slot_text[0] == slot_text[-1] == '"'
         else slot_text
     )
-    if path.suffix not in SUFFIXES:
+    if path.suffix not in SCORE_SUFFIXES:
         family_noun = "a family of the library, or a file such as drums.yaml"
         raise v.unknown_name_error(slot_text, family_noun, library())
     if not NAME.fullmatch(path.stem) or len(path.stem) > MAX_NAME:

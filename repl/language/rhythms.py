@@ -79,18 +79,18 @@ def _read_rhythm(
         error.offset += after_offset
         raise
     strike_fields = {name: word.text for name, word in placed_options.items()}
-    pattern_owner = strike_fields.get("to") or (
+    target_name = strike_fields.get("to") or (
         earlier_values["name"] if earlier_values["name"] in playable_instruments(scope) else ""
     )
     try:
         check_text(rhythm)
-        _check_words(rhythm, pattern_owner, scope, is_sure="impulse" in strike_fields)
+        _check_words(rhythm, target_name, scope, has_impulse="impulse" in strike_fields)
     except TextError as error:
         error.offset += 1
         raise
     strike_fields = {
         "rhythm": rhythm,
-        **({"to": pattern_owner} if pattern_owner else {}),
+        **({"to": target_name} if target_name else {}),
         **strike_fields,
     }
     if transforms_start is not None:
@@ -100,20 +100,19 @@ def _read_rhythm(
     return strike_fields
 
 
-def _check_words(text: str, target_name: str, scope: Scope, *, is_sure: bool) -> None:
+def _check_words(text: str, target_name: str, scope: Scope, *, has_impulse: bool) -> None:
     """Refuse words that name nothing, and those that need a level. Raises TextError."""
     for struck_leaf in compiled_rhythm(text, "").leaves:
-        instrument_name = name_of(struck_leaf)
-        if notes_of(instrument_name) or instrument_name == ANY_WORD:
+        struck_name = name_of(struck_leaf)
+        if notes_of(struck_name) or struck_name == ANY_WORD:
             if target_name:
-                instrument_name = target_name
+                struck_name = target_name
             else:
                 message = (
-                    f"whose is {quote(instrument_name)}? write `to` and an instrument after the "
-                    "rhythm"
+                    f"whose is {quote(struck_name)}? write `to` and an instrument after the rhythm"
                 )
-                raise TextError(message, offset=struck_leaf.offset, length=len(instrument_name))
-        part_name = instrument_name.split(".")[0]
+                raise TextError(message, offset=struck_leaf.offset, length=len(struck_name))
+        part_name = struck_name.split(".")[0]
         error = None
         if part_name not in playable_instruments(scope) and part_name not in scope.keys:
             error = v.unknown_instrument_error(
@@ -122,7 +121,7 @@ def _check_words(text: str, target_name: str, scope: Scope, *, is_sure: bool) ->
                 (*playable_instruments(scope), *scope.keys),
                 scope,
             )
-        elif part_name not in scope.acts and not is_sure and level_of(struck_leaf) is None:
+        elif part_name not in scope.acts and not has_impulse and level_of(struck_leaf) is None:
             message = (
                 f"the impulse is missing: {quote(part_name)} does not say how it is played; write "
             )

@@ -26,7 +26,7 @@ from ergon.scores.reading.families import library
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Gesture
 
-SUFFIXES = (".yaml", ".yml")  # of scores
+SCORE_SUFFIXES = (".yaml", ".yml")  # of scores
 MIDI_SUFFIXES = (".mid", ".midi", ".rmi")
 _FILES_MAX = 10_000  # files of a folder that are listed
 _INITIAL_FIELDS = ("X0", "V0")  # they set how a mass starts: no effect once it moves
@@ -71,13 +71,17 @@ def unused_family(instrument_name: str, scope: Scope) -> str | None:
     """The family that an instrument is to be brought in from; None if a line may play that name,
     or no family has it.
     """
-    families = (family for family, members in scope.families.items() if instrument_name in members)
-    return None if instrument_name in playable_instruments(scope) else next(families, None)
+    families_with_name = (
+        family for family, members in scope.families.items() if instrument_name in members
+    )
+    return (
+        None if instrument_name in playable_instruments(scope) else next(families_with_name, None)
+    )
 
 
 def scores_in(folder: Path | None) -> list[Path]:
     """The score files in a folder, by name; none if it cannot be read."""
-    return files_in(folder, SUFFIXES)
+    return files_in(folder, SCORE_SUFFIXES)
 
 
 def files_in(folder: Path | None, suffixes: Container[str]) -> list[Path]:
@@ -109,7 +113,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
             **{name: "instrument" for name in piece.instruments},
             **{name: f"instrument of {len(notes)} notes" for name, notes in piece.families.items()},
         },
-        targets=dict(_target_names(piece)),
+        targets=dict(_targets(piece)),
         folder=folder,
         available={name: _file_hint(full_name) for name, full_name in unplayed_instruments.items()},
         modules={**_module_names(piece), **_unplayed_modules(piece, unplayed_instruments)},
@@ -140,8 +144,8 @@ def _family_names(piece: Piece) -> dict[str, dict[str, str]]:
         name: {member.name: member.about for member in members}
         for name, members in library().items()
     }
-    for instrument_name in piece.used:
-        known_families.setdefault(instrument_name, {})
+    for family in piece.used:
+        known_families.setdefault(family, {})
     for full_name in piece.available:
         family, _, instrument_name = full_name.rpartition(".")
         if family in known_families:
@@ -191,36 +195,36 @@ def _gesture_hint(gesture: Gesture) -> str:
 
 
 def _act_names(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
-    names_by_word = {
+    full_name_by_name = {
         name: name for name in (*piece.instruments, *piece.families)
     } | families.unplayed_instruments(piece)
-    for act_name, full_name in names_by_word.items():
+    for instrument_name, full_name in full_name_by_name.items():
         instrument = piece.playable_instrument(full_name)
         if instrument is not None and instrument.acts:
-            yield act_name, tuple(act.name for act in instrument.acts)
+            yield instrument_name, tuple(act.name for act in instrument.acts)
 
 
-def _target_names(piece: Piece) -> Iterator[tuple[str, Text]]:
+def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     """The fields with a quantity of every written module; all members of a module share them."""
     for key in piece.keys.values():
         for part_module in key.modules:
-            yield from _field_names(key.name, part_module, "si")
+            yield from _field_targets(key.name, part_module, "si")
     for instrument in piece.instruments.values():
         if pitched_module(instrument) is not None:
             yield f"{instrument.name}.f", k.PITCH
         yield f"{instrument.name}.transpose", CENTS_SHAPE
         for part_module in instrument.modules:
-            yield from _field_names(instrument.name, part_module, instrument.form)
+            yield from _field_targets(instrument.name, part_module, instrument.form)
     for family_name, members in piece.families.items():
         yield f"{family_name}.transpose", CENTS_SHAPE
         if (member := piece.instruments.get(members[0])) is not None:
             if pitched_module(member) is not None:
                 yield f"{family_name}.f", INTERVAL_OR_FACTOR
             for part_module in member.modules:
-                yield from _field_names(family_name, part_module, member.form)
+                yield from _field_targets(family_name, part_module, member.form)
 
 
-def _field_names(
+def _field_targets(
     part: str, written_module: Module, module_form: Form
 ) -> Iterator[tuple[str, Text]]:
     path = ".".join(filter(None, (part, written_module.name)))
@@ -232,7 +236,7 @@ def _field_names(
         )  # one for all of its points
         if (
             isinstance(shape, Text)
-            and shape in QUANTITIES
+            and shape in QUANTITY_SHAPES
             and table_field.name not in _INITIAL_FIELDS
         ):
             yield f"{path}.{table_field.name}", shape
@@ -241,7 +245,7 @@ def _field_names(
 
 
 # Kinds of fields that hold one number, which can glide.
-QUANTITIES = frozenset(
+QUANTITY_SHAPES = frozenset(
     (
         k.MASS,
         k.MASS_OR_NUMBER,

@@ -53,11 +53,11 @@ class Keep(Command):
 class Scene(Command):
     """Play the bars of a scene from their beginning, again and again; parameters glide for `over`.
 
-    With `before`, the bars of that scene play for `over`, and then those of `name`.
+    With `first_scene`, the bars of that scene play for `over`, and then those of `name`.
     """
 
     name: str
-    before: str | None = None
+    first_scene: str | None = None
     over: Length | None = None
 
 
@@ -82,14 +82,14 @@ class Reload(Command):
 
 def scene(names: tuple[str, str | None], over: Length | None, *, when: When, words: Words) -> Scene:
     """Play a scene, or go from one scene to another, which needs a length. Raises TextError."""
-    first_scene, second_word = names
-    if second_word is None:
+    first_scene, second_scene = names
+    if second_scene is None:
         return Scene(first_scene, None, over, when=when, words=words)
     if over is None:
         word = words["names"]
         message = "the way from one scene to another needs a length: scene A -> B over 4bar"
         raise TextError(message, offset=word.start, length=len(word.text))
-    return Scene(second_word, first_scene, over, when=when, words=words)
+    return Scene(second_scene, first_scene, over, when=when, words=words)
 
 
 # fmt: off

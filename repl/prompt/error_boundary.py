@@ -16,7 +16,7 @@ class ErrorBoundary:
     def __init__(self, session: SessionProtocol) -> None:
         """Wrap a session."""
         self._session = session
-        self._mistakes: list[str] = []
+        self._error_sentences: list[str] = []
         self._state = State(bar=1, beat=1.0, tempo=60.0)
 
     def submit(self, text: str, *, releases: bool = True) -> Reply:
@@ -36,8 +36,8 @@ class ErrorBoundary:
     def messages(self) -> Sequence[str]:
         """Messages since the last call, with the errors that were caught."""
         no_messages: Sequence[str] = ()
-        messages = [*self._try(self._session.messages, no_messages), *self._mistakes]
-        self._mistakes.clear()
+        messages = [*self._try(self._session.messages, no_messages), *self._error_sentences]
+        self._error_sentences.clear()
         return messages
 
     def panic(self) -> None:
@@ -74,7 +74,7 @@ class ErrorBoundary:
 
     def add_error(self, error: BaseException) -> None:
         """Add an error to the messages."""
-        self._mistakes.append(_error_sentence(error))
+        self._error_sentences.append(_error_sentence(error))
 
     def _try(self, call: Callable[[], Answer], fallback: Answer) -> Answer:
         try:

@@ -8,7 +8,7 @@ from ergon.common.terminal import clean
 from ergon.repl.session_protocol import State
 
 _FIELD_SEPARATOR = "  "
-_WIDTH_MIN = 12  # characters that the list of players keeps
+_PLAYERS_WIDTH_MIN = 12  # characters that the list of players keeps
 
 
 def status(session_state: State, line_width: int) -> str:
@@ -38,7 +38,7 @@ def status(session_state: State, line_width: int) -> str:
         " · ".join(f"{player} {played_name}" for player, played_name in session_state.playing)
         or "—"
     )
-    width_min = min(len(playing_text), _WIDTH_MIN)
+    width_min = min(len(playing_text), _PLAYERS_WIDTH_MIN)
     while (
         texts_after
         and len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])) + width_min > line_width

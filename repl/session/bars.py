@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
 from ergon.scores.pattern.search import n_before
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 
 if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece, Strikes
@@ -102,7 +102,7 @@ def _play_beginnings(
         for place_index in range(first, last):
             shown_name = (
                 play_beats.places.played_name(place_index)
-                if isinstance(play_beats, Steps)
+                if isinstance(play_beats, PlaceBeats)
                 else part_play.what
             )
             if shown_name is not None:  # a rest, or what chance leaves out

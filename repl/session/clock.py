@@ -67,7 +67,7 @@ class Timing(NamedTuple):
         """How long a version takes over before its beat [s]."""
         return JOIN_DURATION + self.tick_seconds
 
-    def lead_of_kind(self, is_cut: bool) -> float:
+    def change_lead(self, is_cut: bool) -> float:
         """How long before its beat a change takes over [s]; a cut needs no time before it."""
         return 0.0 if is_cut else self.takeover_lead
 
@@ -151,9 +151,11 @@ def clock_after_takeover(
         or clock.beat(old_tempo, takeover_instant - tick_seconds) <= takeover_beat + SAME
     ):
         return clock, takeover_beat
-    old_beat = clock.beat(old_tempo, takeover_instant)
-    is_same = new_tempo.seconds(old_beat) == old_tempo.seconds(old_beat)
-    return (clock if is_same else running_clock(new_tempo, old_beat, takeover_instant)), old_beat
+    current_beat = clock.beat(old_tempo, takeover_instant)
+    is_same = new_tempo.seconds(current_beat) == old_tempo.seconds(current_beat)
+    return (
+        clock if is_same else running_clock(new_tempo, current_beat, takeover_instant)
+    ), current_beat
 
 
 def next_boundary(tempo: TempoMap, from_beat: float, grid: Length) -> float:

@@ -195,7 +195,7 @@ class Drafts:
             return None
         tempo, lead = (
             waiting_lines.head.piece.tempo_map,
-            self._timing.lead_of_kind(line_kind is LineKind.ENDS),
+            self._timing.change_lead(line_kind is LineKind.ENDS),
         )
         return max(
             start_line.start, self._timing.takeover_frame(start_line.clock, tempo, line_beat, lead)

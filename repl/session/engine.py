@@ -140,7 +140,11 @@ class Engine(Protocol):
         """Frames computed so far."""
 
     def force_bounds(
-        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
+        self,
+        stage: Stage,
+        start: int,
+        glides: Sequence[Glide],
+        bounds_before: Sequence[HandForceBounds],
     ) -> Sequence[HandForceBounds]:
         """The forces that real hands may get from a stage that takes over at frame `start`.
 
@@ -157,8 +161,8 @@ class Engine(Protocol):
         many commands wait.
         """
 
-    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
-        """Guide players' hands along new paths from frame `at` on; returns the ticket."""
+    def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
+        """Guide players' hands along new paths from `frame` on; returns the ticket."""
 
     def strike(self, point: int, impulse: float) -> int | None:
         """Strike a point of the running stage by an impulse [N·s], at the next tick; any thread may
@@ -238,7 +242,11 @@ class SteppedEngine:
         self._n_tickets = 0
 
     def force_bounds(
-        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
+        self,
+        stage: Stage,
+        start: int,
+        glides: Sequence[Glide],
+        bounds_before: Sequence[HandForceBounds],
     ) -> Sequence[HandForceBounds]:
         """Do nothing: no hand is real here."""
         return ()
@@ -320,11 +328,11 @@ class SteppedEngine:
             )
             if self._hands:
                 stop_frame = min(stop_frame, self._hold_hands())
-            n_part = stop_frame - self.frame
-            frames = np.zeros((n_part, self._simulation.n_out))
+            n_block_frames = stop_frame - self.frame
+            frames = np.zeros((n_block_frames, self._simulation.n_out))
             self._simulation.process(frames)
-            self._mixer.process(frames, mixed_frames[n_done : n_done + n_part])
-            n_done += n_part
+            self._mixer.process(frames, mixed_frames[n_done : n_done + n_block_frames])
+            n_done += n_block_frames
             self.frame = stop_frame
         return mixed_frames
 

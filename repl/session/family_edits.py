@@ -27,10 +27,11 @@ def _use_family(command: Use) -> VersionEdit:
         if command.family in version.piece.used:
             listing = f"instruments {command.family}"
             raise NotTakenError(f"{command.family} is in use already", listing)
-        texts_before = version.texts
-        texts_before = replace(texts_before, overlay={**texts_by_file, **texts_before.overlay})
+        texts_with_read_files = replace(
+            version.texts, overlay={**texts_by_file, **version.texts.overlay}
+        )
         texts_with_family, texts_read = families.with_family(
-            texts_before, command.family, command.file
+            texts_with_read_files, command.family, command.file
         )
         texts_by_file.update(texts_read)
         piece_from_files(
@@ -57,10 +58,10 @@ def with_brought_files(disk_texts: Texts, old_texts: Texts) -> Texts:
         old_texts.overlay.keys() - old_texts.load().files.keys() - disk_texts.overlay.keys()
     )
     texts_read = {file: read_text(Path(file)) for file in brought_files}
-    new_texts = {
+    brought_texts = {
         file: old_texts.overlay[file] if text is None else text for file, text in texts_read.items()
     }
-    return replace(disk_texts, overlay={**disk_texts.overlay, **new_texts})
+    return replace(disk_texts, overlay={**disk_texts.overlay, **brought_texts})
 
 
 def family_summary(command: Use, piece: Piece) -> str:
@@ -68,8 +69,10 @@ def family_summary(command: Use, piece: Piece) -> str:
     summary_sentence = f"{command.family}: {_instrument_names(command, piece)}"
     unplayed = families.unplayed_instruments(piece)
     full_names = [name for name in piece.available if name.startswith(f"{command.family}.")]
-    names_and_origins = [(name.rpartition(".")[2], name) for name in full_names]
-    taken_names = [name for name, origin in names_and_origins if unplayed.get(name) != origin]
+    short_and_full_names = [(name.rpartition(".")[2], name) for name in full_names]
+    taken_names = [
+        name for name, full_name in short_and_full_names if unplayed.get(name) != full_name
+    ]
     if not taken_names:
         return summary_sentence
     verb, each_text = ("is", "it") if len(taken_names) == 1 else ("are", "each")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ergon.exchange.safe import FileRefusedError, write_all
 from ergon.notation.text.edit import EditError
-from ergon.repl.language.scope import SUFFIXES
+from ergon.repl.language.scope import SCORE_SUFFIXES
 from ergon.repl.session import save_as
 from ergon.repl.session.disk import file_bytes, folder_of, target_path
 from ergon.repl.session.version import NotTakenError, piece_of
@@ -88,7 +88,7 @@ def new_file_beside(score_texts: Texts, target: Path, suffix: str) -> Path:
 def _save_target(score_texts: Texts, target: Path) -> Path | None:
     """The file for a name; None if that is the score itself. Raises NotTakenError."""
     score_path, folder = Path(score_texts.path), folder_of(score_texts)
-    suffix = score_path.suffix if score_path.suffix in SUFFIXES else SUFFIXES[0]
+    suffix = score_path.suffix if score_path.suffix in SCORE_SUFFIXES else SCORE_SUFFIXES[0]
     path = _with_suffix(score_texts, target, suffix)
     real_path = _resolved_path(path)
     if real_path.parent != folder.resolve():

@@ -71,13 +71,17 @@ class LiveEngine:
         return self._status().frame
 
     def force_bounds(
-        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
+        self,
+        stage: Stage,
+        start: int,
+        glides: Sequence[Glide],
+        bounds_before: Sequence[HandForceBounds],
     ) -> Sequence[HandForceBounds]:
         """The forces that real hands may get from a stage that takes over at frame `start`.
 
         Raises NotTakenError where a key cannot bear the stage.
         """
-        bounds = self.bounds_finder.force_bounds(stage, start, glides, before)
+        bounds = self.bounds_finder.force_bounds(stage, start, glides, bounds_before)
         for bound in bounds:
             if not bound.least_scale.is_enough:
                 raise NotTakenError(stiffness_refusal(bound))
@@ -118,7 +122,7 @@ class LiveEngine:
         return [list(by_player.get(player, ())) for player in self._players]
 
     def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
-        """Guide players' hands along new paths from frame `frame` on; returns the ticket."""
+        """Guide players' hands along new paths from `frame` on; returns the ticket."""
         import numpy as np
 
         guided_paths = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]

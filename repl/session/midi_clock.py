@@ -38,9 +38,9 @@ _CHECK_PERIOD = 0.004  # [s] between two looks at the performance
 _BEATS_PER_SIXTEENTH = 0.25  # beats of one unit of a song position
 _THREAD_PRIORITY = 60  # below the process that sends
 # A correction removes the whole error within this many beats; smaller errors than
-# _ERROR_MAX [s] stay.
+# _ERROR_TOLERANCE [s] stay.
 _CORRECTION_BEATS = 2.0
-_ERROR_MAX = 0.0005
+_ERROR_TOLERANCE = 0.0005
 _TEMPO_RATIO_MAX = 1.4  # the greatest ratio of a corrected tempo to the one that is followed
 
 ClockMessage = tuple[int, bytes]  # (frame, message)
@@ -72,7 +72,7 @@ class ClockEvents:
 
     def pop_before(self, frame: int) -> Iterator[ClockMessage]:
         """The messages before a frame that were not returned yet."""
-        for running, first_frame, last_frame in self._played_versions.pop_before(frame):
+        for running, first_frame, stop_frame in self._played_versions.pop_before(frame):
             clock, stage = running.clock, running.stage
             if clock.begin_instant != self._begin_instant:
                 if self._begin_instant is not None:
@@ -93,7 +93,7 @@ class ClockEvents:
                 tempo, rate = stage.piece.tempo_map, stage.rate
                 while (
                     clock_frame := frame_of(tempo.seconds(self._next_clock / CLOCKS_PER_BEAT), rate)
-                ) < last_frame:
+                ) < stop_frame:
                     yield max(clock_frame, first_frame), bytes([Transport.CLOCK.value])
                     self._next_clock += 1
 
@@ -208,7 +208,7 @@ class ClockIn:
         session = self._session
         with session.lock:
             schedule = session.schedule
-            latest_tempo = schedule.head.piece.tempo_map
+            latest_tempo_map = schedule.head.piece.tempo_map
             correction_beat, _ = schedule.place(Length(beats=1.0), None)
             correction_beat = math.ceil(correction_beat - SAME)
             clock = schedule.running.clock
@@ -220,8 +220,8 @@ class ClockIn:
                 return
             rate = schedule.rate
             correction_instant, end_instant = (
-                self._instant_of_frame(frame_of(clock.seconds(latest_tempo, beat_at_frame), rate))
-                for beat_at_frame in (correction_beat, correction_beat + _CORRECTION_BEATS)
+                self._instant_of_frame(frame_of(clock.seconds(latest_tempo_map, beat), rate))
+                for beat in (correction_beat, correction_beat + _CORRECTION_BEATS)
             )
             if correction_instant is None or end_instant is None:
                 return
@@ -237,7 +237,7 @@ class ClockIn:
                     (end_instant - correction_instant)
                     - _CORRECTION_BEATS * beat_estimate.beat_length,
                 )
-            if abs(error) <= _ERROR_MAX:
+            if abs(error) <= _ERROR_TOLERANCE:
                 return
             beat_length = min(
                 max(beat_length, beat_estimate.beat_length / _TEMPO_RATIO_MAX),

@@ -64,7 +64,7 @@ class Moments:
         self, tempo: TempoMap, when: When, grid: Length | None, kind: LineKind = LineKind.STRUCTURE
     ) -> LinePlace:
         """The place of a line that is typed now. Raises NotTakenError where its beat is past."""
-        lead_seconds = self._timing.lead_of_kind(kind is LineKind.ENDS)
+        lead_seconds = self._timing.change_lead(kind is LineKind.ENDS)
         soonest_frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
         line_beat, start_frame = place_of(
             when, grid, self._present_state(tempo), soonest_frames, lead_seconds
@@ -83,7 +83,7 @@ class Moments:
 
         Raises NotTakenError where its beat is past.
         """
-        lead_seconds = self._timing.lead_of_kind(False)
+        lead_seconds = self._timing.change_lead(False)
         return place_of(
             line_time, grid, self._present_state(tempo), (first_frame, first_frame), lead_seconds
         )

@@ -14,7 +14,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.files import is_file
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language import versions
-from ergon.repl.language.scope import SUFFIXES, scores_in
+from ergon.repl.language.scope import SCORE_SUFFIXES, scores_in
 from ergon.repl.session.disk import folder_of
 from ergon.repl.session.edit_table import makes_edit, with_texts
 from ergon.repl.session.version import GLIDE_DURATION, NotTakenError, Version, piece_of
@@ -34,7 +34,7 @@ def scene_of(score_texts: Texts, scene_name: str) -> Scene:
     path = next(
         (
             scene_path
-            for suffix in SUFFIXES
+            for suffix in SCORE_SUFFIXES
             if is_file(scene_path := folder / f"{scene_name}{suffix}")
         ),
         None,
@@ -97,8 +97,8 @@ def _scene(command: versions.Scene) -> VersionEdit:
         )
         played_scenes = (
             [target_scene]
-            if command.before is None
-            else [scene(version, command.before), target_scene]
+            if command.first_scene is None
+            else [scene(version, command.first_scene), target_scene]
         )
         for played_scene in played_scenes:
             edited_texts = scene_matter.with_scene_parts(edited_texts, piece, played_scene)
@@ -113,7 +113,9 @@ def _scene(command: versions.Scene) -> VersionEdit:
             base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
         glide_length = None if command.over is None else command.words["over"].text
         begin_beat, glide = edit_beat, GLIDE_DURATION
-        first_scene = target_scene if command.before is None else scene(version, command.before)
+        first_scene = (
+            target_scene if command.first_scene is None else scene(version, command.first_scene)
+        )
         released_parameters = tuple(scenes.released_parameters(piece, first_scene, edit_beat))
         edited_texts = scenes.with_scene_tempo(
             edited_texts, piece, target_scene, edit_beat, glide_length
@@ -122,7 +124,7 @@ def _scene(command: versions.Scene) -> VersionEdit:
             tempo = piece_of(edited_texts).tempo_map
             glide_end = tempo.after(edit_beat, command.over)
             glide = max(GLIDE_DURATION, tempo.seconds(glide_end) - tempo.seconds(edit_beat))
-            if command.before is not None:
+            if command.first_scene is not None:
                 edited_texts = scenes.play_scene(
                     edited_texts, piece_of(edited_texts), first_scene, edit_beat, glide_end
                 )

@@ -9,7 +9,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits.strikes import strikes_named
 from ergon.scores.pattern.search import n_before
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +42,7 @@ def _beginning_beats(piece: Piece, voice_name: str, after_beat: float) -> Iterat
         yield _strikes_beginnings(piece, voice, after_beat)
     for play, starts in zip(piece.parts, piece.starts, strict=True):
         if play.player == voice_name and starts:
-            yield _next_round_beat(starts, after_beat) if isinstance(starts, Steps) else starts
+            yield _next_round_beat(starts, after_beat) if isinstance(starts, PlaceBeats) else starts
 
 
 def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Sequence[float]:
@@ -61,7 +61,7 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
     return strikes.beats(tempo)
 
 
-def _next_round_beat(pattern_steps: Steps, after_beat: float) -> Sequence[float]:
+def _next_round_beat(pattern_steps: PlaceBeats, after_beat: float) -> Sequence[float]:
     """The beat of the next place on which a round of a pattern begins."""
     pattern = pattern_steps.places.pattern
     round_places = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses

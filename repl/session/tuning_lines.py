@@ -17,21 +17,21 @@ _NOTES_SHOWN_MAX = 24  # notes of an instrument
 def tuning_lines(piece: Piece) -> Iterator[str]:
     """The tuning of a piece, and the frequencies of the notes of its instruments."""
     yield f"tuning: {(piece.tuning or tuning.PLAIN).words()}"
-    for tuning_name in piece.tunings:
-        if tuning_name not in piece.families:
-            yield f"tuning of {tuning_name}: {piece.tunings[tuning_name].words()}"
-    for tuning_name, members in piece.families.items():
-        used_tuning = piece.tuning_of(tuning_name) or tuning.PLAIN
-        if tuning_name in piece.tunings:
-            yield f"tuning of {tuning_name}: {used_tuning.words()}"
+    for instrument_name in piece.tunings:
+        if instrument_name not in piece.families:
+            yield f"tuning of {instrument_name}: {piece.tunings[instrument_name].words()}"
+    for family_name, members in piece.families.items():
+        used_tuning = piece.tuning_of(family_name) or tuning.PLAIN
+        if family_name in piece.tunings:
+            yield f"tuning of {family_name}: {used_tuning.words()}"
         words = [member.rpartition(".")[2] for member in members]
         note_texts = [
             f"{word} {_hertz_text(used_tuning, word)}" for word in words[:_NOTES_SHOWN_MAX]
         ]
-        others_text = (
+        others_texts = (
             [f"and {len(words) - _NOTES_SHOWN_MAX} more"] if len(words) > _NOTES_SHOWN_MAX else []
         )
-        yield f"{tuning_name}: {', '.join([*note_texts, *others_text])}"
+        yield f"{family_name}: {', '.join([*note_texts, *others_texts])}"
 
 
 def _hertz_text(used_tuning: tuning.Tuning, word: str) -> str:

@@ -370,7 +370,7 @@ def command_summary(command: Command, running: RunningVersion, position_text: st
     if isinstance(command, Plays):
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, Scene):
-        prefix = "" if command.before is None else f"{command.before}, then "
+        prefix = "" if command.first_scene is None else f"{command.first_scene}, then "
         reply_sentence = f"{prefix}{command.name}, from its beginning, again and again"
         if not running.version.released_parameters:
             return reply_sentence

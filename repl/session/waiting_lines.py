@@ -66,7 +66,7 @@ class WaitingLine:
 
     def lead(self, timing: Timing) -> float:
         """How long before its beat it takes over [s]."""
-        return timing.lead_of_kind(self.kind is LineKind.ENDS)
+        return timing.change_lead(self.kind is LineKind.ENDS)
 
     @property
     def frame(self) -> float:

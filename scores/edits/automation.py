@@ -121,9 +121,9 @@ def end_automation(score_texts: Texts, piece: Piece, target_path: str, from_beat
     """
     score_texts, ended_count = _with_automation_ended(score_texts, piece, from_beat, target_path)
     if not ended_count:
-        position_text = piece.tempo_map.written(from_beat)
+        beat_text = piece.tempo_map.written(from_beat)
         raise EditError(
-            f"no pattern and no lfo controls {target_path} at {position_text}, so there is nothing "
+            f"no pattern and no lfo controls {target_path} at {beat_text}, so there is nothing "
             "to end"
         )
     return score_texts

@@ -16,7 +16,7 @@ from ergon.scores.edits.texts import SECTIONS, ListEdit, Texts
 from ergon.scores.gesture.transforms import parse_transform
 from ergon.scores.pattern import words
 from ergon.scores.pattern.search import n_before
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 from ergon.scores.pattern.turn_chain import split_chain
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Play
@@ -108,20 +108,20 @@ class PlacedEntry:
         return n_before(self.starts or (), before_beat - SAME)
 
     def entry_between(
-        self, first_start: int, stop_start: int, write_position: Callable[[float], str]
+        self, first_index: int, stop_index: int, write_position: Callable[[float], str]
     ) -> Entry:
-        """The entry with only its beginnings from number `first_start` to before `stop_start`;
+        """The entry with only its beginnings from number `first_index` to before `stop_index`;
         `write_position` writes beats.
         """
         starts = self.starts or ()
-        if not isinstance(starts, Steps):
-            n_entries = stop_start - first_start
+        if not isinstance(starts, PlaceBeats):
+            n_starts = stop_index - first_index
             excerpt = self.entry.with_fields(
-                at=write_position(starts[first_start]), until=None, times=str(n_entries)
+                at=write_position(starts[first_index]), until=None, times=str(n_starts)
             )
-            return excerpt if n_entries > 1 else excerpt.with_fields(every=None, times=None)
+            return excerpt if n_starts > 1 else excerpt.with_fields(every=None, times=None)
         return self.entry.with_fields(
-            **starts.excerpt_fields(first_start, stop_start, write_position)
+            **starts.excerpt_fields(first_index, stop_index, write_position)
         )
 
 
@@ -146,7 +146,7 @@ def placed_entries(
         number
         for number, (_, starts) in enumerate(_plays_of_player(piece, player))
         if starts is None
-        or (starts.last if isinstance(starts, Steps) else starts[-1] if starts else inf)
+        or (starts.last if isinstance(starts, PlaceBeats) else starts[-1] if starts else inf)
         >= earliest_start
     ]
     return [*_placed_entries(score_texts, piece, player, entry_numbers)]
@@ -214,15 +214,15 @@ class PartEdit:
         path = ("parts", self.player)
 
         def edited_text(list_document: document.Document, n_removed_before: int) -> str:
-            for closed_entry in self.ended:
-                item_path = (*path, closed_entry.number - n_removed_before)
+            for ended_entry in self.ended:
+                item_path = (*path, ended_entry.number - n_removed_before)
                 try:
                     edited_text = edit.put(list_document, (*item_path, "until"), self.end_position)
                 except EditError:  # an alias cannot be edited: write the entry out
                     edited_text = edit.put(
                         list_document,
                         item_path,
-                        closed_entry.entry.with_fields(until=self.end_position).flow_text(),
+                        ended_entry.entry.with_fields(until=self.end_position).flow_text(),
                     )
                 list_document = edit.read(edited_text, list_document.file)
             # Add new entries before others are removed: a list that never becomes empty keeps its
@@ -328,5 +328,5 @@ def _row_aligned_with_table(new_entry: Entry, table_text: str) -> str:
     for row, _ in words.rows(table_text):
         cell = re.match(r"\S+\s+", row.strip())
         column_width = cell.end() if cell else column_width
-    start_text = new_entry.fields["at"]
-    return f"{start_text.ljust(column_width - 1)} {new_entry.row_text()}"
+    position_text = new_entry.fields["at"]
+    return f"{position_text.ljust(column_width - 1)} {new_entry.row_text()}"

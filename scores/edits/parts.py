@@ -16,7 +16,7 @@ from ergon.scores.edits.positions import ENDLESS_POSITION, endless_end, position
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import MidpointChance, apply
 from ergon.scores.pattern import words
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 from ergon.scores.pattern.turn_chain import is_turn
 from ergon.scores.reading.patterns import PATTERN_FIELDS
 from ergon.scores.reading.piece import Piece
@@ -107,7 +107,7 @@ def _remaining_entry(
     """The part of a line that is left from a beat on, with the fields of `new_entry`."""
     start_beats = placed_entry.starts or ()
     n_played = placed_entry.count_before(from_beat)
-    if isinstance(start_beats, Steps) and n_played < len(start_beats):
+    if isinstance(start_beats, PlaceBeats) and n_played < len(start_beats):
         remaining = replace(placed_entry, entry=new_entry).entry_between(
             n_played, len(start_beats), partial(position_text, piece)
         )
@@ -196,7 +196,7 @@ def _ongoing_occurrence(
     """
     tempo, gesture_name = piece.tempo_map, placed_entry.play.what
     begin_beat = placed_entry.starts[-1] if placed_entry.starts else placed_entry.begin
-    if isinstance(placed_entry.starts, Steps):
+    if isinstance(placed_entry.starts, PlaceBeats):
         places = placed_entry.starts.places
         last_played = next(
             (

@@ -11,7 +11,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.entries import Entry
 from ergon.scores.pattern import words
 from ergon.scores.pattern.order import REST, Group, Leaf
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 from ergon.scores.pattern.turn_chain import as_turn, is_turn, parse_change
 from ergon.scores.pattern.turns import Turn, with_numbers
 from ergon.scores.pattern.turns import parse as parse_turns
@@ -23,7 +23,7 @@ _PATTERN_FIELDS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH_
 
 
 def entries(
-    pattern_entry: Entry, pattern_steps: Steps, n_places: int, round_beats: float
+    pattern_entry: Entry, pattern_steps: PlaceBeats, n_places: int, round_beats: float
 ) -> Iterator[tuple[float, Entry]]:
     """The entries that repeat the first `n_places` places of a pattern every `round_beats`.
 
@@ -77,7 +77,7 @@ def _numbered_turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
 
 def strikes(
     strike_fields: Mapping[str, object],
-    pattern_steps: Steps,
+    pattern_steps: PlaceBeats,
     n_places: int,
     round_beats: float,
     notes_by_name: Mapping[str, str],
@@ -121,7 +121,7 @@ def _check_place_count(n_places: int) -> None:
         )
 
 
-def _is_periodic(pattern_steps: Steps, n_places: int, beats: float) -> bool:
+def _is_periodic(pattern_steps: PlaceBeats, n_places: int, beats: float) -> bool:
     """Whether the `n_places` places after the first `n_places` repeat them `beats` later."""
     places = pattern_steps.places
     return (

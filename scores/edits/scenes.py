@@ -22,7 +22,7 @@ from ergon.scores.edits.positions import endless_end, position_text
 from ergon.scores.edits.strikes import melody_entry
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern.search import n_before
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading import automatable
 from ergon.scores.reading.piece import Piece, Strikes
@@ -170,7 +170,7 @@ def _repeated_entries(
 ) -> Iterator[tuple[float, Entry]]:
     """The entries that repeat an entry every `scene_beats`, each with its first beat."""
     repeated_entry = placed_entry.entry.with_fields(times=None, until=None)
-    if isinstance(placed_entry.starts, Steps):
+    if isinstance(placed_entry.starts, PlaceBeats):
         yield from scene_patterns.entries(
             repeated_entry, placed_entry.starts, placed_entry.count_before(scene_beats), scene_beats
         )

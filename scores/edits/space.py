@@ -87,8 +87,8 @@ def pan_of(route: Route, tempo: TempoMap, from_beat: float) -> float:
         if point_instant > beat_instant:
             if previous_point is None:
                 return pan_point.pan
-            begin, previous_pan = previous_point
-            share = (beat_instant - begin) / (point_instant - begin)
+            previous_instant, previous_pan = previous_point
+            share = (beat_instant - previous_instant) / (point_instant - previous_instant)
             share = share * share * (3.0 - 2.0 * share) if pan_point.is_smooth else share
             angles = [acos(-place) for place in (previous_pan, pan_point.pan)]
             return -cos(angles[0] + (angles[1] - angles[0]) * share)
@@ -134,9 +134,7 @@ def with_fade(
         )
     score_texts = structure.with_default_routes(score_texts, piece)
     members = {instrument_name, *piece.families.get(instrument_name, ())}
-    fade_points = next(
-        (route_path.fade for route_path in piece.mix.routes if route_path.part in members), ()
-    )
+    fade_points = next((route.fade for route in piece.mix.routes if route.part in members), ())
     points_text = edit.flow(_fade_points(piece, fade_points, from_beat, end_beat, is_in=is_in))
     for route_path in _route_paths(score_texts, instrument_name):
         score_texts = score_texts.put((*route_path, "fade"), points_text)
@@ -157,8 +155,8 @@ def fade_level(fade: Fade, tempo: TempoMap, beat: float) -> float:
         if point_instant > beat_instant:
             if previous_point is None:
                 return point_gain
-            begin, previous_gain = previous_point
-            share = (beat_instant - begin) / (point_instant - begin)
+            previous_instant, previous_gain = previous_point
+            share = (beat_instant - previous_instant) / (point_instant - previous_instant)
             share = share * share * (3.0 - 2.0 * share) if is_smooth else share
             if previous_gain > 0.0 and point_gain > 0.0:
                 return q.level_between(previous_gain, point_gain, share)
@@ -245,9 +243,9 @@ def _fade_points(
             }
         )
     else:
-        last_beat = tempo.beats(tempo.seconds(from_beat) + _SILENCE_SECONDS)
+        silent_beat = tempo.beats(tempo.seconds(from_beat) + _SILENCE_SECONDS)
         fade_points.append({"at": position_text(piece, from_beat), "gain": "0dB"})
-        fade_points.append({"at": position_text(piece, last_beat), "gain": "x0"})
+        fade_points.append({"at": position_text(piece, silent_beat), "gain": "x0"})
     return [*fade_points, {"at": position_text(piece, end_beat), "gain": "0dB" if is_in else "x0"}]
 
 

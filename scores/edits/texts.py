@@ -282,7 +282,7 @@ class Texts:
         with contextlib.suppress(EditError):
             if (changed_window := find_window(section_text, known_section)) is not None:
                 return changed_window.put_back(
-                    change(edit.read(changed_window.text, self.path), changed_window.first)
+                    change(edit.read(changed_window.text, self.path), changed_window.first_item)
                 )
         return None
 

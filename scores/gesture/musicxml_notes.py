@@ -113,7 +113,7 @@ class MeasureReader:
             elif element.tag == "direction" or element.tag == "sound":
                 measure_content.events += self._direction(element, cursor)
             elif element.tag != "note":
-                self._unplayed.count_measure(element)
+                self._unplayed.count_measure_element(element)
             else:
                 is_chord = element.find("chord") is not None
                 event_start = onset if is_chord else cursor

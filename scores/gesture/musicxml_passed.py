@@ -58,7 +58,7 @@ class UnplayedCounter:
         """Count into `counts`."""
         self.counts = counts
 
-    def count_measure(self, element: Element) -> None:
+    def count_measure_element(self, element: Element) -> None:
         """An element of a measure that is neither a note nor a mark that is read."""
         if element.tag in _NOUN_BY_MEASURE_ELEMENT:
             self.counts[_NOUN_BY_MEASURE_ELEMENT[element.tag]] += 1

@@ -21,7 +21,7 @@ from ergon.scores.pattern.search import first_index_from
 _TOO_MANY_MESSAGE = f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures"
 
 
-class Steps(Sequence[float]):
+class PlaceBeats(Sequence[float]):
     """Beats on which the places of a line begin, rests included.
 
     `places` says what is played there.
@@ -32,25 +32,25 @@ class Steps(Sequence[float]):
         places: PlaceSequence,
         beat: Callable[[int], float],
         count: int,
-        make_steps: Callable[[PlaceSequence], Steps],
+        make_beats: Callable[[PlaceSequence], PlaceBeats],
     ) -> None:
         """Take `count` places, each on the beat that `beat` gives; `last` becomes the beat of the
         last one.
 
-        `make_steps` makes the steps of another course.
+        `make_beats` makes the beats of another course.
         """
         self.places = places
         self.beat = beat
         self.last = beat(count - 1) if count else -inf
         self._count = count
-        self._make_steps = make_steps
+        self._make_beats = make_beats
 
-    def with_seed(self, seed: int) -> Steps:
+    def with_seed(self, seed: int) -> PlaceBeats:
         """The same line with all chance derived from another seed."""
         places = self.places
         if places.draws.seed == seed:
             return self
-        return self._make_steps(PlaceSequence(places.pattern, replace(places.draws, seed=seed)))
+        return self._make_beats(PlaceSequence(places.pattern, replace(places.draws, seed=seed)))
 
     def __len__(self) -> int:
         """How many places there are."""
@@ -90,7 +90,7 @@ class Steps(Sequence[float]):
         return self.beat(place_number)
 
 
-def line_steps(
+def entry_place_beats(
     tempo: TempoMap,
     begin_beat: float,
     places: PlaceSequence,
@@ -98,18 +98,18 @@ def line_steps(
     step_length: Length | None = None,
     times: int | None = None,
     end_beat: float | None = None,
-    length: Callable[[str], Length | None] = lambda name: None,
-    room: int = MAX_OCCURRENCES,
-) -> Steps:
+    length_of_name: Callable[[str], Length | None] = lambda name: None,
+    places_left: int = MAX_OCCURRENCES,
+) -> PlaceBeats:
     """The places of a line that begins on beat `begin_beat`, with one step per `step_length`.
 
     Without `step_length` a Euclidean rhythm lasts a bar, and plain names follow each other after
-    their own `length`. Without `times` (rounds) and `end_beat` there is one round. `room` is how
-    many more places the piece may have. Raises TextError.
+    their own length. Without `times` (rounds) and `end_beat` there is one round. `places_left` is
+    how many more places the piece may have. Raises TextError.
     """
     poll()
     times = 1 if times is None and end_beat is None else times
-    count_max = room + 1 if times is None else places.place_count(times)
+    count_max = places_left + 1 if times is None else places.place_count(times)
     if count_max <= 0:
         raise TextError(f"'skip {places.pattern.skip}' leaves out every place of the pattern")
     if step_length is None and places.pattern.euclid is not None:
@@ -120,27 +120,27 @@ def line_steps(
         beat_of_place = _even_steps(tempo, begin_beat, places, step_length)
     else:
         beat_of_place = _consecutive_steps(
-            tempo, begin_beat, places, length, min(count_max, room + 1), end_beat
+            tempo, begin_beat, places, length_of_name, min(count_max, places_left + 1), end_beat
         )
     if end_beat is not None:
-        stop = end_beat - SAME
-        count_max = first_index_from(beat_of_place, min(count_max, room + 1), stop)
-    if count_max > room:
+        stop_beat = end_beat - SAME
+        count_max = first_index_from(beat_of_place, min(count_max, places_left + 1), stop_beat)
+    if count_max > places_left:
         raise TextError(_TOO_MANY_MESSAGE)
 
-    def make_steps(other_places: PlaceSequence) -> Steps:
-        return line_steps(
+    def make_beats(other_places: PlaceSequence) -> PlaceBeats:
+        return entry_place_beats(
             tempo,
             begin_beat,
             other_places,
             step_length=step_length,
             times=times,
             end_beat=end_beat,
-            length=length,
-            room=room,
+            length_of_name=length_of_name,
+            places_left=places_left,
         )
 
-    return Steps(places, beat_of_place, count_max, make_steps)
+    return PlaceBeats(places, beat_of_place, count_max, make_beats)
 
 
 def _even_steps(

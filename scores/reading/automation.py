@@ -21,7 +21,7 @@ from ergon.scores.gesture.midi_course import Course
 from ergon.scores.gesture.midi_source import SOURCES, parse_source
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
-from ergon.scores.pattern.steps import Steps, line_steps
+from ergon.scores.pattern.steps import PlaceBeats, entry_place_beats
 from ergon.scores.pattern.values import Amount, ReadAmount, parse_values
 from ergon.scores.reading.curves import CurvePoint, is_curve, parse_curve
 from ergon.scores.reading.midi_uses import MidiUses
@@ -82,13 +82,13 @@ class Automation:
         """The parameter as it is written: `bell.m.f`."""
         return f"{self.target.text}.{self.parameter}"
 
-    def steps(self, tempo: TempoMap, seed: int) -> Steps:
+    def steps(self, tempo: TempoMap, seed: int) -> PlaceBeats:
         """When a pattern sets values. Raises TextError."""
         assert self.pattern is not None
         until_beat = None if self.until is None else tempo.resolve(self.until)
         place_sequence = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
         begin = tempo.resolve(self.at)
-        return line_steps(
+        return entry_place_beats(
             tempo,
             begin,
             place_sequence,

@@ -97,13 +97,13 @@ def transposed_values(part_values: Any, include: Include) -> Any:
     interval: Interval | None = include.values["transpose"]
     if interval is None or not isinstance(part_values, Values):
         return part_values
-    member_interval = part_values["transpose"] if "transpose" in part_values.by_name else None
-    moved_fields = {
+    part_interval = part_values["transpose"] if "transpose" in part_values.by_name else None
+    transposed_fields = {
         **part_values.by_name,
-        "transpose": member_interval.plus(interval) if member_interval else interval,
+        "transpose": part_interval.plus(interval) if part_interval else interval,
     }
     nodes = {**part_values.nodes, "transpose": include.values.nodes["transpose"]}
-    return replace(part_values, by_name=moved_fields, nodes=nodes)
+    return replace(part_values, by_name=transposed_fields, nodes=nodes)
 
 
 def included_play(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:
@@ -114,9 +114,9 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
     _check_pitches(piece, include, collector)
     prefixed = _prefixer(include.prefix)
     moved = _position_mover(include.at, piece.tempo_map)
-    until_position = _optional_mover(moved)
+    moved_or_none = _optional_mover(moved)
 
-    include_copy = _IncludedCopy(prefixed, moved, until_position)
+    include_copy = _IncludedCopy(prefixed, moved, moved_or_none)
     players = {
         prefixed(item.name): replace(
             item,
@@ -132,7 +132,7 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
             player=prefixed(item.player),
             what=prefixed(item.what) if item.pattern is None else item.what,
             at=moved(item.at),
-            until=until_position(item.until),
+            until=moved_or_none(item.until),
             pattern=None
             if item.pattern is None
             else replace(item.pattern, order=_renamed_order(item.pattern.order, prefixed)),
@@ -146,7 +146,7 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
             target=include_copy.target(item.target),
             other_notes=tuple(map(include_copy.target, item.other_notes)),
             at=moved(item.at),
-            until=until_position(item.until),
+            until=moved_or_none(item.until),
         )
         for item in piece.automation
     )
@@ -157,7 +157,7 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
             a=include_copy.target(item.a),
             b=include_copy.target(item.b),
             at=moved(item.at),
-            until=until_position(item.until),
+            until=moved_or_none(item.until),
         )
         for number, item in enumerate(piece.duet, first_link)
     )
@@ -220,8 +220,8 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
         )
     ]
     fixed_pitches += [f"strikes {quote(entry.name)}" for entry in piece.strikes if entry.notes]
-    for moved_item in fixed_pitches:
-        message = f"transpose of include: {moved_item} in {include.file} sets pitches, which stay"
+    for fixed_pitch in fixed_pitches:
+        message = f"transpose of include: {fixed_pitch} in {include.file} sets pitches, which stay"
         help = "write its values as factors, such as x1.5, or leave `transpose` out"
         collector.error("E304", message, transpose_place, help=help)
 
@@ -240,9 +240,9 @@ def _position_mover(start_position: Position, tempo: TempoMap) -> Callable[[Posi
         beats = tempo.resolve(
             replace(written_position, plus=replace(written_position.plus, seconds=0.0))
         )
-        later_length = start_position.plus
+        start_offset = start_position.plus
         moved_length = Length(
-            later_length.bars, later_length.beats + beats, later_length.seconds + plus_seconds
+            start_offset.bars, start_offset.beats + beats, start_offset.seconds + plus_seconds
         )
         return replace(start_position, plus=moved_length, text=written_position.text)
 

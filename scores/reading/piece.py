@@ -16,7 +16,7 @@ from ergon.notation.tables.tuning import Tuning, tuning_of_path
 from ergon.notation.text.values import Place
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
-from ergon.scores.pattern.steps import Steps, line_steps
+from ergon.scores.pattern.steps import PlaceBeats, entry_place_beats
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.digest_marks import OMIT_EMPTY, OMIT_NONE
@@ -234,13 +234,13 @@ class Strikes:
                 )
                 yield stroke.beat, stroke.number, hit
 
-    def steps(self, piece: Piece) -> Steps:
+    def steps(self, piece: Piece) -> PlaceBeats:
         """The places of the pattern, on which it strikes. Raises TextError."""
         assert self.pattern is not None
         tempo = piece.tempo_map
         begin, stop = tempo.resolve(self.at), self.stop_beat(tempo)
         place_sequence = PlaceSequence(self.pattern, Draws(piece.seed, self.draw_key))
-        return line_steps(
+        return entry_place_beats(
             tempo, begin, place_sequence, step_length=self.every, times=self.times, end_beat=stop
         )
 

@@ -73,9 +73,9 @@ def _checked_route(
         message = f"route: {quote(part_path)} has no output" + (
             f" {quote(output_name)}" if output_name else ""
         )
-        output_names = tuple(f"{part_path}.{name}" for name in out_names if name)
+        output_paths = tuple(f"{part_path}.{name}" for name in out_names if name)
         part_names.collector.error(
-            "E301", message, route.place, word=str(route.part), names=output_names
+            "E301", message, route.place, word=str(route.part), names=output_paths
         )
     part_names.referenced_parts.add(part_path)
     levelled_route = _route_with_level(
@@ -113,22 +113,25 @@ def _check_route(
                 "E301", message, room_name.place, word=room_name, names=room_names
             )
     routed_outputs = [output for output in instrument.outputs if route.out in (None, output.name)]
-    silent_output = next(
+    non_radiating_output = next(
         (output for output in routed_outputs if not output.kind_facts.radiates), None
     )
-    if route.radiation is not None and silent_output is not None:
+    if route.radiation is not None and non_radiating_output is not None:
         message = (
-            f"route: `radiate` takes an acceleration, and {route.part} gives {silent_output.kind}"
+            f"route: `radiate` takes an acceleration, and {route.part} gives "
+            f"{non_radiating_output.kind}"
         )
         help_text = (
             "listen by SOA: the pressure of a small source is proportional to its acceleration"
         )
         part_names.collector.error("E304", message, route.place, help=help_text)
-    force_kinds = [output.kind for output in routed_outputs if not output.kind_facts.is_movement]
+    non_movement_kinds = [
+        output.kind for output in routed_outputs if not output.kind_facts.is_movement
+    ]
     if route.to == "nearest" and any(
         not output.is_movement and output.nearest is None for output in routed_outputs
     ):
-        quantity = force_kinds[0] if force_kinds else "a distance"
+        quantity = non_movement_kinds[0] if non_movement_kinds else "a distance"
         message = (
             "route: `nearest` needs masses, which have positions, and "
             f"{route.part} gives {quantity}"

@@ -13,7 +13,7 @@ from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import MidpointChance, Transform, apply, apply_to_take
-from ergon.scores.pattern.steps import line_steps
+from ergon.scores.pattern.steps import entry_place_beats
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.playing import Gesture, Play
@@ -143,15 +143,15 @@ def _pattern_beats(
         for dropped_reason in dropped_reasons:
             collector.error("W315", f"{quote(gesture_name)}: {dropped_reason}", part_play.place)
     try:
-        return line_steps(
+        return entry_place_beats(
             tempo,
             begin_beat,
             part_play.place_sequence(piece.seed),
             step_length=part_play.every,
             times=part_play.times,
             end_beat=None if part_play.until is None else tempo.resolve(part_play.until),
-            length=pattern_lengths.get,
-            room=n_left,
+            length_of_name=pattern_lengths.get,
+            places_left=n_left,
         )
     except TextError as error:
         code = error.code if error.code != "E204" else "E305"

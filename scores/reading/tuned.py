@@ -67,8 +67,12 @@ def _base_name(nodes: Mapping[str, Node], instrument_name: str) -> str:
     """The name that `like` gives an instrument of this file; without `like`, the name itself."""
     node = nodes.get(instrument_name)
     base_name = node.get("like") if isinstance(node, document.Mapping) else None
-    is_sure = isinstance(node, document.Mapping) and "tuning" not in node.entries
-    return base_name.text.strip() if is_sure and isinstance(base_name, Scalar) else instrument_name
+    inherits_tuning = isinstance(node, document.Mapping) and "tuning" not in node.entries
+    return (
+        base_name.text.strip()
+        if inherits_tuning and isinstance(base_name, Scalar)
+        else instrument_name
+    )
 
 
 def _tuning_of_node(tuning_node: Node | None, score_files: Files, field_name: str) -> Tuning | None:
@@ -119,15 +123,15 @@ def _parsed_scala_file(
 ) -> _Read | None:
     """What a file of Scala says; None if an error was reported."""
     folder = tuning_values.nodes[field_name].document.folder
-    scala_text = score_files.plain(
+    scala_document = score_files.plain(
         tuning_values[field_name], folder, tuning_values.place_of(field_name), _decoded
     )
-    if scala_text is None:
+    if scala_document is None:
         return None
     try:
-        return parse(scala_text.text)
+        return parse(scala_document.text)
     except ScalaError as error:
-        place = Place(scala_text.file, error.line, 1, error.length)
+        place = Place(scala_document.file, error.line, 1, error.length)
         score_files.collector.error(error.code, error.message, place)
         return None
 

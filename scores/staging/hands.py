@@ -19,7 +19,7 @@ from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.points import Curve
 from ergon.scores.gesture.transforms import Chance, MidpointChance, Transform, apply, apply_to_take
 from ergon.scores.pattern.search import n_before
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import (
     DEFAULT_OPTIONS,
@@ -142,7 +142,7 @@ def _key_name(piece: Piece, play: Play) -> str:
 def _last_beat(line: LineAndBeats) -> float:
     """The last beat on which a line plays; infinite if that is not known."""
     _, beats = line
-    if isinstance(beats, Steps):
+    if isinstance(beats, PlaceBeats):
         return beats.last
     return beats[-1] if type(beats) is list and beats else math.inf
 
@@ -150,7 +150,7 @@ def _last_beat(line: LineAndBeats) -> float:
 def _name_and_count(line: LineAndBeats) -> tuple[tuple[str, str], int] | None:
     """What a line plays, and how often; None for patterns, which draw by place."""
     play, beats = line
-    if isinstance(beats, Steps):
+    if isinstance(beats, PlaceBeats):
         return None
     return (play.player, play.what), len(beats or ())
 
@@ -230,7 +230,7 @@ class Hands:
         """
         if self._key_of(play) not in self._keys:
             return  # the piece of the stage lacks this key
-        if isinstance(starts, Steps):
+        if isinstance(starts, PlaceBeats):
             self._play_pattern(play, starts.with_seed(self.piece.seed))
         elif (gesture := self.piece.gestures.get(play.what)) is not None:
             transforms = (*gesture.do, *play.do)
@@ -245,7 +245,7 @@ class Hands:
             for start_beat in self._starts_with_room(play, start_beats):
                 self._put_take(play, take, start_beat)
 
-    def _play_pattern(self, line: Play, steps: Steps) -> None:
+    def _play_pattern(self, line: Play, steps: PlaceBeats) -> None:
         """Put what a pattern plays in its places within the window on the timeline."""
         places = steps.places
         since_beat, until_beat = self.window.since - SAME, self.window.until - SAME

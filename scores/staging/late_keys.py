@@ -33,11 +33,11 @@ def check_delays(piece: Piece, collector: Collector) -> None:
     """
     stiffest_by_key: dict[str, tuple[float, str]] = {}
     for part_name, end, part_module in links_on_keys(piece):
-        delayed_key, stiffness = piece.keys[end.part], part_module.fields.get("K")
-        if delayed_key.delay and end.module == delayed_key.struck and isinstance(stiffness, float):
-            stiffness_and_name = stiffness * delayed_key.reach**2, f"{part_name}.{part_module.name}"
-            stiffest_by_key[delayed_key.name] = max(
-                stiffness_and_name, stiffest_by_key.get(delayed_key.name, stiffness_and_name)
+        key, stiffness = piece.keys[end.part], part_module.fields.get("K")
+        if key.delay and end.module == key.struck and isinstance(stiffness, float):
+            stiffness_and_name = stiffness * key.reach**2, f"{part_name}.{part_module.name}"
+            stiffest_by_key[key.name] = max(
+                stiffness_and_name, stiffest_by_key.get(key.name, stiffness_and_name)
             )
     for key_name, (stiffness, stiffest_link) in stiffest_by_key.items():
         delayed_key = piece.keys[key_name]

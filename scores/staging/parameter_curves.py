@@ -16,7 +16,7 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import Approach
 from ergon.scores.pattern.search import first_index_from, n_before
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 from ergon.scores.reading.automation import Automation, Shape, Swing
 from ergon.scores.reading.piece import Piece
 
@@ -119,7 +119,7 @@ def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> flo
     return steps.beat(len(steps))
 
 
-def needed_places(steps: Steps, since: float, stop_beat: float) -> tuple[int, int]:
+def needed_places(steps: PlaceBeats, since: float, stop_beat: float) -> tuple[int, int]:
     """The places before beat `stop_beat` from the value on that holds at `since` and the one that
     it comes from: the first, and the one behind the last.
     """

@@ -17,7 +17,7 @@ from ergon.notation.tables.strengths import MEZZO_FORTE, ImpulseRange, Level
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.search import first_index_from
-from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.steps import PlaceBeats
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.rhythms import LONGEST_CYCLES
 from ergon.scores.reading.sweep_fields import Passing
@@ -129,7 +129,7 @@ class Striking:
                 self, strikes=axis_strikes, mats=self.mats[axis * n_mats : (axis + 1) * n_mats]
             )
 
-    def _strike_by_pattern(self, pattern_steps: Steps) -> float:
+    def _strike_by_pattern(self, pattern_steps: PlaceBeats) -> float:
         """Strike in the places of a pattern; chance is drawn for each member separately."""
         places, tempo = pattern_steps.places, self.piece.tempo_map
         pattern = places.pattern

@@ -182,7 +182,7 @@ def _read_devices(text: str, folder: Path) -> None:
     path = folder / "ergon" / "devices.toml"
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(text.encode(errors="surrogatepass"))
-    axis = calibration.Axis(1, 0.0, 1.0, (-0.01, 0.01), 5.0)
+    axis = calibration.AxisCalibration(1, 0.0, 1.0, (-0.01, 0.01), 5.0)
     try:
         urls = [*boards.device_urls().values(), "frame:/dev/ttyACM0", "haply:127.0.0.1:1?id=A14"]
         for url in urls[:6]:

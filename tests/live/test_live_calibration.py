@@ -16,7 +16,7 @@ from ergon.common.report import Report
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path, device_urls
 from ergon.live.calibration import (
-    Axis,
+    AxisCalibration,
     axis_key,
     calibrated_axes,
     confirmed_axes,
@@ -27,7 +27,7 @@ from ergon.live.display import event_sentence
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 Capture = pytest.CaptureFixture[str]
-AXIS = Axis(-1, 0.0125, 2.0, (-0.03, 0.03), 3.5)
+AXIS = AxisCalibration(-1, 0.0125, 2.0, (-0.03, 0.03), 3.5)
 USER_FILE = """\
 # my keys
 [devices]
@@ -71,7 +71,7 @@ def test_store_axis_preserves_other_lines_of_config(config: Path, end: str):
     assert text.startswith(single + end + '[calibration."frame:/dev/ttyACM0#2"]' + end)
     assert known_axes("frame:/dev/ttyACM0") == {2: AXIS}
     # Again: only its own table is another one.
-    other = Axis(1, 1e-5, -1.0, (0.0, 0.02), 1.0)
+    other = AxisCalibration(1, 1e-5, -1.0, (0.0, 0.02), 1.0)
     store_axis("frame:/dev/ttyACM9", 0, other)
     begin, rest = single.split(f'[calibration."frame:/dev/ttyACM9#0"]{end}')
     changed = config.read_bytes().decode()
@@ -272,7 +272,7 @@ def test_calibrated_boards_direction_of_twelve_keys(config: Path):
         (asked,) = report.sentences
         assert asked.startswith("p0, p1, p2")
         assert "let go of the keys: small pulses" in asked
-        store_axis(url, 4, Axis(-1, 0.0, 1.0, (-0.05, 0.05), 20.0))
+        store_axis(url, 4, AxisCalibration(-1, 0.0, 1.0, (-0.05, 0.05), 20.0))
         with pytest.raises(OptionError, match="the motor pushes the wrong way") as refused:
             calibrated_boards(twelve, False, report)
     assert refused.value.value == "p4"
@@ -314,7 +314,7 @@ def test_calibration_by_path_valid_until_identity_known(
     monkeypatch.setattr(_core, "serial_identity", lambda path: "usb:16c0:0483:11")
     assert known_axes("frame:/dev/ttyACM0") == {0: AXIS}
     assert calibrated_axes("frame:/dev/ttyACM0") == set()
-    other = Axis(1, 0.0, 1.0, (-0.05, 0.05), 1.0)
+    other = AxisCalibration(1, 0.0, 1.0, (-0.05, 0.05), 1.0)
     store_axis("frame:/dev/ttyACM0", 0, other)
     assert known_axes("frame:/dev/ttyACM0") == {0: other}
     assert calibrated_axes("frame:/dev/ttyACM0") == {0}
@@ -379,6 +379,6 @@ def test_axes_as_known_pushes_still_axes_again(
 ):
     device = PassedOverDevice(still, held)
     monkeypatch.setattr(_core, "Device", lambda url, axes: device)
-    known = {number: Axis(1, 0.0, 1.0, (-0.01, 0.01), 2.0) for number in range(4)}
+    known = {number: AxisCalibration(1, 0.0, 1.0, (-0.01, 0.01), 2.0) for number in range(4)}
     assert list(confirmed_axes("frame:x", known)) == moved
     assert device.pushes == [[0, 1, 2, 3], *pushed_again]

@@ -15,7 +15,7 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.pattern import order, rhythm, turns, words
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
-from ergon.scores.pattern.steps import line_steps
+from ergon.scores.pattern.steps import entry_place_beats
 
 FLAT = TempoMap()
 RAMP = TempoMap([Entry(parse_position("0"), 60.0, 120.0, Length(beats=64))])
@@ -205,7 +205,9 @@ def test_draws_by_seed_and_name():
 def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **more):
     item = {name: more.pop(name) for name in ("euclid", "swing", "skip") if name in more}
     apart = None if every is None else parse_length(every)
-    return line_steps(tempo, start, course(text, **item), step_length=apart, length=length, **more)
+    return entry_place_beats(
+        tempo, start, course(text, **item), step_length=apart, length_of_name=length, **more
+    )
 
 
 @pytest.mark.parametrize(

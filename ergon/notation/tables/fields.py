@@ -26,7 +26,7 @@ from ergon.notation.text.errors import TextError, quote, with_article
 from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Place
 
-_NOBODY = (None, None)
+_NO_ENTRY = (None, None)
 _SHORT = 3  # characters: a shorter name resembles too many others
 _NO_ARTICLE = ("rates", "strikes", "accuracy", "render", "mix", "master")
 
@@ -81,7 +81,7 @@ class Values:
         self.context.error(code, message, self.place_of(name), **more)
 
 
-def _integer_keys(
+def _entries_without_cut_numbers(
     entries: Mapping[str, tuple[Scalar, Node]], record_values: Values
 ) -> Iterator[tuple[str, tuple[Scalar, Node]]]:
     """The entries, without numbers that a decimal comma cut in two (`{t60: 4,5s}`): these are
@@ -157,12 +157,16 @@ class Record(Shape):
         if is_nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
         record_values = Values(self, node, context)
-        is_cut = any(word[:1].isdigit() for word in named_entries)  # no name begins with a digit
-        numbered_entries = (
-            _integer_keys(named_entries, record_values) if is_cut else named_entries.items()
+        has_numeric_key = any(
+            word[:1].isdigit() for word in named_entries
+        )  # no name begins with a digit
+        checked_entries = (
+            _entries_without_cut_numbers(named_entries, record_values)
+            if has_numeric_key
+            else named_entries.items()
         )
         lost_word = lost_indentation(named_entries, self._is_lost)
-        for entry_word, (key_node, child_node) in numbered_entries:
+        for entry_word, (key_node, child_node) in checked_entries:
             if lost_word is not None and entry_word == lost_word[0]:
                 report_lost(context, *lost_word, named_entries[lost_word[1]][0])
                 return MISSING
@@ -172,7 +176,7 @@ class Record(Shape):
                     field_value = known_field.shape.read(child_node, entry_word, context)
                 else:
                     read_value = partial(known_field.shape.read, child_node, entry_word, context)
-                    let_node = named_entries.get("let", _NOBODY)[1]  # values that others may name
+                    let_node = named_entries.get("let", _NO_ENTRY)[1]  # values that others may name
                     field_value = context.memory.recall(
                         (child_node, entry_word, let_node), read_value
                     )

@@ -167,7 +167,7 @@ class Text(Shape):
             return named_values.position(read_word_text, source_document, self.parse)
         return named_values.word_value(read_word_text, source_document, self.parse)
 
-    def _computed(self, node: Scalar, name: str, context: Context, plain_value: TextError) -> Any:
+    def _computed(self, node: Scalar, name: str, context: Context, plain_error: TextError) -> Any:
         """The value of a node that is not a plain value: an expression, or a mistake to report."""
         try:
             literal = named_values.literal(node)
@@ -178,7 +178,7 @@ class Text(Shape):
             return MISSING
         try:
             if literal is None:
-                raise plain_value
+                raise plain_error
             return self.parse(literal)
         except TextError as error:
             if literal is not None:
@@ -214,10 +214,10 @@ class NamedValues(Shape):
         """Read a node; its document keeps the values."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        amounts_by_name = named_values.named_amounts(node.document)
-        for scalar, error in amounts_by_name.mistakes:
+        named_amounts = named_values.named_amounts(node.document)
+        for scalar, error in named_amounts.mistakes:
             context.text_error(error, scalar, name)
-        return dict(amounts_by_name.names)
+        return dict(named_amounts.names)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -302,11 +302,11 @@ def report_lost(context: Context, name_above: str, lost_word: str, lost_key: Sca
     context.error("E101", message, lost_key.place, help=help_text)
 
 
-def name_help(known_word: str) -> str | None:
+def name_help(word: str) -> str | None:
     """Help for a name that is none, because of how its characters are written."""
-    if (character := typeset_character(known_word)) is not None:
-        return f"{quote(known_word)} has {character}"
-    return "put a space after ':'" if ":" in known_word else None
+    if (character := typeset_character(word)) is not None:
+        return f"{quote(word)} has {character}"
+    return "put a space after ':'" if ":" in word else None
 
 
 def wrong_shape(
@@ -319,12 +319,12 @@ def wrong_shape(
 ) -> Any:
     """Report a node that is a mapping, list or text where another kind is expected."""
     if isinstance(wrong_node, document.Mapping):
-        actual_kind = "is a mapping"
+        actual_text = "is a mapping"
     elif isinstance(wrong_node, Scalar):
-        actual_kind = "is empty" if wrong_node.is_empty else f"is {quote(wrong_node.text)}"
+        actual_text = "is empty" if wrong_node.is_empty else f"is {quote(wrong_node.text)}"
     else:
-        actual_kind = "is a list"
-    message = f"{context.label(field_name)} {actual_kind}; expected: {expected_shape.words()}"
+        actual_text = "is a list"
+    message = f"{context.label(field_name)} {actual_text}; expected: {expected_shape.words()}"
     if isinstance(wrong_node, document.Sequence) and isinstance(expected_shape, Text | Reference):
         help = "a list is not read here: repeat the entry, once for each value"
     context.error("E106", message, wrong_node.place, help=help, suggestion=suggestion)

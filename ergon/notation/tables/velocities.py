@@ -68,9 +68,9 @@ def parse_curve(curve_text: str) -> Curve:
     point_shares: list[Fraction] = []
     for point_word, offset in words_with_offsets:
         point_match = _POINT.fullmatch(point_word)
-        position = Fraction(point_match[1]) if point_match else None
+        share = Fraction(point_match[1]) if point_match else None
         velocity = int(point_match[2]) if point_match else 0
-        if position is None or position > 1 or not 1 <= velocity <= HARDEST:
+        if share is None or share > 1 or not 1 <= velocity <= HARDEST:
             message = (
                 f"{quote(point_word)} is neither {', '.join(LAWS)} nor a point: a strength from 0 "
             )
@@ -83,7 +83,7 @@ def parse_curve(curve_text: str) -> Curve:
             )
             raise TextError(message + "point before it", offset=offset, length=len(point_word))
         velocities.append(velocity)
-        point_shares.append(position)
+        point_shares.append(share)
     return Curve("", tuple(velocities), tuple(point_shares))
 
 

@@ -18,24 +18,28 @@ _DASH = re.compile(r"[ \t]*-[ \t]+")
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The items of a list from number `first` on, below the names that lead to the list.
+    """The items of a list from number `first_item` on, below the names that lead to the list.
 
-    `text` is a YAML text of its own: `head` characters of names, then the characters from `start`
-    to `stop` of the whole, then `tail`, which closes braces of the head.
+    `text` is a YAML text of its own: `head_length` characters of names, then the characters from
+    `start` to `stop` of the whole, then `tail`, which closes braces of the head.
     """
 
     text: str
-    head: int
+    head_length: int
     start: int
     stop: int
-    first: int
+    first_item: int
     tail: str = ""
 
     def put_back(self, edited: str) -> Splice | None:
         """The splice that puts an edited window back; None if the edit has changed the names."""
-        if edited[: self.head] != self.text[: self.head] or not edited.endswith(self.tail):
+        if edited[: self.head_length] != self.text[: self.head_length] or not edited.endswith(
+            self.tail
+        ):
             return None
-        return Splice(self.start, self.stop, edited[self.head : len(edited) - len(self.tail)])
+        return Splice(
+            self.start, self.stop, edited[self.head_length : len(edited) - len(self.tail)]
+        )
 
 
 def last_items(
@@ -48,7 +52,7 @@ def last_items(
     """
     if not is_plain(section_text):
         return None
-    heads, text_after, window_node = (
+    heads, closing_braces, window_node = (
         _head(section_text, name_node, section_value),
         "",
         section_value,
@@ -59,9 +63,9 @@ def last_items(
             return None
         name_node, value_below, _ = entry_below
         if section_text[window_node.start] == "{":
-            head_text, text_after = (
+            head_text, closing_braces = (
                 _head_within(section_text, name_node, value_below),
-                "}" + text_after,
+                "}" + closing_braces,
             )
         else:
             head_text = _head(section_text, name_node, value_below)
@@ -84,12 +88,12 @@ def last_items(
             return None
         start_index, stop_index = line_start, _line_end(section_text, items_end)
     return Window(
-        heads + section_text[start_index:stop_index] + text_after,
+        heads + section_text[start_index:stop_index] + closing_braces,
         len(heads),
         start_index,
         stop_index,
         first_item,
-        text_after,
+        closing_braces,
     )
 
 
@@ -108,14 +112,14 @@ def line_window(
         if entry_below is None or text_before is None:
             return None
         name_node, window_node, base = entry_below
-        window_begin, window_end = base + name_node.start, base + window_node.end
-        line_start = section_text.rfind("\n", 0, window_begin) + 1
+        name_start, value_stop = base + name_node.start, base + window_node.end
+        line_start = section_text.rfind("\n", 0, name_start) + 1
         line_stop = _line_end(section_text, base + name_node.end)
         if (
             isinstance(window_node, document.Mapping)
             and section_text[base + window_node.start] == "{"
         ):
-            if section_text[line_start:window_begin].strip() or window_end > line_stop:
+            if section_text[line_start:name_start].strip() or value_stop > line_stop:
                 return None
             return Window(
                 text_before + section_text[line_start:line_stop],

@@ -13,7 +13,7 @@ from ergon.common.foreign_files import foreign_file
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import DialectError, ModelError
-from ergon.workshop.models.mims.grammar import FORMS, NAMES, Dialect
+from ergon.workshop.models.mims.grammar import DIALECT_NAMES, FORMS, Dialect
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.model import Model
 from ergon.workshop.models.mims.reading import is_mims, is_table, parse, read_text
@@ -229,8 +229,11 @@ def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
         )
         raise error_by_dialect[farthest]
     if len(set(score_by_dialect.values())) > 1:
-        message = f"both {' and '.join(NAMES.values())} read it, and it sounds otherwise in each; "
-        dialect_error = DialectError(message + "write --dialect v1 or --dialect v2")
+        message = (
+            f"both {' and '.join(DIALECT_NAMES.values())} read it, and it sounds otherwise in "
+            "each; write --dialect v1 or --dialect v2"
+        )
+        dialect_error = DialectError(message)
         dialect_error.file = str(path)
         raise dialect_error
     return "v2" if "v2" in score_by_dialect else "v1"

@@ -141,7 +141,7 @@ class Judge:
         start_position = fit.start_positions[-1]
         held_out = self.held_out.with_forces(fit.forces[-1])
         held_out = output_error.recover_forces(fit.parameters, held_out, start_position)
-        errors = output_error.errors(fit.parameters, held_out, start_position)
+        errors = output_error.residuals(fit.parameters, held_out, start_position)
         return float(np.sqrt(np.mean(errors**2)))
 
     def without(self, name: str, parameters: tuple[str, ...], previous: Stage) -> Stage:
@@ -177,7 +177,7 @@ class Judge:
             for row in start_rows
         ]
         best_fit = min(fits, key=lambda fit: fit.rms)
-        residual = output_error.errors(previous.fit.parameters, first_gesture[0], starts[0])
+        residual = output_error.residuals(previous.fit.parameters, first_gesture[0], starts[0])
         if best_fit.rms**2 < np.mean(residual**2):
             return self.stage(name, best_fit.parameters, fitted_indices, previous, score)
         stage = self.stage(name, best_fit.parameters, fitted_indices, previous, score, iterations=0)

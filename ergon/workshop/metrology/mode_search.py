@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .output_error import errors
+from .output_error import residuals
 from .parameters import INDEX, total_mass
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
     )
     for gesture, start in zip(gestures, fit.start_positions, strict=True):
         error = np.zeros(gesture.force.size)
-        error[gesture.is_compared] = errors(parameters, gesture, start)
+        error[gesture.is_compared] = residuals(parameters, gesture, start)
         window = _taper(error.size)
         frequency = np.fft.rfftfreq(error.size, 1 / rate)
         is_in_band = (frequency > _FREQUENCY_MIN) & (frequency < _HIGHEST_RATE_SHARE * rate)

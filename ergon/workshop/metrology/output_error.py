@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
     from .gesture import Floats, Gesture
 
-_DAMPING = (1e-3, 1e-7)  # Levenberg-Marquardt damping: initial and smallest
-_DAMPING_MIN = 1e-5  # damping below which a step is nearly that of Gauss and Newton
+_DAMPING_INITIAL = 1e-3  # of Levenberg and Marquardt
+_DAMPING_MIN = 1e-7
+_UNDAMPED_BOUND = 1e-5  # damping below which a step is nearly that of Gauss and Newton
 _SLOW_STEPS_MAX = 3  # steps that hardly fall, after which it has converged even if they are damped
 _DAMPING_TRIALS = 12
 # Maximal rounds of recovering unknown forces, the relative fall of the cost that ends them, and the
@@ -63,8 +64,8 @@ class Fit:
 
     def deviation(self, index: int) -> float:
         """Standard deviation of a parameter that was fitted, in its SI unit."""
-        position = self.fitted_indices.index(index)
-        return float(np.sqrt(self.covariance[position, position]))
+        covariance_index = self.fitted_indices.index(index)
+        return float(np.sqrt(self.covariance[covariance_index, covariance_index]))
 
 
 def path(parameters: Floats, gesture: Gesture, start_position: float) -> Floats:
@@ -74,16 +75,18 @@ def path(parameters: Floats, gesture: Gesture, start_position: float) -> Floats:
     return _core.key_path(parameters, gesture.force, gesture.rate, columns=())[0]
 
 
-def errors(parameters: Floats, gesture: Gesture, start: float) -> Floats:
+def residuals(parameters: Floats, gesture: Gesture, start: float) -> Floats:
     """The positions that count minus those of the model [m]."""
-    counts = gesture.is_compared
-    return gesture.position[counts] - path(parameters, gesture, start)[counts]
+    is_compared = gesture.is_compared
+    return gesture.position[is_compared] - path(parameters, gesture, start)[is_compared]
 
 
 def _costs(parameters: Floats, gestures: Sequence[Gesture], starts: Floats) -> tuple[float, float]:
     """Sums of squares: of position errors [m²], and of unknown forces in units of their spreads."""
     try:
-        position_errors = [errors(parameters, g, x) for g, x in zip(gestures, starts, strict=True)]
+        position_errors = [
+            residuals(parameters, g, x) for g, x in zip(gestures, starts, strict=True)
+        ]
     except _core.EngineError:
         return np.inf, 0.0  # no such key, or too fast a one
     squared_error = sum(float(error @ error) for error in position_errors)
@@ -124,7 +127,7 @@ def recover_forces(parameters: Floats, gesture: Gesture, start_position: float) 
         jacobian = _force_derivatives(parameters, gesture, start_position) * spread
         variance = position_cost / n_compared
         hessian = jacobian.T @ jacobian + variance * np.eye(ticks.size)
-        gradient = jacobian.T @ errors(
+        gradient = jacobian.T @ residuals(
             parameters, gesture, start_position
         ) - variance * _force_deviations(gesture)
         step = spread * np.linalg.solve(hessian, gradient)
@@ -176,9 +179,9 @@ def _linearise(
     fitted, parameters = [*fitted_indices, START], parameters.copy()
     parameters[START] = start_position
     x, jacobian = _core.key_path(parameters, gesture.force, gesture.rate, columns=fitted)
-    counts = gesture.is_compared
-    scaled = jacobian[counts] * derivative_scales(parameters, fitted)
-    return np.concatenate([scaled, force_jacobian], 1), (gesture.position - x)[counts]
+    is_compared = gesture.is_compared
+    scaled = jacobian[is_compared] * derivative_scales(parameters, fitted)
+    return np.concatenate([scaled, force_jacobian], 1), (gesture.position - x)[is_compared]
 
 
 def _normal_equations(
@@ -212,16 +215,16 @@ def _normal_equations(
 
 def _with_force_step(gestures: Sequence[Gesture], force_step: Floats) -> list[Gesture]:
     """The gestures after a step of their unknown forces, (q,)."""
-    pushed_gestures, force_offset = [], 0
+    stepped_gestures, force_offset = [], 0
     for gesture in gestures:
         ticks = gesture.unknown.ticks
-        pushed_gestures.append(
+        stepped_gestures.append(
             gesture.with_forces(
                 gesture.force[ticks] + force_step[force_offset : force_offset + ticks.size]
             )
         )
         force_offset += ticks.size
-    return pushed_gestures
+    return stepped_gestures
 
 
 def _damped_step(
@@ -298,7 +301,7 @@ def fit(
     `parameters` is not a valid key.
     """
     start_points = np.array([g.start for g in gestures] if starts is None else starts)
-    n_fitted, damping, damping_min = len(fitted_indices), *_DAMPING
+    n_fitted, damping = len(fitted_indices), _DAMPING_INITIAL
     first_force_index = n_fitted + len(start_points)
     n_compared = sum(int(g.is_compared.sum()) for g in gestures)
     position_cost, force_cost = _costs(parameters, gestures, start_points)
@@ -335,13 +338,13 @@ def fit(
         damping /= 10
         # A step that is much damped falls little anywhere.
         n_slow_steps = n_slow_steps + 1 if relative_fall < _COST_TOLERANCE else 0
-        if n_slow_steps and (damping < _DAMPING_MIN or n_slow_steps == _SLOW_STEPS_MAX):
+        if n_slow_steps and (damping < _UNDAMPED_BOUND or n_slow_steps == _SLOW_STEPS_MAX):
             if iteration % _JACOBIAN_INTERVAL == 0 or not any(
                 g.unknown.ticks.size for g in gestures
             ):
                 break
             force_jacobians = []
-        damping = max(damping, damping_min)
+        damping = max(damping, _DAMPING_MIN)
     if is_rough:
         covariance = np.full((n_fitted, n_fitted), np.nan)
     else:
@@ -362,6 +365,6 @@ def fit(
     )
 
 
-def follow(row: Floats, gesture: Gesture) -> Fit:
+def follow(parameters: Floats, gesture: Gesture) -> Fit:
     """Fit only how a gesture begins, and its unknown forces, to a key of which all is known."""
-    return fit([gesture.with_unknown_speed()], row, (), is_rough=True)
+    return fit([gesture.with_unknown_speed()], parameters, (), is_rough=True)

@@ -32,7 +32,7 @@ class Form:
         return " ".join((*points, *self.values, *optional_words, *self.trailing)) or "nothing"
 
 
-_POINTS: Mapping[Family, int] = {"link": 2, "output": 1}
+_N_POINTS: Mapping[Family, int] = {"link": 2, "output": 1}
 
 
 def _forms(family: Family, text: str, n_points: int | None = None) -> dict[str, Form]:
@@ -44,7 +44,7 @@ def _forms(family: Family, text: str, n_points: int | None = None) -> dict[str, 
         optional_end = optional_indices[-1] + 1 if optional_indices else len(value_names)
         forms[keyword] = Form(
             family,
-            _POINTS.get(family, 0) if n_points is None else n_points,
+            _N_POINTS.get(family, 0) if n_points is None else n_points,
             tuple(value_names[:optional_begin]),
             tuple(name.strip("[]") for name in value_names[optional_begin:optional_end]),
             tuple(value_names[optional_end:]),
@@ -134,6 +134,6 @@ _V2 = {
     ),
 }
 FORMS: Mapping[Dialect, Mapping[str, Form]] = {"v1": _V1, "v2": _V2}
-NAMES: Mapping[Dialect, str] = {"v1": "MIMS (v1)", "v2": "mi-gen (v2)"}
+DIALECT_NAMES: Mapping[Dialect, str] = {"v1": "MIMS (v1)", "v2": "mi-gen (v2)"}
 MESHES = ("mesh", "closedMesh", "cornerMesh")
 STRINGS = ("string", "chain", "stiffString")

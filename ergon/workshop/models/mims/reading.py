@@ -13,7 +13,7 @@ from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.faust import script
-from ergon.workshop.models.mims.grammar import FORMS, MESHES, NAMES, Dialect, Form
+from ergon.workshop.models.mims.grammar import DIALECT_NAMES, FORMS, MESHES, Dialect, Form
 from ergon.workshop.models.mims.model import Model, Point, Statement, number
 
 BYTES_MAX = 16 << 20
@@ -81,7 +81,7 @@ def parse(
         ]
         if not numbered_lines:
             raise ModelError(
-                f"it says nothing in {NAMES[dialect]}: no line begins with @ and a name"
+                f"it says nothing in {DIALECT_NAMES[dialect]}: no line begins with @ and a name"
             )
         macros = {
             line_words[0][1:]
@@ -163,7 +163,7 @@ def _statement(
     keyword, *argument_words = words_after_name
     form = FORMS[dialect].get(keyword)
     if form is None:
-        message = f"{quote(keyword)} is not a word of {NAMES[dialect]}"
+        message = f"{quote(keyword)} is not a word of {DIALECT_NAMES[dialect]}"
         raise ModelError(message, line_number, nearest(keyword, FORMS[dialect]))
     if len(argument_words) < form.n_points:
         raise ModelError(f"{keyword} is written {form.usage}", line_number)

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from ergon.notation.tables.expressions import Amount
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.mims.grammar import NAMES
+from ergon.workshop.models.mims.grammar import DIALECT_NAMES
 from ergon.workshop.models.mims.heard import add_output, audible_ends
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.links import add_link
@@ -74,8 +74,8 @@ def _page(draft: ScoreDraft, score_title: str) -> Page:
     fed_names = [name for name in model.inputs if name in draft.inputs]
     return Page(
         header=[
-            f"From {score_title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of "
-            f"{laws_label}.",
+            f"From {score_title or 'a model'}, in the language of {DIALECT_NAMES[model.dialect]}, "
+            f"laws of {laws_label}.",
             f"One sample is 1/{RATE} s; the numbers are those of the discrete network.",
         ],
         parameters=[
