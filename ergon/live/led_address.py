@@ -57,7 +57,7 @@ class LedAddress:
     """
 
     kind: str
-    address: str
+    control: str
     finger: Finger
     delay: float = 0.02
     travel: float | None = None
@@ -70,7 +70,7 @@ class LedAddress:
     @property
     def controller(self) -> int | None:
         """The number of the MIDI controller; None for other values."""
-        match = _CONTROLLER.match(self.address)
+        match = _CONTROLLER.match(self.control)
         return int(match[1]) if match else None
 
 

@@ -41,7 +41,7 @@ class GamepadAxis:
     def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
         """The ends of the axis are those of the key."""
         self._address, self._lead = address, lead
-        self.code, self._sign = GAMEPAD_AXES[address.address]
+        self.code, self._sign = GAMEPAD_AXES[address.control]
         self.range = _USUAL_RANGE
 
     def receive(self, value: int, instant: float) -> None:

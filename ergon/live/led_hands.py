@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 _NO_KEYS: Mapping[str, LedKey] = {}
 _TRACED_RATE = 1100  # ticks a second, or a little more
-_FAST_HAND_ACCELERATION = (
-    10.0  # [m/s²], the acceleration of a fast hand, for which a path's error is stated
-)
+_FAST_HAND_ACCELERATION = 10.0  # [m/s²], for which a path's error is stated
 
 
 class _Source(Protocol):

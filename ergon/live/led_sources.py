@@ -57,13 +57,13 @@ class MidiValues:
         controller = self._address.controller
         if isinstance(message, ControlChange) and controller is not None:
             return self._controller_share(message, controller)
-        if isinstance(message, PitchWheel) and self._address.address == "bend":
+        if isinstance(message, PitchWheel) and self._address.control == "bend":
             # The middle is exactly the middle, though there are more values below it than above.
             value_from_middle = message.value - _PITCH_BEND_CENTRE
             return 0.5 + 0.5 * value_from_middle / (
                 _PITCH_BEND_CENTRE if value_from_middle < 0 else _TOP - _PITCH_BEND_CENTRE
             )
-        if isinstance(message, Pressure) and self._address.address == "pressure":
+        if isinstance(message, Pressure) and self._address.control == "pressure":
             return message.value / _COARSE_MAX
         return None
 
@@ -91,7 +91,7 @@ class OscValues:
     @property
     def path(self) -> str:
         """The address of the messages."""
-        return self._address.address
+        return self._address.control
 
     def receive(self, arguments: Sequence[object], instant: float) -> None:
         """Take the arguments of a message that came at an instant [s], as `MidiValues` does."""

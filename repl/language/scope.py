@@ -26,7 +26,7 @@ from ergon.scores.reading.families import library
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Gesture
 
-SCORE_SUFFIXES = (".yaml", ".yml")  # of scores
+SCORE_SUFFIXES = (".yaml", ".yml")
 MIDI_SUFFIXES = (".mid", ".midi", ".rmi")
 _FILES_MAX = 10_000  # files of a folder that are listed
 _INITIAL_FIELDS = ("X0", "V0")  # they set how a mass starts: no effect once it moves

@@ -68,15 +68,17 @@ def test_removed_link_fades_out_in_20_ms(
     player_session.ok("remove bells.ab now")
     player_session.run(0.01)
     running = player_session.session.schedule.running
-    assert [one.module.name for one in running.leaving] == ["ab"]
+    assert [one.module.name for one in running.fading_links] == ["ab"]
     assert "ab" not in {
         module.name for module in running.version.piece.instruments["bells"].modules
     }
     player_session.ok("gain bells -3dB now")
-    assert [one.module.name for one in player_session.session.schedule.running.leaving] == ["ab"]
+    assert [one.module.name for one in player_session.session.schedule.running.fading_links] == [
+        "ab"
+    ]
     player_session.run(0.1)
     player_session.ok("seed 3 now")
-    assert player_session.session.schedule.running.leaving == ()
+    assert player_session.session.schedule.running.fading_links == ()
     player_session.run(0.1)
     player_session.close()
     assert np.array_equal(player_session.again(), player_session.sound)
@@ -91,7 +93,7 @@ def test_undo_of_link_removal_during_its_fade(tmp_path: Path) -> None:
     player_session.ok("undo now")
     player_session.run(0.3)
     running = player_session.session.schedule.running
-    assert running.leaving == ()
+    assert running.fading_links == ()
     (glide,) = (one for one in running.glides if one.module == "ab")
     assert 0.0 < glide.before[0] < glide.after[0]
     player_session.close()

@@ -176,12 +176,12 @@ def test_reload_of_invalid_score_is_refused(
 def test_watch_follows_loaded_score(stepped_session: Stepped, tmp_path: Path) -> None:
     other = tmp_path / "other.yaml"
     other.write_text(SCORE)
-    stepped_session.session.watch = FileWatch(Texts.read(tmp_path / "score.yaml"))
+    stepped_session.session.file_watch = FileWatch(Texts.read(tmp_path / "score.yaml"))
     stepped_session.ok(f"load {other}")
     os.utime(tmp_path / "score.yaml", (1, 1))
-    assert not stepped_session.session.watch.has_changed()
+    assert not stepped_session.session.file_watch.has_changed()
     os.utime(other, (1, 1))
-    assert stepped_session.session.watch.has_changed()
+    assert stepped_session.session.file_watch.has_changed()
 
 
 @pytest.mark.parametrize(

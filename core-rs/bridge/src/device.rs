@@ -326,18 +326,18 @@ impl Checkup {
 
     /// Duration of the measurement [s].
     #[getter]
-    fn seconds_array(&self) -> f64 {
+    fn seconds(&self) -> f64 {
         self.timing.seconds
     }
 
     /// Lateness of each tick [s], (n_ticks,); empty in lockstep.
     fn lateness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        seconds(py, &self.timing.lateness)
+        seconds_array(py, &self.timing.lateness)
     }
 
     /// Time from each force to its reply [s], (n_replies,).
     fn round_trips<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        seconds(py, &self.timing.round_trips)
+        seconds_array(py, &self.timing.round_trips)
     }
 
     /// Forces without a reply within 20 ms.
@@ -365,7 +365,7 @@ impl Checkup {
     }
 }
 
-fn seconds<'py>(py: Python<'py>, nanoseconds: &[u32]) -> Bound<'py, PyArray1<f64>> {
+fn seconds_array<'py>(py: Python<'py>, nanoseconds: &[u32]) -> Bound<'py, PyArray1<f64>> {
     let seconds = nanoseconds.iter().map(|&ns| f64::from(ns) * 1e-9);
     PyArray1::from_iter(py, seconds)
 }

@@ -157,9 +157,8 @@ class Record(Shape):
         if is_nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
         record_values = Values(self, node, context)
-        has_numeric_key = any(
-            word[:1].isdigit() for word in named_entries
-        )  # no name begins with a digit
+        # No name begins with a digit: such a key is the rest of a number.
+        has_numeric_key = any(word[:1].isdigit() for word in named_entries)
         checked_entries = (
             _entries_without_cut_numbers(named_entries, record_values)
             if has_numeric_key
