@@ -6,6 +6,7 @@
 mod certify;
 mod discretise;
 mod equal_ranges;
+mod force_sums;
 mod link;
 mod lone_links;
 mod spring;
@@ -14,8 +15,9 @@ mod taps;
 
 pub use certify::{BoundMethod, Certificate, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, RefusalDetail, largest_eigenvalue, largest_eigenvalue_up_to};
+pub(crate) use force_sums::{ForceSums, SUM_LANES};
 pub(crate) use link::tension_energy;
-pub(crate) use lone_links::{LinkGroup, LoneLinks, PulledEnds, are_lone};
+pub(crate) use lone_links::{LINK_LANES, LinkBlock, LoneLinks, are_lone};
 pub(crate) use spring::{ForceEnds, Spring};
 pub(crate) use springs::FusedSprings;
 pub(crate) use taps::Tap;

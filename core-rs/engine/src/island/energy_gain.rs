@@ -18,7 +18,7 @@ use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::{ImposedTarget, ModuleState};
 use link_account::{CheckedLink, LinkAccount};
 
-/// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
+/// Longest run of laws, and most springs in space, with accounts: of more, accounts would take more time than steps.
 pub(super) const ACCOUNTED_LAWS_MAX: usize = 32;
 /// Elongations [m] and rates [m/s] at which a law's damping is tested for giving energy.
 const DAMPING_TEST_MAX: (f64, f64) = (1e-2, 10.0);
@@ -28,6 +28,16 @@ pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<LinkRun> {
     let springs = scheme.runs.iter().filter(|run| run.is_hardening());
     let has_few_springs = springs.clone().map(|run| run.len).sum::<usize>() <= ACCOUNTED_LAWS_MAX;
     springs.filter(|_| has_few_springs).cloned().collect()
+}
+
+/// Whether springs in space are few: a mesh has many, in runs as short as its sides. The guard bounds their stiffness.
+fn has_few_space_springs(scheme: &Scheme) -> bool {
+    let is_space_spring = |run: &&LinkRun| match &run.kind {
+        LinkRunKind::Space(link) => !link.law.is_contact() && !matches!(link.law, SpaceLaw::Lnl { .. }),
+        _ => false,
+    };
+    let space_springs = scheme.runs.iter().filter(is_space_spring);
+    space_springs.map(|run| run.len).sum::<usize>() <= ACCOUNTED_LAWS_MAX
 }
 
 /// All links that may create energy.
@@ -55,6 +65,7 @@ impl EnergyGains {
     /// `None` if nothing can create energy. `fused_runs`: hardening springs that are computed in one pass; `is_led`:
     /// whether K and Z of a link change in time.
     pub(super) fn new(scheme: &Scheme, fused_runs: &[LinkRun], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
+        let has_few_space_springs = has_few_space_springs(scheme);
         let may_create_energy = |run: &&LinkRun| {
             let can_kind_create = match &run.kind {
                 LinkRunKind::Ref | LinkRunKind::Followed { .. } | LinkRunKind::Dry { .. } => false,
@@ -65,7 +76,7 @@ impl EnergyGains {
                 LinkRunKind::Space(space) => match &space.law {
                     law if law.is_contact() => true,
                     SpaceLaw::Lnl { law, .. } => !is_active(law),
-                    _ => run.len <= ACCOUNTED_LAWS_MAX,
+                    _ => has_few_space_springs,
                 },
                 LinkRunKind::Lnl { law, .. } => run.len <= ACCOUNTED_LAWS_MAX && !law.is_shared() && !is_active(law),
             };

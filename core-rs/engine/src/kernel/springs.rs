@@ -33,6 +33,8 @@ pub(crate) struct SpringPass {
     link_forces: Vec<CacheLine>,
     /// Forces of one run   (longest run)
     run_forces: Vec<f64>,
+    /// Forces of all links that are computed one by one.
+    signed_forces: lone::SignedForces,
 }
 
 impl SpringPass {
@@ -44,6 +46,7 @@ impl SpringPass {
             link_forces: rows.as_ref().map_or_else(Vec::new, Rows::zeroed_forces),
             run_forces: vec![0.0; if rows.is_some() { 0 } else { longest_run }],
             rows: rows.map(Arc::new),
+            signed_forces: lone::SignedForces::new(),
         }
     }
 
@@ -61,7 +64,7 @@ impl SpringPass {
             return;
         }
         if let Some(lone_links) = springs.lone_links() {
-            lone::compute_forces(lone_links, part, motion, force);
+            lone::compute_forces(lone_links, part, motion, &mut self.signed_forces, force);
             return;
         }
         force.fill(0.0);

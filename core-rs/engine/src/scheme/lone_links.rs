@@ -1,8 +1,7 @@
 //! Springs of which each has numbers of its own, one by one: in a round plate that resists bending hardly two adjacent
 //! links are alike, and the loop over a run costs more than its only link.
 
-use std::ops::Range;
-
+use super::force_sums::ForceSums;
 use super::spring::{ForceEnds, Spring};
 
 /// Links a run on average, below which links are computed one by one.
@@ -19,42 +18,35 @@ pub(crate) fn are_lone(run_lengths: impl Iterator<Item = usize>) -> bool {
     run_count >= LONE_RUNS_MIN && link_count < RUN_LENGTH_MIN * run_count
 }
 
-/// Springs by their links, in the order in which their forces are added.
+/// Links whose forces are computed side by side: as many as the widest vectors hold.
+pub(crate) const LINK_LANES: usize = 8;
+
+/// Springs by their links.
 #[derive(Clone, Debug)]
 pub(crate) struct LoneLinks {
-    pub(crate) groups: Vec<LinkGroup>,
     /// The first link of each run, and the number of links   (n_runs + 1)
     first_links: Vec<u32>,
-    /// The MATs of each link, and the indices of its ends in the array of forces   (n_links each)
-    pub(crate) mats: Vec<[u32; 2]>,
-    pub(crate) force_ends: Vec<[u32; 2]>,
-    /// Stiffness [N/m] and damping per step, cubic stiffness [N/m³], rest length [m]   (n_links each)
-    pub(crate) k_and_z: Vec<[f64; 2]>,
-    pub(crate) q: Vec<f64>,
-    pub(crate) rest: Vec<f64>,
+    /// All links, eight in each; the last is filled with links that do nothing.
+    pub(crate) blocks: Vec<LinkBlock>,
+    /// Whether any link is damped.
+    pub(crate) are_damped: bool,
+    /// The forces of links that add up at each MAT.
+    pub(crate) force_sums: ForceSums,
 }
 
-/// Consecutive links that are computed by the same loop.
-#[derive(Clone, Debug)]
-pub(crate) struct LinkGroup {
-    pub(crate) links: Range<usize>,
-    pub(crate) form: LinkForm,
-}
-
-/// What a loop over links computes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct LinkForm {
-    pub(crate) is_hardening: bool,
-    pub(crate) is_damped: bool,
-    pub(crate) pulled_ends: PulledEnds,
-}
-
-/// The ends to which links add their forces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum PulledEnds {
-    Both,
-    A,
-    B,
+/// Links side by side: their MATs and numbers.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LinkBlock {
+    pub(crate) a: [u32; LINK_LANES],
+    pub(crate) b: [u32; LINK_LANES],
+    /// Stiffness [N/m]
+    pub(crate) k: [f64; LINK_LANES],
+    /// Damping per step [N/m]
+    pub(crate) z: [f64; LINK_LANES],
+    /// Cubic stiffness [N/m³]
+    pub(crate) q: [f64; LINK_LANES],
+    /// Rest length [m]
+    pub(crate) rest: [f64; LINK_LANES],
 }
 
 impl LoneLinks {
@@ -66,53 +58,52 @@ impl LoneLinks {
     /// [`Self::new`] for any runs.
     pub(crate) fn from_runs(springs: &[Spring]) -> Self {
         let mut lone_links = Self {
-            groups: Vec::new(),
             first_links: vec![0],
-            mats: Vec::new(),
-            force_ends: Vec::new(),
-            k_and_z: Vec::new(),
-            q: Vec::new(),
-            rest: Vec::new(),
+            blocks: Vec::new(),
+            are_damped: springs.iter().any(|run| run.z != 0.0),
+            force_sums: ForceSums::default(),
         };
+        let mut signed_forces = Vec::new();
+        let mut link_count = 0;
         for run in springs {
-            match run.force_ends {
-                // A pass over such a run adds to all its ends a before its ends b.
-                ForceEnds::Both(a, b) if a.abs_diff(b) < run.len => {
-                    lone_links.push(run, PulledEnds::A, [a, b]);
-                    lone_links.push(run, PulledEnds::B, [a, b]);
-                }
-                ForceEnds::Both(a, b) => lone_links.push(run, PulledEnds::Both, [a, b]),
-                ForceEnds::A(a) => lone_links.push(run, PulledEnds::A, [a, a]),
-                ForceEnds::B(b) => lone_links.push(run, PulledEnds::B, [b, b]),
+            let (first_at_a, first_at_b) = match run.force_ends {
+                ForceEnds::Both(a, b) => (Some(a), Some(b)),
+                ForceEnds::A(a) => (Some(a), None),
+                ForceEnds::B(b) => (None, Some(b)),
+            };
+            // A pass over runs adds to all ends a of a run before its ends b.
+            for (first_end, is_negative) in [(first_at_a, false), (first_at_b, true)] {
+                let ends = first_end.map_or(0..0, |first_end| first_end..first_end + run.len);
+                signed_forces.extend(ends.zip(link_count..).map(|(end, link)| (end, link, is_negative)));
             }
-            lone_links.first_links.push(lone_links.mats.len() as u32);
+            for i in 0..run.len {
+                lone_links.set_link(link_count + i, i, run);
+            }
+            link_count += run.len;
+            lone_links.first_links.push(link_count as u32);
         }
+        lone_links.force_sums = ForceSums::new(&signed_forces, lone_links.blocks.len());
         lone_links
     }
 
     /// Set stiffness and damping of all links of a run.
-    pub(super) fn set_k_and_z(&mut self, run: usize, k_and_z: [f64; 2]) {
+    pub(super) fn set_k_and_z(&mut self, run: usize, [k, z]: [f64; 2]) {
         let [first_link, stop_link] = [run, run + 1].map(|number| self.first_links[number] as usize);
-        self.k_and_z[first_link..stop_link].fill(k_and_z);
+        for link in first_link..stop_link {
+            let (block, lane) = (&mut self.blocks[link / LINK_LANES], link % LINK_LANES);
+            (block.k[lane], block.z[lane]) = (k, z);
+        }
     }
 
-    fn push(&mut self, run: &Spring, pulled_ends: PulledEnds, force_starts: [usize; 2]) {
-        let form = LinkForm {
-            is_hardening: run.q != 0.0,
-            is_damped: run.z != 0.0,
-            pulled_ends,
-        };
-        let links = self.mats.len()..self.mats.len() + run.len;
-        for i in 0..run.len {
-            self.mats.push([run.a, run.b].map(|mat| (mat + i) as u32));
-            self.force_ends.push(force_starts.map(|end| (end + i) as u32));
-            self.k_and_z.push([run.k, run.z]);
-            self.q.push(run.q);
-            self.rest.push(run.rest);
+    /// Set a link to the i-th of a run.
+    fn set_link(&mut self, link: usize, i: usize, run: &Spring) {
+        let lane = link % LINK_LANES;
+        if lane == 0 {
+            self.blocks.push(LinkBlock::default());
         }
-        match self.groups.last_mut() {
-            Some(group) if group.form == form => group.links.end = links.end,
-            _ => self.groups.push(LinkGroup { links, form }),
-        }
+        let block = &mut self.blocks[link / LINK_LANES];
+        (block.a[lane], block.b[lane]) = ((run.a + i) as u32, (run.b + i) as u32);
+        (block.k[lane], block.z[lane]) = (run.k, run.z);
+        (block.q[lane], block.rest[lane]) = (run.q, run.rest);
     }
 }

@@ -1,90 +1,121 @@
 //! Forces of springs one link after the other, for meshes in which runs are single links.
 //!
-//! Every force has the operations of [`super::add_total_forces`], and every MAT the order of its sums: the bits are the
-//! same.
+//! All forces are computed first, then summed at each MAT: a link that adds to both its ends waits for the link before
+//! it. Every force has the operations of [`super::add_total_forces`], and every MAT the order of its sums: the bits are
+//! the same.
 
 use super::ForcePart;
 use crate::maths::wide::wide;
-use crate::scheme::{LinkGroup, LoneLinks, PulledEnds};
+use crate::scheme::{ForceSums, LINK_LANES, LinkBlock, LoneLinks, SUM_LANES};
+
+/// The forces of each block of links, and their negatives [N]   (n_blocks); then zeros, for sums of fewer terms.
+pub(super) type SignedForces = Vec<[[f64; LINK_LANES]; 2]>;
 
 /// Set `force` to the sum of forces on each MAT [N].
-pub(super) fn compute_forces(lone_links: &LoneLinks, part: ForcePart, [x, v]: [&[f64]; 2], force: &mut [f64]) {
+pub(super) fn compute_forces(
+    lone_links: &LoneLinks,
+    part: ForcePart,
+    [x, v]: [&[f64]; 2],
+    signed_forces: &mut SignedForces,
+    force: &mut [f64],
+) {
+    let blocks = &lone_links.blocks[..];
+    signed_forces.resize(blocks.len() + 1, [[0.0; LINK_LANES]; 2]);
     force.fill(0.0);
     match part {
-        ForcePart::Elastic => add_elastic_forces(lone_links, x, force),
-        ForcePart::Viscous => add_viscous_forces(lone_links, v, force),
-        ForcePart::Total => add_total_forces(lone_links, x, v, force),
+        ForcePart::Viscous if !lone_links.are_damped => return,
+        ForcePart::Viscous => set_viscous_forces(blocks, v, signed_forces),
+        ForcePart::Total if lone_links.are_damped => set_total_forces(blocks, x, v, signed_forces),
+        ForcePart::Elastic | ForcePart::Total => set_elastic_forces(blocks, x, signed_forces),
     }
+    sum_forces(&lone_links.force_sums, signed_forces, force);
 }
 
-/// Add the force of every link of a group to the ends that it pulls: a function of the MATs of the link, its stiffness
-/// and damping, its cubic stiffness, and its rest length.
+/// The difference of a value at the two ends of each link.
 #[inline(always)]
-fn add_group_forces(
-    lone_links: &LoneLinks,
-    group: &LinkGroup,
-    force: &mut [f64],
-    link_force: impl Fn([usize; 2], [f64; 2], f64, f64) -> f64,
-) {
-    let links = group.links.clone();
-    let (mats, force_ends) = (&lone_links.mats[links.clone()], &lone_links.force_ends[links.clone()]);
-    let n = mats.len();
-    let (k_and_z, q) = (
-        &lone_links.k_and_z[links.clone()][..n],
-        &lone_links.q[links.clone()][..n],
-    );
-    let (force_ends, rest) = (&force_ends[..n], &lone_links.rest[links][..n]);
-    let force_of_link = |i: usize| link_force([mats[i][0] as usize, mats[i][1] as usize], k_and_z[i], q[i], rest[i]);
-    match group.form.pulled_ends {
-        PulledEnds::Both => {
-            for i in 0..n {
-                let push = force_of_link(i);
-                force[force_ends[i][0] as usize] += push;
-                force[force_ends[i][1] as usize] -= push;
+fn end_differences(block: &LinkBlock, values: &[f64]) -> [f64; LINK_LANES] {
+    let mut differences = [0.0; LINK_LANES];
+    let mut lane = 0;
+    while lane < LINK_LANES {
+        differences[lane] = values[block.b[lane] as usize] - values[block.a[lane] as usize];
+        lane += 1;
+    }
+    differences
+}
+
+/// Set the forces of a block of links and their negatives.
+#[inline(always)]
+fn set_block_forces(block_forces: &mut [[f64; LINK_LANES]; 2], link_force: impl Fn(usize) -> f64) {
+    let mut lane = 0;
+    while lane < LINK_LANES {
+        let pull = link_force(lane);
+        block_forces[0][lane] = pull;
+        block_forces[1][lane] = -pull;
+        lane += 1;
+    }
+}
+
+wide! {
+    fn set_elastic_forces(blocks: &[LinkBlock], x: &[f64], signed_forces: &mut [[[f64; LINK_LANES]; 2]]) {
+        let mut i = 0;
+        while i < blocks.len() {
+            let (block, offsets) = (&blocks[i], end_differences(&blocks[i], x));
+            set_block_forces(&mut signed_forces[i], |lane| {
+                let e = offsets[lane] - block.rest[lane];
+                block.k[lane] * e + block.q[lane] * (e * e * e)
+            });
+            i += 1;
+        }
+    }
+}
+
+wide! {
+    fn set_viscous_forces(blocks: &[LinkBlock], v: &[f64], signed_forces: &mut [[[f64; LINK_LANES]; 2]]) {
+        let mut i = 0;
+        while i < blocks.len() {
+            let (block, stretches) = (&blocks[i], end_differences(&blocks[i], v));
+            set_block_forces(&mut signed_forces[i], |lane| block.z[lane] * stretches[lane]);
+            i += 1;
+        }
+    }
+}
+
+wide! {
+    fn set_total_forces(blocks: &[LinkBlock], x: &[f64], v: &[f64], signed_forces: &mut [[[f64; LINK_LANES]; 2]]) {
+        let mut i = 0;
+        while i < blocks.len() {
+            let block = &blocks[i];
+            let (offsets, stretches) = (end_differences(block, x), end_differences(block, v));
+            set_block_forces(&mut signed_forces[i], |lane| {
+                let e = offsets[lane] - block.rest[lane];
+                block.k[lane] * e + block.q[lane] * (e * e * e) + block.z[lane] * stretches[lane]
+            });
+            i += 1;
+        }
+    }
+}
+
+wide! {
+    /// Set the force on each MAT that a link pulls.
+    fn sum_forces(force_sums: &ForceSums, signed_forces: &[[[f64; LINK_LANES]; 2]], force: &mut [f64]) {
+        let signed_forces = signed_forces.as_flattened().as_flattened();
+        for block in &force_sums.blocks {
+            let terms = &force_sums.terms[block.terms.clone()];
+            let mut lane_sums = [0.0; SUM_LANES];
+            let mut row = 0;
+            while row < terms.len() {
+                let term_row = terms[row];
+                let mut lane = 0;
+                while lane < SUM_LANES {
+                    lane_sums[lane] += signed_forces[term_row[lane] as usize];
+                    lane += 1;
+                }
+                row += 1;
             }
-        }
-        PulledEnds::A => (0..n).for_each(|i| force[force_ends[i][0] as usize] += force_of_link(i)),
-        PulledEnds::B => (0..n).for_each(|i| force[force_ends[i][1] as usize] -= force_of_link(i)),
-    }
-}
-
-wide! {
-    fn add_elastic_forces(lone_links: &LoneLinks, x: &[f64], force: &mut [f64]) {
-        for group in &lone_links.groups {
-            if group.form.is_hardening {
-                add_group_forces(lone_links, group, force, |[a, b], [k, _], q, rest| {
-                    let e = x[b] - x[a] - rest;
-                    k * e + q * (e * e * e)
-                });
-            } else {
-                add_group_forces(lone_links, group, force, |[a, b], [k, _], _, rest| {
-                    k * (x[b] - x[a] - rest)
-                });
-            }
-        }
-    }
-}
-
-wide! {
-    fn add_viscous_forces(lone_links: &LoneLinks, v: &[f64], force: &mut [f64]) {
-        for group in lone_links.groups.iter().filter(|group| group.form.is_damped) {
-            add_group_forces(lone_links, group, force, |[a, b], [_, z], _, _| z * (v[b] - v[a]));
-        }
-    }
-}
-
-wide! {
-    fn add_total_forces(lone_links: &LoneLinks, x: &[f64], v: &[f64], force: &mut [f64]) {
-        for group in &lone_links.groups {
-            if group.form.is_hardening {
-                add_group_forces(lone_links, group, force, |[a, b], [k, z], q, rest| {
-                    let e = x[b] - x[a] - rest;
-                    k * e + q * (e * e * e) + z * (v[b] - v[a])
-                });
-            } else {
-                add_group_forces(lone_links, group, force, |[a, b], [k, z], _, rest| {
-                    k * (x[b] - x[a] - rest) + z * (v[b] - v[a])
-                });
+            let mut lane = 0;
+            while lane < SUM_LANES {
+                force[block.mats[lane] as usize] = lane_sums[lane];
+                lane += 1;
             }
         }
     }

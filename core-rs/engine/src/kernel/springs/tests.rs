@@ -149,7 +149,7 @@ fn compare(name: &str, (mat_count, springs): &(usize, Vec<Spring>)) {
         .zip(&expected)
     {
         let mut force = vec![f64::NAN; *mat_count];
-        lone::compute_forces(&lone_links, part, [&x, &v], &mut force);
+        lone::compute_forces(&lone_links, part, [&x, &v], &mut Vec::new(), &mut force);
         assert_eq!(bits(&force), bits(expected), "{name}, link by link, {part:?}");
     }
     for (road, by_part) in roads().iter().enumerate() {
@@ -233,6 +233,12 @@ fn lone_links_follow_changed_stiffness() {
     expected_runs[4] = changed;
     let (mut expected, mut force) = (vec![0.0; 60], vec![0.0; 60]);
     add_total_forces(&expected_runs, &x, &x, &mut [0.0; 60], &mut expected);
-    lone::compute_forces(springs.lone_links().unwrap(), ForcePart::Total, [&x, &x], &mut force);
+    lone::compute_forces(
+        springs.lone_links().unwrap(),
+        ForcePart::Total,
+        [&x, &x],
+        &mut Vec::new(),
+        &mut force,
+    );
     assert_eq!(bits(&force), bits(&expected));
 }
