@@ -117,3 +117,37 @@ def test_mute_on_fault_of_healthy_scene():
     sim = simulation(doomed(0.1), RATE, on_fault="mute")
     play(sim, 4000)
     assert sim.muted() == []
+
+
+def led_links(*, beside_runaway: bool) -> tuple[np.ndarray, list[_core.MutedPart]]:
+    """Two led links; then a part that a strike drives beyond all bounds, and a link that makes all of
+    it one island but is too weak to be noticed."""
+    network = _core.Network()
+    network.part("bad")
+    a = network.cel("a", M=1e-3, f=30.0, t60=1.0)
+    b = network.mas("b", M=1e-3)
+    network.lnl("l", a, b, laws.make("cubic", k=-500.0, q=0.0, z=0.0).on(_core))
+    network.part("good")
+    cells = [network.cel(name, M=1e-3, f=100.0, t60=2.0, X0=1e-3) for name in "cde"]
+    spring = network.ref("s", cells[0], cells[1], K=2e3, Z=0.01)
+    contact = network.but("t", cells[1], cells[2], K=1e4)
+    if beside_runaway:
+        network.part("between")
+        network.ref("j", b, cells[0], K=1e-30)
+    for name, cell in zip("cde", cells, strict=True):
+        network.listen(name, positions=[(cell, 1, 1.0)])
+    timeline = _core.Timeline(network, RATE)
+    if beside_runaway:
+        timeline.strike(b, 1000 / RATE, impulse=1.0)
+    timeline.lead(spring, [(0.0, 1.0, 1.0), (0.2, 4.0, 1.0)])
+    timeline.lead(contact, [(0.0, 1.0, 1.0), (0.2, 0.25, 1.0)])
+    sim = _core.Simulation(network, timeline, on_fault="mute")
+    return play(sim, 12_000), sim.muted()
+
+
+def test_led_links_after_mute_of_another_part():
+    healthy, muted = led_links(beside_runaway=False)
+    assert muted == []
+    out, muted = led_links(beside_runaway=True)
+    assert [name for name, _ in muted] == ["bad"]
+    assert np.abs(out - healthy).max() < 1e-12 * np.abs(healthy).max()

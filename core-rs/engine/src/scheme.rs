@@ -434,16 +434,17 @@ impl Scheme {
         vec![0.0; if any_remembers { self.n_lia } else { 0 }]
     }
 
-    /// Move springs to the list that is computed in one pass, except those whose individual force `is_observed`.
-    pub(crate) fn fuse_springs(&mut self, is_observed: impl Fn(usize) -> bool) {
+    /// Move springs to the list that is computed in one pass, except those whose individual force `is_observed`. Returns
+    /// the first link of each run of that list.
+    pub(crate) fn fuse_springs(&mut self, is_observed: impl Fn(usize) -> bool) -> Vec<usize> {
         let (fused_runs, other_runs): (Vec<LinkRun>, Vec<LinkRun>) =
             std::mem::take(&mut self.runs).into_iter().partition(|run| {
                 let run_links = run.first_link..run.first_link + run.len;
                 run.gate.is_none() && run.spring().is_some() && !run_links.into_iter().any(&is_observed)
             });
         self.runs = other_runs;
-        let added_springs = fused_runs.iter().filter_map(LinkRun::spring);
-        self.fused_springs = FusedSprings::new(self.fused_springs.iter().copied().chain(added_springs).collect());
+        self.fused_springs = FusedSprings::new(fused_runs.iter().filter_map(LinkRun::spring).collect());
+        fused_runs.iter().map(|run| run.first_link).collect()
     }
 
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are

@@ -24,7 +24,7 @@ use crate::island::written_hand::voice::VoiceScript;
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, KernelScratch};
-use crate::network::{Error, Network, Term};
+use crate::network::{Error, LinkKind, Network, Term};
 use crate::scheme::{LinkRun, Scheme};
 use crate::state::{ModuleState, PreviousState};
 use crate::timeline::{Drive, Ergon, Timeline, strike_forces, with_first_factors, with_greatest_factors};
@@ -75,12 +75,14 @@ impl Island {
         let guard = build_guard(&network, timeline, bodies, &scheme, &motion, options)?;
         motion.modules.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         let springs = energy_gain::hardening_springs(&scheme);
-        if !options.keeps_ledger {
-            fuse_springs(&mut scheme, &network, &voice_scripts, timeline);
-        }
+        let fused_links = if options.keeps_ledger {
+            Vec::new()
+        } else {
+            fuse_springs(&mut scheme, &network, &voice_scripts, timeline)
+        };
         let energy_gains = build_energy_gains(timeline, &scheme, springs, options);
         let energy_rise = build_energy_rise(&network, timeline, &scheme, &motion, options);
-        let led_links = super::glide::bind_leads(&mut scheme, &network, timeline);
+        let led_links = super::glide::bind_leads(&mut scheme, &fused_links, &network, timeline);
         let glides = super::glide::build_glides(&network, timeline, &scheme)?;
         motion.scratch = build_scratch(&scheme, options);
         for running_body in &mut motion.bodies {
@@ -330,8 +332,9 @@ fn assign_gates(scheme: &mut Scheme, timeline: &Timeline) {
     }
 }
 
-/// Fuses springs into one pass, except those that are led and those whose forces are heard or reported by a gesture.
-fn fuse_springs(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) {
+/// Fuses springs into one pass, except those whose forces are heard or reported by a gesture; returns the first link of
+/// each run. Of led links, REFs are fused where no thread team computes them: its members copy the numbers of springs.
+fn fuse_springs(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) -> Vec<usize> {
     let mut is_excluded = vec![false; network.n_lia()];
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         if let Term::Force {
@@ -346,10 +349,15 @@ fn fuse_springs(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript],
     for &(link, _) in scripts.iter().flat_map(|script| &script.outer_links) {
         is_excluded[link] = true;
     }
+    let may_have_team = MeshPartition::may_divide(scheme.n_mat());
     for lead in &timeline.leads {
-        is_excluded[lead.links()].fill(true);
+        for run in network.runs().iter().filter(|run| lead.links().contains(&run.first)) {
+            if may_have_team || !matches!(run.kind, LinkKind::Ref) {
+                is_excluded[run.first..run.first + run.len].fill(true);
+            }
+        }
     }
-    scheme.fuse_springs(|link| is_excluded[link]);
+    scheme.fuse_springs(|link| is_excluded[link])
 }
 
 /// Contacts and laws that are computed finer than a frame.

@@ -1,6 +1,7 @@
 //! Parts that diverge: named and stopped, or muted while all others play on.
 
 use super::delayed_ports::PortBinding;
+use super::glide::{RetainedRuns, follow_retained};
 use super::{EnergyGain, Island, bodies};
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
@@ -198,8 +199,14 @@ impl Island {
             state.motion.modules.link_forces[run.links()].fill(0.0);
             is_link_cut[run.links()].fill(true);
         }
-        scheme.runs.retain(|run| !run_touches_part(run));
         let spring_touches_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
+        let retained_runs = RetainedRuns {
+            runs: new_indices(&scheme.runs, |run| !run_touches_part(run)),
+            fused_springs: new_indices(&scheme.fused_springs, |spring| !spring_touches_part(spring)),
+            exact_runs: new_indices(&scheme.exact_runs, |run| !run_touches_part(run)),
+        };
+        follow_retained(&mut script.led_links, &retained_runs);
+        scheme.runs.retain(|run| !run_touches_part(run));
         scheme.fused_springs.retain(|spring| !spring_touches_part(spring));
         scheme.exact_runs.retain(|run| !run_touches_part(run));
         state.motion.scratch.set_springs(&scheme.fused_springs, scheme.n_mat());
@@ -267,4 +274,15 @@ impl Island {
             }
         }
     }
+}
+
+/// The index of each item among those that are retained.
+fn new_indices<T>(items: &[T], is_retained: impl Fn(&T) -> bool) -> Vec<Option<usize>> {
+    let mut retained_count = 0;
+    let new_index = |item: &T| {
+        let stays = is_retained(item);
+        retained_count += usize::from(stays);
+        stays.then(|| retained_count - 1)
+    };
+    items.iter().map(new_index).collect()
 }

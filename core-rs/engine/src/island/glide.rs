@@ -201,13 +201,20 @@ pub(super) struct LedLinks {
 #[derive(Clone, Copy, Debug)]
 enum RunLocation {
     Run(usize),
+    Fused(usize),
     Exact(usize),
     /// A contact or a law that is computed finely.
     Fine,
 }
 
-/// The runs of a scheme that are led; from now on each has its K and Z as numbers.
-pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<LedLinks> {
+/// The runs of a scheme that are led; from now on each has its K and Z as numbers. `fused_links`: the first link of each
+/// run of fused springs.
+pub(super) fn bind_leads(
+    scheme: &mut Scheme,
+    fused_links: &[usize],
+    network: &Network,
+    timeline: &Timeline,
+) -> Vec<LedLinks> {
     let mut led_links: Vec<LedLinks> = Vec::new();
     for lead in &timeline.leads {
         for run in network.runs().iter().filter(|run| lead.links().contains(&run.first)) {
@@ -216,20 +223,51 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
             let location = if let Some(index) = find_run(&scheme.runs) {
                 scheme.runs[index].make_adjustable();
                 RunLocation::Run(index)
+            } else if let Some(index) = fused_links.iter().position(|&first_link| first_link == run.first) {
+                RunLocation::Fused(index)
             } else {
                 find_run(&scheme.exact_runs).map_or(RunLocation::Fine, RunLocation::Exact)
             };
-            let lead = lead.on_links(run.first, run.len);
-            let previous_led = led_links.last();
-            let has_same_factors = previous_led.is_some_and(|previous_led| previous_led.lead.has_factors_of(&lead));
             led_links.push(LedLinks {
-                lead,
+                lead: lead.on_links(run.first, run.len),
                 location,
-                has_same_factors,
+                has_same_factors: false,
             });
         }
     }
+    compare_factors(&mut led_links);
     led_links
+}
+
+/// Note which links have the factors of those before them.
+fn compare_factors(led_links: &mut [LedLinks]) {
+    for index in 0..led_links.len() {
+        let previous_led = index.checked_sub(1).map(|previous| &led_links[previous]);
+        led_links[index].has_same_factors =
+            previous_led.is_some_and(|previous_led| previous_led.lead.has_factors_of(&led_links[index].lead));
+    }
+}
+
+/// The new index of each run of a scheme after some were removed; `None` for those.
+pub(super) struct RetainedRuns {
+    pub(super) runs: Vec<Option<usize>>,
+    pub(super) fused_springs: Vec<Option<usize>>,
+    pub(super) exact_runs: Vec<Option<usize>>,
+}
+
+/// Follow runs of a scheme to their new indices; links of removed runs are led no longer.
+pub(super) fn follow_retained(led_links: &mut Vec<LedLinks>, retained: &RetainedRuns) {
+    led_links.retain_mut(|led| {
+        let new_location = match led.location {
+            RunLocation::Run(index) => retained.runs[index].map(RunLocation::Run),
+            RunLocation::Fused(index) => retained.fused_springs[index].map(RunLocation::Fused),
+            RunLocation::Exact(index) => retained.exact_runs[index].map(RunLocation::Exact),
+            RunLocation::Fine => Some(RunLocation::Fine),
+        };
+        led.location = new_location.unwrap_or(led.location);
+        new_location.is_some()
+    });
+    compare_factors(led_links);
 }
 
 /// Write K and Z of frame `n` into `frame_scheme`.
@@ -252,6 +290,12 @@ pub(super) fn apply_leads(
         }
         let (base_run, run_now) = match *location {
             RunLocation::Run(run_index) => (&base_scheme.runs[run_index], &mut frame_scheme.runs[run_index]),
+            RunLocation::Fused(run_index) => {
+                let (base_spring, [k_factor, z_factor]) = (base_scheme.fused_springs[run_index], factors);
+                let k_and_z = [base_spring.k * k_factor, base_spring.z * z_factor];
+                frame_scheme.fused_springs.set_k_and_z(run_index, k_and_z);
+                continue;
+            }
             RunLocation::Exact(run_index) => (
                 &base_scheme.exact_runs[run_index],
                 &mut frame_scheme.exact_runs[run_index],

@@ -33,10 +33,16 @@ struct MeshRange {
 }
 
 impl MeshPartition {
+    /// Whether a mesh is large enough for threads to save time.
+    pub(crate) fn may_divide(n_mat: usize) -> bool {
+        n_mat >= 2 * RANGE_MATS_MIN
+    }
+
     /// The partition for a number of threads; `None` if the mesh is too small for threads to save time.
     pub(crate) fn for_threads(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
         let range_count = threads.min(n_mat / RANGE_MATS_MIN).min(RANGES_MAX);
-        (range_count > 1 && !springs.is_empty()).then(|| Self::new(springs, n_mat, range_count))
+        (Self::may_divide(n_mat) && range_count > 1 && !springs.is_empty())
+            .then(|| Self::new(springs, n_mat, range_count))
     }
 
     /// The partition into `parts` ranges with about equal work.
