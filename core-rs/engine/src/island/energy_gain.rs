@@ -30,7 +30,8 @@ pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<LinkRun> {
     springs.filter(|_| has_few_springs).cloned().collect()
 }
 
-/// Whether springs in space are few: a mesh has many, in runs as short as its sides. The guard bounds their stiffness.
+/// Whether springs in space are few: a mesh has many, in runs as short as its sides. The certificate bounds their
+/// stiffness.
 fn has_few_space_springs(scheme: &Scheme) -> bool {
     let is_space_spring = |run: &&LinkRun| match &run.kind {
         LinkRunKind::Space(link) => !link.law.is_contact() && !matches!(link.law, SpaceLaw::Lnl { .. }),
