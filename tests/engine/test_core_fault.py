@@ -120,8 +120,8 @@ def test_mute_on_fault_of_healthy_scene():
 
 
 def led_links(*, beside_runaway: bool) -> tuple[np.ndarray, list[_core.MutedPart]]:
-    """Two led links; then a part that a strike drives beyond all bounds, and a link that makes all of
-    it one island but is too weak to be noticed."""
+    """Two led links; then a part that a strike drives beyond all bounds, and a link that makes all
+    one island but is too weak to be noticed."""
     network = _core.Network()
     network.part("bad")
     a = network.cel("a", M=1e-3, f=30.0, t60=1.0)

@@ -108,6 +108,8 @@ struct Parameters {
     step_decay: f64,
     /// The scheme with the values of this frame, if glides, leads or laws that follow MATs change it.
     changing_scheme: Option<Box<Scheme>>,
+    /// The point after this frame of each lead: a hint, which follows from the frame   (`n_led_links`)
+    next_lead_points: Vec<usize>,
 }
 
 /// What moves: positions, bodies inside the island, contacts between frames.

@@ -113,6 +113,7 @@ impl Island {
                 gate_continuations: vec![None; timeline.gates.len()],
                 step_decay: 1.0,
                 changing_scheme,
+                next_lead_points: vec![0; led_links.len()],
             },
             sources: ExcitationSources {
                 voices,

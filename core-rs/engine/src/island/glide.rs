@@ -270,23 +270,24 @@ pub(super) fn follow_retained(led_links: &mut Vec<LedLinks>, retained: &Retained
     compare_factors(led_links);
 }
 
-/// Write K and Z of frame `n` into `frame_scheme`.
+/// Write K and Z of frame `n` into `frame_scheme`; `next_points` holds where the points of each lead were found last.
 pub(super) fn apply_leads(
-    led_links: &[LedLinks],
+    (led_links, next_points): (&[LedLinks], &mut Vec<usize>),
     base_scheme: &Scheme,
     frame_scheme: &mut Scheme,
     fine_links: &mut Option<FineLinks>,
     n: u64,
 ) {
     let mut factors = [1.0; 2];
-    for LedLinks {
-        lead,
-        location,
-        has_same_factors,
-    } in led_links
-    {
+    next_points.resize(led_links.len(), 0);
+    for (led, next_point) in led_links.iter().zip(next_points) {
+        let LedLinks {
+            lead,
+            location,
+            has_same_factors,
+        } = led;
         if !has_same_factors {
-            factors = lead.factors(n, 0.0);
+            factors = lead.factors_from(n, 0.0, next_point);
         }
         let (base_run, run_now) = match *location {
             RunLocation::Run(run_index) => (&base_scheme.runs[run_index], &mut frame_scheme.runs[run_index]),

@@ -19,7 +19,8 @@ pub(super) fn set_inputs(script: &Script, state: &mut State, mut scheme: Option<
     } = state;
     if let Some(scheme) = scheme.as_deref_mut() {
         glide::apply_glides(&script.glides, &script.scheme, scheme, n);
-        glide::apply_leads(&script.led_links, &script.scheme, scheme, &mut motion.fine_links, n);
+        let leads = (&script.led_links[..], &mut parameters.next_lead_points);
+        glide::apply_leads(leads, &script.scheme, scheme, &mut motion.fine_links, n);
         if let Some(fine_links) = &mut motion.fine_links {
             glide::set_fine_coefficients(&script.glides, &script.scheme, fine_links, n);
         }

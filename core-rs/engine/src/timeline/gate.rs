@@ -133,6 +133,13 @@ impl Gate {
         due_frames.min().unwrap_or(u64::MAX)
     }
 
+    /// The frame at which its factor has changed for the last time.
+    pub(crate) fn last_change_frame(&self) -> Option<u64> {
+        let fade_starts = [self.start, self.stop].into_iter().flatten();
+        let fade_ends = fade_starts.map(|start| start + self.fade_frames);
+        fade_ends.chain(self.ramp.map(|ramp| ramp.stop)).max()
+    }
+
     fn smooth_fade(&self, n: u64, start: u64) -> f64 {
         let fade_share = (n.saturating_sub(start) as f64 / self.fade_frames as f64).min(1.0);
         fade_share * fade_share * (3.0 - 2.0 * fade_share)

@@ -24,12 +24,21 @@ pub(crate) struct Lead {
 impl Lead {
     /// The factors at frame `n` plus the fraction `part` of a frame.
     pub(crate) fn factors(&self, n: u64, part: f64) -> Factors {
-        let next_index = self.points.partition_point(|&(frame, _)| frame <= n);
+        self.factors_from(n, part, &mut 0)
+    }
+
+    /// The same; `next_index` is the point after the frame asked for before, and becomes that after `n`.
+    pub(crate) fn factors_from(&self, n: u64, part: f64, next_index: &mut usize) -> Factors {
+        let is_after = |index: usize| self.points.get(index).is_none_or(|&(frame, _)| frame > n);
+        let is_next = |index: usize| index > 0 && self.points[index - 1].0 <= n && is_after(index);
+        if *next_index > self.points.len() || !is_next(*next_index) {
+            *next_index = self.points.partition_point(|&(frame, _)| frame <= n);
+        }
         let Some(&(start_frame, start_factors)) = next_index.checked_sub(1).and_then(|last| self.points.get(last))
         else {
             return self.points[0].1;
         };
-        let Some(&(stop_frame, stop_factors)) = self.points.get(next_index) else {
+        let Some(&(stop_frame, stop_factors)) = self.points.get(*next_index) else {
             return start_factors;
         };
         let passed_share = ((n - start_frame) as f64 + part) / (stop_frame - start_frame) as f64;
@@ -49,6 +58,13 @@ impl Lead {
     /// The first frame, `n` or later, at which the factors may change.
     pub(crate) fn next_change_frame(&self, n: u64) -> u64 {
         next_change(&self.points, n)
+    }
+
+    /// The frame at which its factors have changed for the last time; `None` if they never change.
+    pub(crate) fn last_change_frame(&self) -> Option<u64> {
+        let mut changes = self.points.windows(2).rev();
+        let last_change = changes.find(|pair| pair[0].1 != pair[1].1)?;
+        Some(last_change[1].0)
     }
 
     /// The greatest factor of K and the greatest of Z.

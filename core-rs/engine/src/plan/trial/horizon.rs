@@ -20,19 +20,40 @@ use crate::plan::trial::chaos::is_linear;
 use crate::plan::trial::pilot_run::{Excerpt, frame_cost_seconds, frames_per_second, play, resting_frames};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::waveform_error::ComparedSpans;
-use crate::timeline::Timeline;
+use crate::timeline::{Gate, Lead, Timeline};
 
 /// A way to play an island: its plan, and its contact substeps a step.
 type PlannedSteps<'a> = (&'a IslandPlan, usize);
 
 /// Whether errors may grow after a pilot: if keys are led to contacts, so that each contact begins where the one before
-/// it ended, or if parts are slow.
+/// it ended, if parts are slow, or if parameters or couplings change in time.
 pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
     let link_runs = island_plan.network.runs().iter();
     let has_contacts = link_runs.clone().any(|run| !matches!(run.kind, LinkKind::Ref));
     let mut body_plans = island_plan.bodies.iter();
     let has_slow_body = body_plans.any(|body| matches!(body, BodyPlan::Slow(_)));
-    has_slow_body || (has_contacts && !island_plan.timeline.gestures.is_empty())
+    let timeline = &island_plan.timeline;
+    has_slow_body || (has_contacts && !timeline.gestures.is_empty()) || last_change(timeline).is_some()
+}
+
+/// Whether runs may part by chance after a pilot that saw none. In a linear motion, and where no hand leads a key to its
+/// next contact, errors of pitch add up, and the waveform is as wrong as measured.
+fn may_part_by_chance(island_plan: &IslandPlan) -> bool {
+    let timeline = &island_plan.timeline;
+    !is_linear(island_plan) && (!timeline.gestures.is_empty() || last_change(timeline).is_none())
+}
+
+/// When parameters of links and masses, or the opening of a coupling, have changed for the last time [s]; `None` if none
+/// changes.
+fn last_change(timeline: &Timeline) -> Option<f64> {
+    let lead_ends = timeline.leads.iter().filter_map(Lead::last_change_frame);
+    let glide_ends = timeline.glides.iter().filter_map(|glide| {
+        let &(frame, _) = glide.points.last()?;
+        (frame > 0).then_some(frame)
+    });
+    let gate_ends = timeline.gates.iter().filter_map(Gate::last_change_frame);
+    let last_frame = lead_ends.chain(glide_ends).chain(gate_ends).max()?;
+    Some(last_frame as f64 / timeline.rate.hertz())
 }
 
 /// The first strike or written gesture after `measured_until` [s] that is harder than all until then, so that its error
@@ -190,8 +211,7 @@ fn extend_error_over(
     while checked_frames < n_frames {
         checked_frames = (checked_frames + look_interval).min(n_frames);
         let error_now = change_at(checked_frames) + error_excess;
-        // In a linear motion errors of pitch add up, and the waveform is as wrong as measured: nothing parts by chance.
-        if error_now > uncorrelated_level && !is_linear(coarse.0) {
+        if error_now > uncorrelated_level && may_part_by_chance(coarse.0) {
             let first_sample = valid_frames * spans.n_out.max(1);
             let spectral = level_difference(
                 &run.sound[first_sample..other.sound.len()],
@@ -271,7 +291,11 @@ pub(in crate::plan) fn end_seconds(island_plan: &IslandPlan) -> f64 {
     let gesture_ends = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
     let strike_times = timeline.strikes.iter().map(|strike| strike.instant);
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
-    gesture_ends.chain(strike_times).chain(ergon_times).fold(0.0, f64::max) + LAST_EVENT_SECONDS
+    let event_times = gesture_ends
+        .chain(strike_times)
+        .chain(ergon_times)
+        .chain(last_change(timeline));
+    event_times.fold(0.0, f64::max) + LAST_EVENT_SECONDS
 }
 
 #[cfg(test)]
