@@ -18,7 +18,7 @@ from ergon.api import remote_session
 from ergon.api.options import SessionOptions
 from ergon.cli import app, manual, take
 from ergon.cli.colour import linked_code, may_colour
-from ergon.cli.console import Console, line
+from ergon.cli.console import Console, json_line
 from ergon.cli.lazy import LazyGroup, row
 from ergon.cli.outcome import Diverged, Findings, Refused
 from ergon.cli.units import loudness_of
@@ -234,7 +234,7 @@ def test_linked_code_in_terminal_and_file(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_json_line_of_infinite_and_nan_values() -> None:
-    record = json.loads(line("meter", peak=float("-inf"), other=float("nan"), fine=1.5))
+    record = json.loads(json_line("meter", peak=float("-inf"), other=float("nan"), fine=1.5))
     assert record == {"v": 1, "event": "meter", "peak": None, "other": None, "fine": 1.5}
 
 

@@ -14,7 +14,7 @@ LONGER = {
     ("core-rs/bridge/src/perform.rs", "new"): 98,
     ("core-rs/engine/src/island/build.rs", "new"): 103,
     ("core-rs/engine/src/island/coast.rs", "coast"): 82,
-    ("core-rs/engine/src/island/fault.rs", "mute"): 103,
+    ("core-rs/engine/src/island/fault.rs", "mute"): 97,
     ("core-rs/engine/src/island/fine/build.rs", "new"): 115,
     ("core-rs/engine/src/island/ledger.rs", "end_frame"): 142,
     ("core-rs/engine/src/kernel/runs.rs", "compute_link_forces"): 89,

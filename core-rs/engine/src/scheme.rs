@@ -15,9 +15,9 @@ mod taps;
 
 pub use certify::{BoundMethod, Certificate, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, RefusalDetail, largest_eigenvalue, largest_eigenvalue_up_to};
-pub(crate) use force_sums::{ForceSums, SUM_LANES};
+pub(crate) use force_sums::{ForceSums, LINK_LANES, SUM_LANES};
 pub(crate) use link::tension_energy;
-pub(crate) use lone_links::{LINK_LANES, LinkBlock, LoneLinks, are_lone};
+pub(crate) use lone_links::{LinkBlock, LoneLinks, are_lone};
 pub(crate) use spring::{ForceEnds, Spring};
 pub(crate) use springs::FusedSprings;
 pub(crate) use taps::Tap;

@@ -75,14 +75,11 @@ impl Island {
         let guard = build_guard(&network, timeline, bodies, &scheme, &motion, options)?;
         motion.modules.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         let springs = energy_gain::hardening_springs(&scheme);
-        let fused_links = if options.keeps_ledger {
-            Vec::new()
-        } else {
-            fuse_springs(&mut scheme, &network, &voice_scripts, timeline)
-        };
+        let may_fuse = !options.keeps_ledger;
+        let fused_links = may_fuse.then(|| fuse_springs(&mut scheme, &network, &voice_scripts, timeline));
         let energy_gains = build_energy_gains(timeline, &scheme, springs, options);
         let energy_rise = build_energy_rise(&network, timeline, &scheme, &motion, options);
-        let led_links = super::glide::bind_leads(&mut scheme, &fused_links, &network, timeline);
+        let led_links = super::glide::bind_leads(&mut scheme, &fused_links.unwrap_or_default(), &network, timeline);
         let glides = super::glide::build_glides(&network, timeline, &scheme)?;
         motion.scratch = build_scratch(&scheme, options);
         for running_body in &mut motion.bodies {

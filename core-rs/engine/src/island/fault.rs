@@ -6,7 +6,7 @@ use super::{EnergyGain, Island, bodies};
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::network::Term;
-use crate::scheme::{Scheme, Spring};
+use crate::scheme::{LinkRun, Scheme, Spring};
 use crate::timeline::Drive;
 
 /// A muted part's outputs fade from where they were over this time [s].
@@ -186,7 +186,7 @@ impl Island {
                 .any(|&mat| is_muted[mat..mat + len].contains(&true))
         };
         let mut is_link_cut = vec![false; scheme.n_lia];
-        let run_touches_part = |run: &crate::scheme::LinkRun| {
+        let run_touches_part = |run: &LinkRun| {
             if let Some(pairs) = run.pairwise() {
                 return pairs.point_ranges().any(|range| is_muted[range].contains(&true));
             }
@@ -199,16 +199,15 @@ impl Island {
             state.motion.modules.link_forces[run.links()].fill(0.0);
             is_link_cut[run.links()].fill(true);
         }
-        let spring_touches_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
-        let retained_runs = RetainedRuns {
-            runs: new_indices(&scheme.runs, |run| !run_touches_part(run)),
-            fused_springs: new_indices(&scheme.fused_springs, |spring| !spring_touches_part(spring)),
-            exact_runs: new_indices(&scheme.exact_runs, |run| !run_touches_part(run)),
-        };
-        follow_retained(&mut script.led_links, &retained_runs);
-        scheme.runs.retain(|run| !run_touches_part(run));
-        scheme.fused_springs.retain(|spring| !spring_touches_part(spring));
-        scheme.exact_runs.retain(|run| !run_touches_part(run));
+        let keeps_run = |run: &LinkRun| !run_touches_part(run);
+        let keeps_spring = |spring: &Spring| !touches_part(spring.a, spring.b, spring.len);
+        follow_retained(
+            &mut script.led_links,
+            &RetainedRuns::new(scheme, keeps_run, keeps_spring),
+        );
+        scheme.runs.retain(keeps_run);
+        scheme.fused_springs.retain(keeps_spring);
+        scheme.exact_runs.retain(keeps_run);
         state.motion.scratch.set_springs(&scheme.fused_springs, scheme.n_mat());
         if let Some(guard) = &mut state.monitors.guard {
             guard.unwatch(|mat| is_muted[mat]);
@@ -260,29 +259,29 @@ impl Island {
         state.sources.voices.retain(|_| flags.next().unwrap_or(true));
         drop(flags);
         script.voices.retain(|voice| !is_muted[voice.struck_mat]);
-        for (output, fade_start) in scheme.outputs.iter().zip(&mut state.monitors.muted_parts.fade_starts) {
-            let hears_part = output.terms.iter().any(|term| match *term {
-                Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                    is_muted[first..first + len].contains(&true)
-                }
-                Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
-                    is_link_cut[first..first + len].contains(&true)
-                }
-            });
-            if hears_part {
-                fade_start.get_or_insert(mute_frame);
-            }
-        }
+        let fade_starts = &mut state.monitors.muted_parts.fade_starts;
+        start_fades(scheme, (&is_muted, &is_link_cut), fade_starts, mute_frame);
     }
 }
 
-/// The index of each item among those that are retained.
-fn new_indices<T>(items: &[T], is_retained: impl Fn(&T) -> bool) -> Vec<Option<usize>> {
-    let mut retained_count = 0;
-    let new_index = |item: &T| {
-        let stays = is_retained(item);
-        retained_count += usize::from(stays);
-        stays.then(|| retained_count - 1)
-    };
-    items.iter().map(new_index).collect()
+/// Let outputs that hear the marked MATs or links fade from a frame on.
+fn start_fades(
+    scheme: &Scheme,
+    (is_muted, is_link_cut): (&[bool], &[bool]),
+    fade_starts: &mut [Option<u64>],
+    mute_frame: u64,
+) {
+    for (output, fade_start) in scheme.outputs.iter().zip(fade_starts) {
+        let hears_part = output.terms.iter().any(|term| match *term {
+            Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
+                is_muted[first..first + len].contains(&true)
+            }
+            Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
+                is_link_cut[first..first + len].contains(&true)
+            }
+        });
+        if hears_part {
+            fade_start.get_or_insert(mute_frame);
+        }
+    }
 }

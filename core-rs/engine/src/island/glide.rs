@@ -4,7 +4,7 @@ use super::fine::FineLinks;
 use crate::cell::CellRatios;
 use crate::maths::{asin, log, sin, sqrt};
 use crate::network::{Error, Network};
-use crate::scheme::Scheme;
+use crate::scheme::{LinkRun, Scheme, Spring};
 use crate::timeline::{Lead, MatParameters, Timeline, next_change};
 
 /// Largest sin²(θ/2) of an oscillation whose amplitude is corrected: nearer to the Nyquist frequency no recurrence
@@ -218,8 +218,7 @@ pub(super) fn bind_leads(
     let mut led_links: Vec<LedLinks> = Vec::new();
     for lead in &timeline.leads {
         for run in network.runs().iter().filter(|run| lead.links().contains(&run.first)) {
-            let find_run =
-                |runs: &[crate::scheme::LinkRun]| runs.iter().position(|scheme_run| scheme_run.first_link == run.first);
+            let find_run = |runs: &[LinkRun]| runs.iter().position(|scheme_run| scheme_run.first_link == run.first);
             let location = if let Some(index) = find_run(&scheme.runs) {
                 scheme.runs[index].make_adjustable();
                 RunLocation::Run(index)
@@ -248,11 +247,36 @@ fn compare_factors(led_links: &mut [LedLinks]) {
     }
 }
 
-/// The new index of each run of a scheme after some were removed; `None` for those.
+/// The new index of each run of a scheme after some are removed; `None` for those.
 pub(super) struct RetainedRuns {
-    pub(super) runs: Vec<Option<usize>>,
-    pub(super) fused_springs: Vec<Option<usize>>,
-    pub(super) exact_runs: Vec<Option<usize>>,
+    runs: Vec<Option<usize>>,
+    fused_springs: Vec<Option<usize>>,
+    exact_runs: Vec<Option<usize>>,
+}
+
+impl RetainedRuns {
+    pub(super) fn new(
+        scheme: &Scheme,
+        keeps_run: impl Fn(&LinkRun) -> bool,
+        keeps_spring: impl Fn(&Spring) -> bool,
+    ) -> Self {
+        Self {
+            runs: new_indices(&scheme.runs, &keeps_run),
+            fused_springs: new_indices(&scheme.fused_springs, keeps_spring),
+            exact_runs: new_indices(&scheme.exact_runs, keeps_run),
+        }
+    }
+}
+
+/// The index of each item among those that are retained.
+fn new_indices<T>(items: &[T], is_retained: impl Fn(&T) -> bool) -> Vec<Option<usize>> {
+    let mut retained_count = 0;
+    let new_index = |item: &T| {
+        let stays = is_retained(item);
+        retained_count += usize::from(stays);
+        stays.then(|| retained_count - 1)
+    };
+    items.iter().map(new_index).collect()
 }
 
 /// Follow runs of a scheme to their new indices; links of removed runs are led no longer.

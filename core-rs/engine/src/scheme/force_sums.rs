@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::lone_links::LINK_LANES;
+/// Links whose forces are computed side by side: as many as the widest vectors hold.
+pub(crate) const LINK_LANES: usize = 8;
 
 /// MATs whose forces are summed side by side: a sum waits for each of its terms, four sums hardly wait.
 pub(crate) const SUM_LANES: usize = 4;

@@ -1,7 +1,7 @@
 //! Springs of which each has numbers of its own, one by one: in a round plate that resists bending hardly two adjacent
 //! links are alike, and the loop over a run costs more than its only link.
 
-use super::force_sums::ForceSums;
+use super::force_sums::{ForceSums, LINK_LANES};
 use super::spring::{ForceEnds, Spring};
 
 /// Links a run on average, below which links are computed one by one.
@@ -17,9 +17,6 @@ pub(crate) fn are_lone(run_lengths: impl Iterator<Item = usize>) -> bool {
     }
     run_count >= LONE_RUNS_MIN && link_count < RUN_LENGTH_MIN * run_count
 }
-
-/// Links whose forces are computed side by side: as many as the widest vectors hold.
-pub(crate) const LINK_LANES: usize = 8;
 
 /// Springs by their links.
 #[derive(Clone, Debug)]
