@@ -75,11 +75,7 @@ COMMANDS: Table = {
     "demo": "Render a score that ships with ergon, and play it.",
     "completion": "Print a completion script for bash, zsh or fish.",
     "help": ("help_", "help_command", "Show the help of a command, or a page of the manual."),
-    "explain": (
-        "help_",
-        "explain",
-        "Explain a mistake by the code that its message shows, such as E204.",
-    ),
+    "explain": "Explain a mistake by the code that its message shows, such as E204.",
 }
 # The headings of `ergon --help`; each command stands under one of them.
 SECTIONS = {

@@ -1,9 +1,6 @@
-"""`ergon help`: the help of a command, or a page of the manual; `ergon explain`: a mistake."""
+"""`ergon help`: the help of a command, or a page of the manual."""
 
 from __future__ import annotations
-
-import re
-import sys
 
 import click
 
@@ -13,7 +10,6 @@ from ergon.notation.text.spelling import nearest
 from . import manual
 from .outcome import Refused
 
-_CODE = re.compile(r"[EWN]\d{3}")
 _OTHERS_MAX = 8  # other pages about a topic, of many
 _TOPIC_MAX = 80  # letters; what is longer is no topic
 
@@ -47,7 +43,7 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     topic = topic.removesuffix(".md")
     page = pages.get(topic) or pages.get(topic.upper()) or pages.get(f"howto/{topic}")
     if page is not None:
-        _show(page.text)
+        manual.show(page.text)
         return
     matches = manual.matches(topic, pages) if len(topic) <= _TOPIC_MAX else []
     if not matches:
@@ -59,34 +55,7 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     )
     others_heading = f" Others about {clean(topic)}:" if other_lines else ""
     introduction = f"The page {_page_topic(page, root_context)}.{others_heading}\n{other_lines}"
-    _show(f"{introduction.rstrip()}\n\n{page.text}")
-
-
-@click.command()
-@click.argument("code")
-def explain(code: str) -> None:
-    """Explain a mistake by the code that its message shows, such as E204.
-
-    The page says what is wrong, how it comes about, and how to put it right, with an example.
-    """
-    pages = manual.pages()
-    page = pages.get(code.upper())
-    if page is None or not _CODE.fullmatch(page.name):
-        codes = [name for name in pages if _CODE.fullmatch(name)]
-        suggestion = nearest(code.upper(), codes) if len(code) == len("E204") else None
-        suggestion = suggestion or _titled(code, pages)
-        hint = (
-            f"did you mean {suggestion}?" if suggestion else "`ergon help errors` lists all codes"
-        )
-        raise Refused(f"{clean(code)} is not the code of a mistake; {hint}")
-    _show(page.text)
-
-
-def _titled(words: str, pages: dict[str, manual.Page]) -> str | None:
-    """The code and the title of the mistake whose page has words in its title; None without one."""
-    phrase = words.casefold().strip()
-    titles = {name: page.headings[0] for name, page in pages.items() if _CODE.fullmatch(name)}
-    return next((title for title in titles.values() if phrase and phrase in title.casefold()), None)
+    manual.show(f"{introduction.rstrip()}\n\n{page.text}")
 
 
 def _command(root: click.Context, command_words: tuple[str, ...]) -> click.Context | None:
@@ -108,16 +77,8 @@ def _page_topic(page: manual.Page, root: click.Context) -> str:
     return f"{page.name}.md" if _command(root, (page.name,)) else page.name
 
 
-def _show(page_text: str) -> None:
-    page_text = clean(page_text)
-    if sys.stdout.isatty():
-        click.echo_via_pager(page_text)
-    else:
-        click.echo(page_text, nl=False)
-
-
 def _listed(pages: dict[str, manual.Page], commands: list[str]) -> str:
-    names = [name for name in pages if not _CODE.fullmatch(name) and "/" not in name]
+    names = [name for name, page in pages.items() if not page.is_mistake and "/" not in name]
     names = [f"{name}.md" if name in commands else name for name in names]
     return click.wrap_text(", ".join(names), 78, "  ", "  ")
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import click
+
 from ergon.common.manual_pages import MANUAL
+from ergon.common.terminal import clean
 
 _FOLDERS = ("", "howto", "errors", "instruments", "design")
 _HEADING = re.compile(r"^#{1,4} +(.+?) *#*$", re.MULTILINE)
@@ -29,6 +33,11 @@ class Page:
         """Its headings; the first is its title."""
         return [heading.replace("`", "") for heading in _HEADING.findall(self.text)]
 
+    @property
+    def is_mistake(self) -> bool:
+        """Whether it explains a code that a message shows."""
+        return self.path.parent.name == "errors" and self.path.stem != "README"
+
 
 def pages() -> dict[str, Page]:
     """All pages by name, in the order of their names."""
@@ -40,6 +49,15 @@ def pages() -> dict[str, Page]:
                 page_name = folder or "start"
             pages_by_name[page_name] = Page(page_name, path)
     return pages_by_name
+
+
+def show(page_text: str) -> None:
+    """Print a page; a terminal shows it screen by screen."""
+    page_text = clean(page_text)
+    if sys.stdout.isatty():
+        click.echo_via_pager(page_text)
+    else:
+        click.echo(page_text, nl=False)
 
 
 def matches(topic: str, pages_by_topic: dict[str, Page]) -> list[tuple[Page, str]]:
@@ -60,7 +78,7 @@ def matches(topic: str, pages_by_topic: dict[str, Page]) -> list[tuple[Page, str
     patterns = [re.compile(rf"\b{re.escape(part)}", re.IGNORECASE) for part in stems]
     by_heading, by_text = [], []
     for page in pages_by_topic.values():
-        if page.path.parent.name == "errors":
+        if page.is_mistake:
             continue
         n_mentions = min(len(pattern.findall(page.text)) for pattern in patterns)
         is_later = page.name.startswith("design/") or page.name in _DEVELOPER_PAGES
