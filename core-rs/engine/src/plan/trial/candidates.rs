@@ -59,13 +59,14 @@ impl CandidateFamily {
         body_methods: MethodChoice::ByBudget,
         links_once_per_step: true,
     };
-    /// The families among which a reference is looked for, those of the highest order first, and last the one that is
-    /// needed where friction holds all that is heard.
-    pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 4] = [
+    /// The families among which a reference is looked for, those of the highest order first; then the one that is needed
+    /// where friction holds all that is heard, and the one for parameters that change, of which CA has order 1.
+    pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 5] = [
         Self::between_steps(MethodChoice::ByBudget),
         Self::between_steps(MethodChoice::All((MeshMethod::Bm4, 1))),
         Self::ONCE_PER_STEP,
         Self::between_steps(MethodChoice::Stepped),
+        Self::between_steps(MethodChoice::Meshes((MeshMethod::Bm4, 1))),
     ];
 
     const fn between_steps(bodies: MethodChoice<'static>) -> Self {
@@ -90,14 +91,14 @@ pub(in crate::plan) fn has_fine_links(island: &Assembled) -> bool {
     !island.is_single_step && (island.can_solve_laws_between_steps || island.island_plan.contact_substeps > 1)
 }
 
-/// The candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from the
-/// run of the reference, in proportion to the substeps.
+/// The candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from one
+/// run, in proportion to the substeps.
 ///
 /// Assembling an island takes longer than playing a small one. So a candidate is assembled only once those of lower cost
 /// had their turn.
 pub(in crate::plan) struct Candidates<'a, F> {
     assemble: &'a F,
-    reference: (&'a Candidate, &'a PilotRun),
+    costed_run: (&'a Candidate, &'a PilotRun),
     waiting: Vec<Waiting>,
     /// Those that had their turn.
     earlier: Vec<ComputedBy>,
@@ -131,7 +132,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
     /// All candidates, or only those whose contacts and laws are computed once a step.
     pub(in crate::plan) fn new(
         assemble: &'a F,
-        reference: (&'a Candidate, &'a PilotRun),
+        costed_run: (&'a Candidate, &'a PilotRun),
         is_once_a_step_only: bool,
     ) -> Self {
         let contact_choices: &[bool] = if is_once_a_step_only { &[true] } else { &[true, false] };
@@ -141,7 +142,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
             // Meshes cost more than steps of CA.
             let cost_min = match body_methods {
                 MethodChoice::ByBudget => 0.0,
-                _ => reference.0.island.stepped_ns,
+                _ => costed_run.0.island.stepped_ns,
             };
             contact_choices.iter().map(move |&is_once_a_step| {
                 let family = CandidateFamily {
@@ -158,7 +159,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
         };
         Self {
             assemble,
-            reference,
+            costed_run,
             waiting: (other_choices.into_iter().chain(mesh_choices).enumerate())
                 .flat_map(waiting_steps)
                 .collect(),
@@ -202,7 +203,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
         if let Ok(island) = (self.assemble)(family.options_for_steps(steps)) {
             let candidates = substeps_to_try(&island).into_iter().map(|substeps| Candidate {
                 group_index: methods_index * STEP_CHOICES + steps.ilog2() as usize,
-                ..Candidate::new(island.clone(), substeps, Some(self.reference))
+                ..Candidate::new(island.clone(), substeps, Some(self.costed_run))
             });
             let first_waiting = self.waiting.len();
             self.waiting

@@ -37,6 +37,8 @@ pub(in crate::plan) struct CandidateSearch<'a, F> {
     pub(in crate::plan) runs: &'a RunCache,
     pub(in crate::plan) spans: &'a ComparedSpans,
     pub(in crate::plan) reference: &'a Reference,
+    /// The run from which the cost of contacts and laws between frames is estimated, and the candidate that it played.
+    pub(in crate::plan) costed_run: (&'a Candidate, &'a PilotRun),
     /// The stretches of the reference, and how much a nudge grows, if the motion is chaotic.
     pub(in crate::plan) chaotic_stretches: Option<(&'a ComparedStretches, f64)>,
 }
@@ -146,10 +148,9 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
         &self,
         is_once_a_step_only: bool,
     ) -> Result<(Option<CandidateTrial>, Option<CandidateTrial>), Error> {
-        let reference = (&self.reference.candidate, &*self.reference.run);
         let (mut cheapest, mut nearest): (Option<CandidateTrial>, Option<CandidateTrial>) = (None, None);
         let mut gains = SubstepGains::default();
-        let mut candidates = Candidates::new(self.assemble, reference, is_once_a_step_only);
+        let mut candidates = Candidates::new(self.assemble, self.costed_run, is_once_a_step_only);
         // Candidates that were played may have cost more than was estimated; with more substeps they cost still more.
         let cost_limit = |cheapest: &Option<CandidateTrial>| {
             cheapest
