@@ -14,6 +14,21 @@ from oracle.bodies import eigenvalues, string_edges
 from scipy.interpolate import PPoly, make_interp_spline
 from scipy.signal.windows import blackman
 
+from accuracy.changing import (
+    CELL_PITCH,
+    FOLLOWING_LINK,
+    FOLLOWING_MASS,
+    GROUND,
+    LINK,
+    LINK_PITCH,
+    MASS,
+    SHAPES,
+    Glide,
+    Proxies,
+    coupling_rows,
+    following_row,
+)
+
 _UNITS = {"k": 1e3, "m": 1e-3, "u": 1e-6, "": 1.0}
 _NUMBER = re.compile(r"^([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)\s*(.*)$", re.IGNORECASE)
 ELASTIC = {
@@ -66,6 +81,18 @@ class Path:
 
 
 @dataclass
+class TunedBody:
+    """A cell or a body that `f` [Hz] and a decay [1/s] tune: for each of its masses or links, which
+    `what` names, its index and the weight of its K and Z.
+    """
+
+    f: float
+    sigma: float
+    what: int
+    weights: list[tuple[int, float]]
+
+
+@dataclass
 class Equations:
     """Masses, links, outputs and events of a scene (SI).
 
@@ -91,13 +118,17 @@ class Equations:
     names: dict[str, int] = field(default_factory=dict)
     links: dict[str, int] = field(default_factory=dict)
     keys: dict[str, list[int]] = field(default_factory=dict)
+    bodies: dict[str, TunedBody] = field(default_factory=dict)
+    body_masses: dict[str, list[int]] = field(default_factory=dict)
+    changes: list[list[float]] = field(default_factory=list)
+    proxies: Proxies = field(default_factory=Proxies)
 
     @property
     def is_linear(self) -> bool:
         """Whether a matrix exponential solves it: no contact, no law, no friction, no gesture, no
-        shared tension.
+        shared tension, nothing that changes in time, no proxy.
         """
-        is_plain = not self.paths and not self.stretched
+        is_plain = not (self.paths or self.stretched or self.changes or self.proxies.rows)
         return is_plain and all(a <= 1 and b <= 1 for a, b in self.kinds)
 
     def point(
@@ -160,14 +191,64 @@ def read(text: str) -> Equations:
                 result.outputs.append(("SOF", result.links[f"{name}.{link}"]))
     for couple in score.get("duet", []):
         a, b = (result.names[key] for key in couple["couple"])
-        spring = couple["REF"]
-        result.link(a, b, 1, 1, number(spring["K"]), 0.0, 0.0, number(spring.get("Z", 0.0)))
+        K, Z = (number(couple["REF"].get(name, 0.0)) for name in ("K", "Z"))
+        link = result.link(a, b, 1, 1, K, 0.0, 0.0, Z)
+        begin, end = number(couple.get("at", 0.0)), number(couple.get("until", np.inf))
+        result.changes += coupling_rows(link, (K, Z), begin, end, result.rate)
     for strike in score.get("strikes", {}).values():
         struck, begin = result.names[strike["to"]], number(strike["at"])
         for after, impulse in _impulses(strike):
             result.strikes.append((struck, begin + after, impulse))
     _gestures(result, score)
+    for line in score.get("automation", []):
+        _glide(result, line)
     return result
+
+
+def _glide(outcome: Equations, line: dict[str, Any]) -> None:
+    """Add the changes of a line of automation: one parameter to one value, in its own unit."""
+    label, _, parameter = line["set"].rpartition(".")
+    begin = number(line["at"])
+    glide = Glide(begin, begin + number(line["over"]), SHAPES[line.get("curve", "line")])
+    last = number(str(line["to"]).removesuffix("Hz"))
+    if parameter in ("f", "t60"):
+        body = outcome.bodies[label]
+        pitches, sigmas = (body.f, body.f), (body.sigma, body.sigma)
+        if parameter == "f":
+            pitches = (body.f, last)
+        else:
+            sigmas = (body.sigma, _decay_rate(last))
+        for index, weight in body.weights:
+            outcome.changes.append(glide.row(body.what, index, weight, pitches, sigmas))
+    elif label in outcome.links:
+        link = outcome.links[label]
+        columns = _GLIDING_COLUMNS[outcome.kinds[link][0]][parameter]
+        first = outcome.numbers[link][columns[0]]
+        for column in columns:  # static friction keeps its ratio to the level that glides
+            start = outcome.numbers[link][column]
+            values = (start, last * start / first)
+            outcome.changes.append(glide.row(LINK, link, float(column), values))
+    else:
+        mass = outcome.names[label]
+        if parameter == "M":
+            outcome.changes.append(glide.row(MASS, mass, 0.0, (outcome.mass[mass], last)))
+        else:
+            column = ("K", "Z").index(parameter)
+            values = (outcome.ground[mass][column], last)
+            outcome.changes.append(glide.row(GROUND, mass, float(column), values))
+
+
+# By the kind of a link: where the numbers of a parameter that may glide stand.
+_GLIDING_COLUMNS = {
+    ELASTIC["linear"]: {"K": (0,), "Z": (3,)},
+    ELASTIC["contact"]: {"K": (0,), "Z": (3,)},
+    ELASTIC["bristle"]: {"sigma0": (0,), "Fc": (3, 4)},
+    ELASTIC["dry"]: {"F": (0, 1)},
+}
+
+
+def _decay_rate(t60: float) -> float:
+    return 3.0 * float(np.log(10.0)) / t60
 
 
 def _impulses(strike: dict[str, Any]) -> Iterator[tuple[float, float]]:
@@ -200,15 +281,23 @@ def _module(outcome: Equations, part: str, name: str, kind: str, arguments: dict
     elif kind in ("MAS", "CEL"):
         k, z = field_value("K"), field_value("Z")
         if "f" in arguments:
-            sigma = 3.0 * np.log(10.0) / field_value("t60") if "t60" in arguments else 0.0
+            sigma = _decay_rate(field_value("t60")) if "t60" in arguments else 0.0
             f = number(str(arguments["f"]).removesuffix("Hz"))
             k, z = (
                 field_value("M") * ((2.0 * np.pi * f) ** 2 + sigma**2),
                 2.0 * field_value("M") * sigma,
             )
-        outcome.point(
-            label, field_value("M"), k, z, field_value("rest"), field_value("X0"), field_value("V0")
+            weights = [(len(outcome.mass), field_value("M"))]
+            outcome.bodies[label] = TunedBody(f, sigma, CELL_PITCH, weights)
+        following = arguments.get("follows", {}).get("M")
+        m = number(following["from"]) if following else field_value("M")
+        point = outcome.point(
+            label, m, k, z, field_value("rest"), field_value("X0"), field_value("V0")
         )
+        if following:
+            _follow(outcome, FOLLOWING_MASS, point, 0, following, single)
+    elif kind == "PROXY":
+        _proxy(outcome, label, single, arguments)
     elif kind in ("STRING", "PLATE"):
         _body(outcome, label, kind, arguments)
     elif kind == "ENF":
@@ -238,6 +327,14 @@ def _module(outcome: Equations, part: str, name: str, kind: str, arguments: dict
                     clamp,
                 )
                 link = outcome.link(a, b, ELASTIC["contact"], 0, *shape)
+        elif kind == "LNL" and arguments.get("law") == "k*d":
+            # A spring whose constants may follow masses; its damping is z*v or none.
+            assert arguments.get("damping", "z*v") == "z*v", "of laws k*d and z*v are known here"
+            link = outcome.link(a, b, 1, 1, field_value("k"), 0.0, 0.0, field_value("z"))
+            for constant, following in arguments.get("follows", {}).items():
+                column = {"k": 0, "z": 3}[constant]
+                outcome.numbers[link][column] = number(following["from"])
+                _follow(outcome, FOLLOWING_LINK, link, column, following, single)
         elif kind == "LNL":
             law, damping = arguments.get("law"), arguments.get("damping")
             row = [0.0] * N_NUMBERS
@@ -272,6 +369,31 @@ def _module(outcome: Equations, part: str, name: str, kind: str, arguments: dict
         else:
             raise ValueError(f"{kind} is not known here")
         outcome.links[label] = link
+
+
+def _follow(
+    outcome: Equations, what: int, index: int, column: int, following: dict[str, Any], part: str
+) -> None:
+    first, last = number(following["from"]), number(following["to"])
+    offset, span = number(following.get("offset", 0.0)), number(following.get("span", 1.0))
+    guide = outcome.find(following["of"], part)
+    outcome.changes.append(following_row(what, index, column, guide, offset, span, first, last))
+
+
+def _proxy(outcome: Equations, label: str, part: str, arguments: dict[str, Any]) -> None:
+    """A proxy between the masses of a row: at a fixed place, or where a mass leads it."""
+    members = []
+    listed = arguments["of"]
+    for name in listed if isinstance(listed, list) else [listed]:
+        inside = f"{part}.{name}"
+        if inside in outcome.body_masses:
+            members += outcome.body_masses[inside]
+        else:
+            members.append(outcome.find(name, part))
+    point = outcome.point(label, np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+    guide = outcome.find(arguments["follows"], part) if "follows" in arguments else -1
+    offset, span = number(arguments.get("offset", 0.0)), number(arguments.get("span", 1.0))
+    outcome.proxies.add(point, members, guide, offset, span, number(arguments.get("at", 0.0)))
 
 
 def gaps(arguments: Any, n: int) -> list[float]:
@@ -320,12 +442,16 @@ def _body(outcome: Equations, label: str, kind: str, arguments: dict[str, Any]) 
         pairs, n = plate_edges(arguments.get("shape", "hex"), arguments["radius"], fixed=fixed)
         edges = [(min(pair), max(pair), 1.0) for pair in pairs]
     m = number(arguments["M"]) / n
-    sigma = 3.0 * np.log(10.0) / number(arguments["t60"]) if "t60" in arguments else 0.0
+    sigma = _decay_rate(number(arguments["t60"])) if "t60" in arguments else 0.0
     f = number(str(arguments["f"]).removesuffix("Hz"))
     omega2 = (2.0 * np.pi * f) ** 2 + sigma**2
-    k = m * omega2 / eigenvalues(edges, n)[0]
+    lowest = eigenvalues(edges, n)[0]
+    k = m * omega2 / lowest
     z = 2.0 * sigma * k / omega2
     first = len(outcome.mass)
+    outcome.body_masses[label] = list(range(first, first + n))
+    weights = [(len(outcome.ends) + i, edge[2] * m / lowest) for i, edge in enumerate(edges)]
+    outcome.bodies[label] = TunedBody(f, sigma, LINK_PITCH, weights)
     for i in range(n):
         outcome.point(f"{label}.{i}", m, 0.0, 0.0, 0.0, 0.0, 0.0)
     ground = outcome.point(f"{label}.ground", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -5,6 +5,7 @@ from typing import Any
 
 import yaml
 
+from accuracy.changing_scenes import follow_scene, glide_scene, proxy_scene
 from accuracy.contact_scenes import (
     bridge_scene,
     chain_scene,
@@ -77,4 +78,7 @@ FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "keys": keys_scene,
     "rates": rates_scene,
     "units-ca": discrete_scene,
+    "glide": glide_scene,
+    "follow": follow_scene,
+    "proxy": proxy_scene,
 }

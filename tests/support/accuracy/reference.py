@@ -4,9 +4,9 @@ The method is DOP853 (Dormand and Prince; Hairer, Norsett and Wanner) with the c
 `scipy.integrate.DOP853`, compiled, with no step across a frame or an event. It uses no part of
 ergon's engine.
 
-The bend of a BRISTLE is an additional state. A DRY slides one way or holds: a step ends where
-that changes, found by bisection, so no step crosses a kink. At most one DRY may rub on a moving
-mass.
+What changes in time is set at each stage (`changing`). The bend of a BRISTLE is an additional
+state. A DRY slides one way or holds: a step ends where that changes, found by bisection, so no
+step crosses a kink. At most one DRY may rub on a moving mass.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,15 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.linalg import expm, matrix_balance, schur, solve_sylvester
 
-from accuracy.equations import ELASTIC, REST, Equations
+from accuracy.changing import (
+    CHANGE_NUMBERS,
+    FOLLOWING_LINK,
+    PROXY_NUMBERS,
+    set_changing,
+    set_proxies,
+    spread_forces,
+)
+from accuracy.equations import ELASTIC, N_NUMBERS, REST, Equations
 
 _TABLEAU = (
     np.vstack([DOP853.A, DOP853.B]),
@@ -137,6 +145,7 @@ def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.nda
     """Positions and velocities (n_frames, n) at a relative tolerance."""
     events = [position for _, position, _ in scene.strikes]
     events += [float(t) for path in scene.paths for t in path.spline.x]
+    events += [t for row in scene.changes if row[0] < FOLLOWING_LINK for t in row[3:5]]
     frames = np.arange(n_frames) / scene.rate
     events = [
         position
@@ -168,8 +177,15 @@ def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.nda
     ]
     assert len(set(rubbed)) == len(rubbed), "two DRY rub on one mass"
     assert not (rubbed and scene.paths), "a DRY beside a gesture is not known here"
+    changing = (
+        np.array(scene.changes, dtype=float).reshape(-1, CHANGE_NUMBERS),
+        np.array(scene.proxies.rows, dtype=float).reshape(-1, PROXY_NUMBERS),
+        np.array(scene.proxies.members, dtype=np.int64),
+    )
+    start = np.array([*scene.x0, *scene.v0, *[0.0] * int(bends.sum())])
+    set_proxies(start, len(scene.mass), *changing[1:])
     states = _march(
-        np.array([*scene.x0, *scene.v0, *[0.0] * int(bends.sum())]),
+        start,
         when,
         blows,
         1.0 / np.array(scene.mass),
@@ -177,10 +193,11 @@ def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.nda
         np.array(scene.push),
         np.array(scene.ends, dtype=np.int64).reshape(-1, 2),
         np.array(scene.kinds, dtype=np.int64).reshape(-1, 2),
-        np.array(scene.numbers).reshape(len(scene.ends), -1),
+        np.array(scene.numbers, dtype=float).reshape(-1, N_NUMBERS),
         np.array(scene.stretched, dtype=float).reshape(-1, 3),
         leads.reshape(-1, 3),
         pieces,
+        changing,
         tolerance,
         _TABLEAU,
     )
@@ -260,6 +277,7 @@ def _slopes(
     stretched,
     leads,
     pieces,
+    changing,
     ways,
     needs,
 ):
@@ -270,6 +288,8 @@ def _slopes(
     """
     n = len(inverse)
     curvature = 2 * n
+    changes, proxies, members = changing
+    set_changing(t, y, inverse, ground, numbers, changes)
     for g in range(len(leads)):
         p = pieces[g, gesture_masses]
         if np.isnan(p[6]):
@@ -282,6 +302,7 @@ def _slopes(
         y[leads[g, 1]], y[n + leads[g, 1]] = x, v
         if leads[g, 2]:
             y[leads[g, 0]], y[n + leads[g, 0]] = x, v
+    set_proxies(y, n, proxies, members)
     for i in range(n):
         dy[i] = y[n + i]
         dy[n + i] = push[i] - ground[i, 0] * y[i] - ground[i, 1] * y[n + i]
@@ -310,6 +331,7 @@ def _slopes(
             f = stretched[s, 2] * squares * (y[b] - y[a])
             dy[n + a] += f
             dy[n + b] -= f
+    spread_forces(y, dy, n, proxies, members)
     for k in range(len(ends)):
         if kinds[k, 0] != _DRY:
             continue
@@ -399,6 +421,7 @@ def _march(
     stretched,
     leads,
     pieces,
+    changing,
     tolerance,
     tableau,
 ):
@@ -428,7 +451,7 @@ def _march(
         while t < end:
             if begins:
                 _slopes(t, y, k[0], index, inverse, ground, push, ends, kinds, numbers, stretched,
-                        leads, pieces, ways, needs)  # fmt: skip
+                        leads, pieces, changing, ways, needs)  # fmt: skip
                 _begin(y, n, ends, kinds, numbers, ways, needs)
                 begins = False
             h = min(h, end - t)
@@ -443,7 +466,7 @@ def _march(
                         total += A[stage, j] * k[j, i]
                     new[i] = y[i] + h * total
                 _slopes(t + C[stage] * h, new, k[stage], index, inverse, ground, push, ends, kinds,
-                        numbers, stretched, leads, pieces, ways, needs)  # fmt: skip
+                        numbers, stretched, leads, pieces, changing, ways, needs)  # fmt: skip
             top_x = max(largest[:n].max(), np.abs(new[:n]).max())
             top_v = max(largest[n : 2 * n].max(), np.abs(new[n : 2 * n]).max())
             top_z = 0.0
