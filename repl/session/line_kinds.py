@@ -1,12 +1,14 @@
 """Kinds of lines: what each needs of the engine, and whether it waits for the lines before it.
 
-| kind      | standing, panicked | running             | needs       | if it is late             |
-|-----------|--------------------|---------------------|-------------|---------------------------|
-| faders    | next tick          | next tick or grid   | gains alone | never is                  |
-| ends      | next tick          | next tick or grid   | a cut stage | never is                  |
-| values    | soonest frame      | soonest or grid     | a new stage | slips alone               |
-| structure | soonest frame      | soonest or grid     | a new stage | slips with later lines    |
-| start     | soonest frame      | soonest frame       | a new stage | slips with later lines    |
+| kind      | standing, panicked | running             | needs       | late, it slips with        |
+|-----------|--------------------|---------------------|-------------|----------------------------|
+| faders    | next tick          | next tick or grid   | gains alone | later faders               |
+| ends      | next tick          | next tick or grid   | a cut stage | later ends                 |
+| values    | soonest frame      | soonest or grid     | a new stage | later values               |
+| structure | soonest frame      | soonest or grid     | a new stage | later lines of these two   |
+| start     | soonest frame      | soonest frame       | a new stage | later lines of these two   |
+
+Lines of one kind may set the same thing, so what was typed last has to act last.
 
 Any of them may name its beat (`at`, `in`). While the piece is stopped it then waits until the piece
 gets there.
@@ -50,21 +52,27 @@ class LineKind(Enum):
 class KindRule(NamedTuple):
     """How lines of a kind act.
 
-    A kind that `is_quick` needs no new stage, so that it is never late; one that `is_fenced`
-    takes effect in the order of typing: it slips together with an earlier line that slips.
+    A kind that `is_quick` needs no new stage, so that it is late only with what it needs; one
+    that `is_structural` keeps the order of typing with all others that are.
     """
 
     is_quick: bool
-    is_fenced: bool
+    is_structural: bool
 
 
 RULES: Mapping[LineKind, KindRule] = {
-    LineKind.FADERS: KindRule(is_quick=True, is_fenced=False),
-    LineKind.ENDS: KindRule(is_quick=True, is_fenced=False),
-    LineKind.VALUES: KindRule(is_quick=False, is_fenced=False),
-    LineKind.STRUCTURE: KindRule(is_quick=False, is_fenced=True),
-    LineKind.START: KindRule(is_quick=False, is_fenced=True),
+    LineKind.FADERS: KindRule(is_quick=True, is_structural=False),
+    LineKind.ENDS: KindRule(is_quick=True, is_structural=False),
+    LineKind.VALUES: KindRule(is_quick=False, is_structural=False),
+    LineKind.STRUCTURE: KindRule(is_quick=False, is_structural=True),
+    LineKind.START: KindRule(is_quick=False, is_structural=True),
 }
+
+
+def keep_order(earlier: LineKind, later: LineKind) -> bool:
+    """Whether a line of the kind `later` must not overtake one of the kind `earlier` that slips."""
+    return earlier is later or (RULES[earlier].is_structural and RULES[later].is_structural)
+
 
 # Commands that are not listed change structure.
 _KINDS: Mapping[type[Command], LineKind] = {

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ergon.repl.language.commands import NOW
 from ergon.repl.session import version_edits
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import LineKind
+from ergon.repl.session.version import first_line
 from ergon.repl.session.waiting_lines import REFUSALS
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.session_log import SessionLog
     from ergon.repl.session.waiting_lines import WaitingLine
 
+_LISTED_MAX = 5  # lines that a message names
 PANIC_MESSAGE = (
     "panic: no sound, no force; `release` ends the panic, `undo` brings back what was played, and "
     "`play` starts the piece"
@@ -94,6 +96,13 @@ class Stops:
             self.panicked = True
             self._log.say(PANIC_MESSAGE)
 
+    def _say_cancelled(self, line_texts: Sequence[str]) -> None:
+        if line_texts:
+            listed = ", ".join(f"'{first_line(text)}'" for text in line_texts[:_LISTED_MAX])
+            n_more = len(line_texts) - _LISTED_MAX
+            others = f" and {n_more} more" if n_more > 0 else ""
+            self._log.say(f"the panic cancelled lines that waited: {listed}{others}")
+
     def let_go(self) -> None:
         """End every force, until `release`; the sound goes on."""
         self._schedule.engine.let_go()
@@ -126,8 +135,10 @@ class Stops:
             self._n_resets = self._n_panics
             if self._schedule.head.number == self._reset_number:
                 return  # nothing was typed since the last one
-            for line in self._schedule.drop_all():
+            dropped_lines = self._schedule.drop_all()
+            for line in dropped_lines:
                 self._log.note_dropped(line)
+            self._say_cancelled([line.line for line in dropped_lines if line.line])
             stop_entry = Entry(
                 "panic", version_edits.hush, LineKind.ENDS, NOW, sets_running=False, resets=True
             )

@@ -16,7 +16,7 @@ from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session.clock import Clock, TakeoverBeats, Timing, takeover_beats
-from ergon.repl.session.line_kinds import RULES, KindRule, LineKind
+from ergon.repl.session.line_kinds import RULES, KindRule, LineKind, keep_order
 from ergon.repl.session.version import NotTakenError, Version, is_same_music
 from ergon.scores.staging.refusals import StageError
 
@@ -94,6 +94,18 @@ class WaitingLine:
         if self.start is None and other_line.start is None:
             return self.beat <= other_line.beat + SAME
         return self.frame <= other_line.frame
+
+    def follows(self, earlier: WaitingLine) -> bool:
+        """Whether it must act after an earlier line, however late that is.
+
+        What restores a version follows every line that was typed before it, and is followed by
+        every one typed after it: the version that it restores has nothing of these. Lines that
+        need no stage wait for neither.
+        """
+        is_restoring = self.sets_all or earlier.sets_all
+        is_quick = (earlier if self.sets_all else self).rule.is_quick
+        keeps_order = keep_order(earlier.kind, self.kind) or (is_restoring and not is_quick)
+        return self.number > earlier.number and keeps_order
 
 
 class _BreaksLaterLineError(NotTakenError):
@@ -203,18 +215,14 @@ class WaitingLines:
 
         A fence: lines that were typed after them and would overtake them move too.
         """
-        moved_numbers = {slipped_line.number for slipped_line in late_lines}
-        number_min = min(
-            (slipped_line.number for slipped_line in late_lines if slipped_line.rule.is_fenced),
-            default=math.inf,
-        )
+        moving_lines = [*late_lines]
         for waiting in sorted(self.lines, key=lambda waiting_line: waiting_line.number):
-            # What restores a version comes after every line that was typed before it.
-            is_later = waiting.number > (min(moved_numbers) if waiting.sets_all else number_min)
-            is_later |= any(self._begins_after(waiting, line) for line in late_lines)
-            if is_later and waiting.rule.is_fenced and waiting.frame < start_frame:
-                moved_numbers.add(waiting.number)
-                number_min = min(number_min, waiting.number)
+            is_fenced = any(
+                waiting.follows(line) or self._begins_after(waiting, line) for line in moving_lines
+            )
+            if is_fenced and waiting not in late_lines and waiting.frame < start_frame:
+                moving_lines.append(waiting)
+        moved_numbers = {line.number for line in moving_lines}
         while True:
             slipped_lines, lost, moved = self._moved(moved_numbers, line_beat, start_frame)
             # What needs a late line waits for it too.
@@ -247,28 +255,18 @@ class WaitingLines:
         return lines, lost, moved
 
     def fence(self, new_line: WaitingLine) -> WaitingLine | None:
-        """The last earlier line that a new one must not overtake: one that has slipped; one that
-        acts as soon as possible or on the grid, unless the new one asks for less time; and one for
-        the beat on which the new one starts the piece.
+        """The last earlier line that a new one must not overtake: one that has slipped, or that
+        restores a version; one that acts as soon as possible or on the grid, unless the new one
+        asks for less time; and one for the beat on which the new one starts the piece.
         """
-        if not new_line.rule.is_fenced:
-            return None
         obstacles = [
             line
             for line in self.lines
-            if (
-                (line.rule.is_fenced or (new_line.sets_all and not line.rule.is_quick))
-                and line.frame > new_line.frame
-                and (
-                    line.n_slips
-                    or (
-                        not new_line.is_named
-                        and not line.is_named
-                        and line.is_now >= new_line.is_now
-                    )
-                )
+            if line.frame > new_line.frame
+            and (
+                (new_line.follows(line) and _has_priority(line, new_line))
+                or (line.frame < math.inf and self._begins_after(new_line, line))
             )
-            or (new_line.frame < line.frame < math.inf and self._begins_after(new_line, line))
         ]
         return max(obstacles, key=lambda line: line.frame, default=None)
 
@@ -356,6 +354,12 @@ class WaitingLines:
         if base_version is version and line.clock == new_clock and line.version is new_version:
             return line
         return replace(line, base=version, version=new_version, clock=new_clock)
+
+
+def _has_priority(earlier: WaitingLine, new_line: WaitingLine) -> bool:
+    """Whether an earlier line goes first, though a new one that follows it could act sooner."""
+    asks_for_less = new_line.is_named or earlier.is_named or new_line.is_now > earlier.is_now
+    return bool(earlier.n_slips or earlier.sets_all or not asks_for_less)
 
 
 def _slipped_line(line: WaitingLine, beat: float, start: int) -> WaitingLine:

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from sessions import EVERY
 
-from ergon.repl.session.line_kinds import RULES, LineKind
+from ergon.repl.session.line_kinds import LineKind, keep_order
 from ergon.scores.reading.load import load
 from tests.repl.test_repl_session import SCORE
 
@@ -177,11 +177,7 @@ class SessionMachine(RuleBasedStateMachine):
         sent = {n for one in self.delayed.session.schedule.changes.pending for n in _numbers(one)}
         assert set(numbers) | waiting | sent == set(lines), self.story
         done = [(one["frame"], one["number"]) for one in ends if one["event"] == "commit"]
-        fenced = [
-            (frame, lines[number])
-            for frame, number in done
-            if RULES[LineKind[lines[number]["kind"].upper()]].is_fenced
-        ]
+        fenced = [(frame, lines[number]) for frame, number in done]
         starts = _starts_by_number(events)
         plays = [number for number, line in lines.items() if line["goes"] is True]
         for place, (_, later) in enumerate(fenced):
@@ -189,7 +185,9 @@ class SessionMachine(RuleBasedStateMachine):
                 first, last = earlier["number"], later["number"]
                 # A line at a beat follows the piece where that jumps.
                 follows = _is_at_beat(earlier) and any(first < play <= last for play in plays)
-                if first < last and not follows and _is_asked_before(starts[last], first, last):
+                kinds = (LineKind[line["kind"].upper()] for line in (earlier, later))
+                is_overtaken = first < last and not follows and keep_order(*kinds)
+                if is_overtaken and _is_asked_before(starts[last], first, last):
                     raise AssertionError([self.story, earlier, later])
         restoring = [line["number"] for _, line in fenced if line["restores"] not in (None, -1)]
         assert restoring == sorted(restoring), self.story
