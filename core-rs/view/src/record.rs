@@ -158,7 +158,7 @@ impl Recorder {
             last_look: 0.0,
             n_reported_ergons: 0,
             link_numbers: tables::breakable_numbers(&look, network),
-            break_times: vec![None; look.breakable.len()],
+            break_times: vec![None; look.breakable_links.len()],
             live_strikes: Vec::new(),
             level_square_sums: vec![0.0; setup.n_speakers],
             n_level_frames: 0,

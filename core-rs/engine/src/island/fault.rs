@@ -220,12 +220,12 @@ impl Island {
             state.parameters.changing_scheme = Some(scheme.with_changing_coefficients());
         }
         if let Some(fine_links) = &mut state.motion.fine_links {
-            let mut retained_bodies = 0;
+            let mut retained_count = 0;
             let new_body_indices: Vec<Option<usize>> = (state.motion.bodies.iter())
                 .map(|body| {
                     let stays = !body.touches_part(&is_muted, part);
-                    retained_bodies += usize::from(stays);
-                    stays.then(|| retained_bodies - 1)
+                    retained_count += usize::from(stays);
+                    stays.then(|| retained_count - 1)
                 })
                 .collect();
             for link in fine_links.remove_parts(&is_muted, &new_body_indices) {
@@ -244,20 +244,23 @@ impl Island {
         for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
             state.motion.modules.d[port.port_mat] = 0.0;
         }
-        let mut flags = script.port_bindings.iter().map(|port| !ends_on_part(port));
-        state.sources.delayed_forces.retain(|_| flags.next().unwrap_or(true));
-        drop(flags);
+        let mut stay_flags = script.port_bindings.iter().map(|port| !ends_on_part(port));
+        state
+            .sources
+            .delayed_forces
+            .retain(|_| stay_flags.next().unwrap_or(true));
+        drop(stay_flags);
         script.port_bindings.retain(|port| !ends_on_part(port));
         let ends_on_part = |drive: &Drive| is_muted[drive.mat] || drive.port().is_some_and(|port| is_muted[port.key]);
         script.drives.retain(|drive| !ends_on_part(drive));
-        let mut flags = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
+        let mut stay_flags = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
         let input_signals = &mut state.sources.input_signals;
-        input_signals.retain(|_| flags.next().unwrap_or(true));
-        drop(flags);
+        input_signals.retain(|_| stay_flags.next().unwrap_or(true));
+        drop(stay_flags);
         script.sound_drives.retain(|drive| !is_muted[drive.mat]);
-        let mut flags = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
-        state.sources.voices.retain(|_| flags.next().unwrap_or(true));
-        drop(flags);
+        let mut stay_flags = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
+        state.sources.voices.retain(|_| stay_flags.next().unwrap_or(true));
+        drop(stay_flags);
         script.voices.retain(|voice| !is_muted[voice.struck_mat]);
         let fade_starts = &mut state.monitors.muted_parts.fade_starts;
         start_fades(scheme, (&is_muted, &is_link_cut), fade_starts, mute_frame);

@@ -101,11 +101,18 @@ fn law_weight(law: &Law, rate: f64, c: f64) -> f64 {
 
 fn space_weight(law: &SpaceLaw, run: &LinkRun, c: f64) -> f64 {
     match law {
-// An attraction is stiffest, along its line and across, if its two ends are at the same position.
-SpaceLaw::Spring | SpaceLaw::Yielding { .. } | SpaceLaw::Attraction { .. } | SpaceLaw::Lnl { .. }
-// While a contact pulls, it is softer than K along its line. It is softer across, too, as long as the depth at
-// which it rests is less than the distance of touch.
-| SpaceLaw::Cohesive { exponent: 1.0, .. } | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z, SpaceLaw::Contact { .. } | SpaceLaw::Cohesive { .. } => c * run.z, SpaceLaw::Gauge => 0.0, }
+        // An attraction is stiffest, along its line and across, if its two ends are at the same position. While a
+        // contact pulls, it is softer than K along its line. It is softer across, too, as long as the depth at which
+        // it rests is less than the distance of touch.
+        SpaceLaw::Spring
+        | SpaceLaw::Yielding { .. }
+        | SpaceLaw::Attraction { .. }
+        | SpaceLaw::Lnl { .. }
+        | SpaceLaw::Cohesive { exponent: 1.0, .. }
+        | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
+        SpaceLaw::Contact { .. } | SpaceLaw::Cohesive { .. } => c * run.z,
+        SpaceLaw::Gauge => 0.0,
+    }
 }
 
 /// The MATs of points in contacts between all pairs, axis by axis, each with an upper bound of the sum of K + c·Z of
@@ -307,7 +314,7 @@ fn exact_largest_eigenvalue(
             .unwrap_or(0)
     };
     if mat_count > DENSE_MAX {
-        let largest = spectrum::largest_up_to(mat_count, &mut apply_matrix, search_limit);
+        let largest = spectrum::largest_eigenvalue_up_to(mat_count, &mut apply_matrix, search_limit);
         return LargestEigenvalue {
             lambda: largest.theta + largest.residual,
             bound_method: BoundMethod::Lanczos,

@@ -7,8 +7,8 @@ use super::*;
 fn pages_receive_live_strikes() {
     let mut scene = scene(&[]);
     scene.1.open();
-    scene.1.strike_point(&scene.0, 3, 7, Some(0.0)).unwrap();
-    scene.1.strike_point(&scene.0, 5, 9, Some(0.0)).unwrap();
+    scene.1.add_strike_point(&scene.0, 3, 7, Some(0.0)).unwrap();
+    scene.1.add_strike_point(&scene.0, 5, 9, Some(0.0)).unwrap();
     let simulation = planned(&scene, 0);
     let look = simulation.make_look();
     let mut shown = Shown::fast(&simulation, &scene.1);
@@ -42,11 +42,11 @@ fn strikes_before_the_first_picture_are_shown() {
         playable_scene.1.open();
         playable_scene
             .1
-            .strike_point(&playable_scene.0, 3, 7, Some(0.0))
+            .add_strike_point(&playable_scene.0, 3, 7, Some(0.0))
             .unwrap();
         playable_scene
             .1
-            .strike_point(&playable_scene.0, 5, 9, Some(0.0))
+            .add_strike_point(&playable_scene.0, 5, 9, Some(0.0))
             .unwrap();
         playable_scene
     };
