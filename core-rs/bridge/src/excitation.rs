@@ -82,9 +82,9 @@ pub(crate) fn excite(
         let excited_axis = AxisCalibration {
             sign: f64::from(sign),
             range: port.range(axis),
-            ..AxisCalibration::plain(port.spec())
+            ..AxisCalibration::without_corrections(port.spec())
         };
-        let mut axes = vec![AxisCalibration::plain(port.spec()); port.spec().dof];
+        let mut axes = vec![AxisCalibration::without_corrections(port.spec()); port.spec().dof];
         axes[axis] = excited_axis;
         metrology::excite(
             CalibratedDevice::new(port, axes),

@@ -262,7 +262,7 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
         let (pushed_axis, sample) = (self.excitation.axis, &self.sample);
         let (key_position, tick_period) = (sample.position[pushed_axis], self.excitation.period);
         self.motion.age += tick_period;
-        if let Some(trip_cause) = self.guarded_device.tripped(pushed_axis) {
+        if let Some(trip_cause) = self.guarded_device.trip_cause(pushed_axis) {
             return Err(ExcitationEnd::Tripped(trip_cause));
         }
         if !sample.is_fresh {

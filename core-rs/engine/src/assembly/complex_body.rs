@@ -199,7 +199,7 @@ pub(crate) fn impulse_response(modes: &ComplexModes, sequence: &ModeSequence, po
 pub(crate) fn complex_parts(sequences: &[ModeSequence]) -> Vec<ComplexPart> {
     let to_part = |part: &ModeSequence| ComplexPart {
         mode: part.mode,
-        oscillator: part.component,
+        sequence: part.component,
         sign: part.sign,
     };
     sequences.iter().map(to_part).collect()

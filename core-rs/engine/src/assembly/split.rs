@@ -17,7 +17,7 @@ pub(crate) struct LocalTimeline {
 
 impl LocalTimeline {
     /// The same with one frame in place of `n_frames`; `None` if the timeline has no such version.
-    pub(crate) fn at_lower_rate(&self, n_frames: u32) -> Option<Self> {
+    pub(crate) fn with_lower_rate(&self, n_frames: u32) -> Option<Self> {
         Some(Self {
             timeline: self.timeline.with_lower_rate(n_frames)?,
             ..self.clone()

@@ -25,7 +25,8 @@ pub(crate) type Complex = [f64; 2];
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ComplexPart {
     pub(crate) mode: usize,
-    pub(crate) oscillator: usize,
+    /// Which of the mode's oscillators it is: 0 or 1.
+    pub(crate) sequence: usize,
     pub(crate) sign: f64,
 }
 

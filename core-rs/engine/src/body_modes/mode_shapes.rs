@@ -87,7 +87,7 @@ impl ModeShapes {
             return None;
         }
         let part_share =
-            |part: &ComplexPart, mat: usize| part.sign * body_modes.output_shapes[mat][part.mode][part.oscillator];
+            |part: &ComplexPart, mat: usize| part.sign * body_modes.output_shapes[mat][part.mode][part.sequence];
         let mat_indices = 0..mats.len();
         let shapes = parts
             .iter()

@@ -140,8 +140,8 @@ impl StateProjection {
             let values = now.iter_mut().zip(&mut *before);
             for ((now, before), part) in values.zip(&self.parts) {
                 let number = numbers[part.mode];
-                *now = number[part.oscillator];
-                *before = backward_steps[part.mode].apply(number)[part.oscillator];
+                *now = number[part.sequence];
+                *before = backward_steps[part.mode].apply(number)[part.sequence];
             }
             if round == ROUNDS {
                 return;
@@ -218,7 +218,7 @@ mod tests {
         };
         let new_part = |mode: usize, part: usize, sign: f64| ComplexPart {
             mode,
-            oscillator: part,
+            sequence: part,
             sign,
         };
         let modes = modes.poles.iter().enumerate();
@@ -239,13 +239,13 @@ mod tests {
         let parts = parts_of(&modes);
         let mut projection = StateProjection::new(&network, &parts, rate).unwrap();
         let start = &modes.start;
-        let now: Vec<f64> = parts.iter().map(|part| start[part.mode][part.oscillator]).collect();
+        let now: Vec<f64> = parts.iter().map(|part| start[part.mode][part.sequence]).collect();
         let number_before = |part: &ComplexPart| {
             modes.poles[part.mode]
                 .backward_step(rate.step())
                 .apply(start[part.mode])
         };
-        let before: Vec<f64> = parts.iter().map(|part| number_before(part)[part.oscillator]).collect();
+        let before: Vec<f64> = parts.iter().map(|part| number_before(part)[part.sequence]).collect();
         let mut motions = vec![(0.0, 0.0); 4];
         projection.shapes.positions(&now, &before, &mut motions);
         for ((x, _), x0) in motions.iter().zip(&network.mats().x0) {

@@ -244,23 +244,20 @@ impl Island {
         for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
             state.motion.modules.d[port.port_mat] = 0.0;
         }
-        let mut stay_flags = script.port_bindings.iter().map(|port| !ends_on_part(port));
-        state
-            .sources
-            .delayed_forces
-            .retain(|_| stay_flags.next().unwrap_or(true));
-        drop(stay_flags);
+        let mut flags = script.port_bindings.iter().map(|port| !ends_on_part(port));
+        state.sources.delayed_forces.retain(|_| flags.next().unwrap_or(true));
+        drop(flags);
         script.port_bindings.retain(|port| !ends_on_part(port));
         let ends_on_part = |drive: &Drive| is_muted[drive.mat] || drive.port().is_some_and(|port| is_muted[port.key]);
         script.drives.retain(|drive| !ends_on_part(drive));
-        let mut stay_flags = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
+        let mut flags = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
         let input_signals = &mut state.sources.input_signals;
-        input_signals.retain(|_| stay_flags.next().unwrap_or(true));
-        drop(stay_flags);
+        input_signals.retain(|_| flags.next().unwrap_or(true));
+        drop(flags);
         script.sound_drives.retain(|drive| !is_muted[drive.mat]);
-        let mut stay_flags = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
-        state.sources.voices.retain(|_| stay_flags.next().unwrap_or(true));
-        drop(stay_flags);
+        let mut flags = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
+        state.sources.voices.retain(|_| flags.next().unwrap_or(true));
+        drop(flags);
         script.voices.retain(|voice| !is_muted[voice.struck_mat]);
         let fade_starts = &mut state.monitors.muted_parts.fade_starts;
         start_fades(scheme, (&is_muted, &is_link_cut), fade_starts, mute_frame);

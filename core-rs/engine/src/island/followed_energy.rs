@@ -8,9 +8,9 @@ use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 pub(super) struct FrameEnergies {
     /// ½(V(e[n]) + V(e[n−1])) by the law of frame n; the difference to the energy by the previous law is injected by
     /// the change.
-    pub(super) energy_of_last_step: f64,
+    pub(super) last_energy: f64,
     /// ½(V(e[n+1]) + V(e[n])) by the same law.
-    pub(super) energy_of_next_step: f64,
+    pub(super) next_energy: f64,
     /// The elastic part of the force at frame n [N].
     pub(super) elastic_force: f64,
     /// Force that the damping adds when the link stretches by `step` [N].
@@ -23,8 +23,8 @@ impl FrameEnergies {
         let [potential_before, potential_now, potential_next] = [e_before, e_now, e_next].map(|e| law.potential(e));
         let elastic_force = law.spring(e_now);
         Self {
-            energy_of_last_step: 0.5 * (potential_now + potential_before),
-            energy_of_next_step: 0.5 * (potential_next + potential_now),
+            last_energy: 0.5 * (potential_now + potential_before),
+            next_energy: 0.5 * (potential_next + potential_now),
             elastic_force,
             damping_force: law.force(e_now, step * rate) - elastic_force,
         }

@@ -188,7 +188,7 @@ impl Ledger {
                         [elongation_before, elongation_now, elongation_now],
                         0.0,
                     );
-                    ledger.link_energies[run.first_link + i] = frame_energies.energy_of_last_step;
+                    ledger.link_energies[run.first_link + i] = frame_energies.last_energy;
                 }
                 continue;
             }
@@ -316,9 +316,8 @@ impl Ledger {
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
                     let frame_stretch = run.stretch(i, position_at_force, |mat| modules.d[mat]);
                     let frame_energies = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
-                    let energy_before =
-                        std::mem::replace(&mut self.link_energies[link], frame_energies.energy_of_next_step);
-                    self.injected.add(frame_energies.energy_of_last_step - energy_before); // the law has changed
+                    let energy_before = std::mem::replace(&mut self.link_energies[link], frame_energies.next_energy);
+                    self.injected.add(frame_energies.last_energy - energy_before); // the law has changed
                     if finer_travel.is_some() {
                         self.lost.add(frame_energies.damping_force * frame_stretch);
                         continue;
@@ -327,7 +326,7 @@ impl Ledger {
                     let elastic_work = stretch * frame_energies.elastic_force;
                     self.lost.add(stretch * modules.link_forces[link] - elastic_work);
                     self.produced
-                        .add(frame_energies.energy_of_next_step - frame_energies.energy_of_last_step - elastic_work);
+                        .add(frame_energies.next_energy - frame_energies.last_energy - elastic_work);
                 }
                 continue;
             }

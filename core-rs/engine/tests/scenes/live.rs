@@ -75,7 +75,8 @@ fn recording_renders_to_the_played_samples() {
         Budget::Method(ergon_engine::plan::Method::Ca),
     ] {
         let mut open = Timeline::new(rate());
-        open.add_hand(&network, KEY, every, HandInterpolation::Line, &[]).unwrap();
+        open.add_hand(&network, KEY, every, HandInterpolation::Line, &[])
+            .unwrap();
         let mut live = planned(&network, &open, &budget);
         let (mut played, mut forces) = (Vec::new(), Vec::new());
         for &x in &ticks {

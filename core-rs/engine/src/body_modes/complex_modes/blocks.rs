@@ -7,9 +7,7 @@ use crate::spectrum::{Eigensystem, general_eigensystem, inverse};
 
 /// Sets of undamped modes that `damping` (n, n) couples, each in rising order.
 pub(super) fn coupled_sets(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
-    let greatest_coupling = damping
-        .iter()
-        .fold(0.0_f64, |greatest_coupling, x| greatest_coupling.max(x.abs()));
+    let greatest_coupling = damping.iter().fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
     let coupling_floor = (COUPLING_ROUNDING * greatest_coupling).max(COUPLING_NONE / n as f64);
     let (mut is_known, mut mode_blocks) = (vec![false; n], Vec::new());
     for first in 0..n {
@@ -126,11 +124,7 @@ pub(super) fn add(
     // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
     let project = |row: usize, entry: &dyn Fn(usize) -> f64| -> f64 {
         let left_row = &left_vectors[row * state_size..(row + 1) * state_size];
-        left_row
-            .iter()
-            .enumerate()
-            .map(|(i, left_entry)| left_entry * entry(i))
-            .sum()
+        left_row.iter().enumerate().map(|(i, a)| a * entry(i)).sum()
     };
     let held_count = state.n_held();
     let initial_state = |row_index: usize| {

@@ -157,42 +157,35 @@ fn horizon_key(measured: MeasuredError, budget: &Budget, played: [PlannedRun<'_>
     ))
 }
 
-/// Plays both runs over `longest_excerpt` or its beginning, and extends the error, which is checked every
+/// Plays both runs over `longest` or its beginning, and extends the error, which is checked every
 /// `check_interval` frames.
 fn extend_error_over(
     measured: MeasuredError,
     budget: &Budget,
-    [coarse_island, finer_island]: [PlannedRun<'_>; 2],
-    (longest_excerpt, check_interval): (Excerpt, usize),
+    [coarse, finer]: [PlannedRun<'_>; 2],
+    (longest, check_interval): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<MeasuredError, TrialError> {
-    let frame_rate = frames_per_second(coarse_island.0);
-    let seconds = |n_frames: usize| (longest_excerpt.first_frame + n_frames) as f64 / frame_rate;
-    let pilot_frames = ((measured.duration_seconds * frame_rate) as usize).saturating_sub(longest_excerpt.first_frame);
-    let played_runs = play(coarse_island.0, coarse_island.1, longest_excerpt, reserve).and_then(|coarse_run| {
+    let frame_rate = frames_per_second(coarse.0);
+    let seconds = |n_frames: usize| (longest.first_frame + n_frames) as f64 / frame_rate;
+    let pilot_frames = ((measured.duration_seconds * frame_rate) as usize).saturating_sub(longest.first_frame);
+    let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|coarse_run| {
         // What contacts added to the first run is assumed to add to each step of the finer one too.
-        let step_ratio = f64::from(finer_island.0.oversampling) / f64::from(coarse_island.0.oversampling);
+        let step_ratio = f64::from(finer.0.oversampling) / f64::from(coarse.0.oversampling);
         let reserve_share = reserve.share_left(step_ratio * reserve.seconds_spent().0 / RESERVE_USABLE_SHARE);
-        let n_frames = (reserve_share * longest_excerpt.n_frames as f64) as usize;
+        let n_frames = (reserve_share * longest.n_frames as f64) as usize;
         if n_frames < pilot_frames + check_interval {
             return Err(TrialError::AllowanceSpent);
         }
-        let shorter = Excerpt {
-            n_frames,
-            ..longest_excerpt
-        };
-        Ok((
-            coarse_run,
-            play(finer_island.0, finer_island.1, shorter, reserve)?,
-            n_frames,
-        ))
+        let shorter = Excerpt { n_frames, ..longest };
+        Ok((coarse_run, play(finer.0, finer.1, shorter, reserve)?, n_frames))
     });
     let (coarse_run, finer_run, n_frames) = match played_runs {
         Ok(played_runs) => played_runs,
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
     };
-    let spans = ComparedSpans::new(coarse_island.0, n_frames);
+    let spans = ComparedSpans::new(coarse.0, n_frames);
     let changes = relative_changes_db(&coarse_run.sound, &finer_run.sound, spans.n_out, check_interval);
     let change_at = |frames_played: usize| changes[frames_played.div_ceil(check_interval).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
@@ -219,7 +212,7 @@ fn extend_error_over(
     while checked_frames < n_frames {
         checked_frames = (checked_frames + check_interval).min(n_frames);
         let error_now = change_at(checked_frames) + error_excess;
-        if error_now > grown_error_limit_db && may_part_by_chance(coarse_island.0) {
+        if error_now > grown_error_limit_db && may_part_by_chance(coarse.0) {
             let first_sample = valid_frames * spans.n_out.max(1);
             let spectral = level_difference(
                 &coarse_run.sound[first_sample..finer_run.sound.len()],

@@ -27,7 +27,7 @@ pub(super) fn iterate(h: &mut [f64], n: usize, rotation: &mut [f64]) -> Option<V
                 return None;
             }
             round += 1;
-            double_step(h, n, [first_row, last_row], round, rotation);
+            sweep(h, n, [first_row, last_row], round, rotation);
         }
     }
     Some(eigenvalues)
@@ -96,7 +96,7 @@ fn rotate(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64], [c, s]: [f64;
 }
 
 /// One double step on the block of rows `first` to `last`.
-fn double_step(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, rotation: &mut [f64]) {
+fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, rotation: &mut [f64]) {
     let entry_index = |i: usize, j: usize| i * n + j;
     // Sum and product of the two shifts: the eigenvalues of the last 2 × 2 block, or exceptional shifts in every tenth
     // round, in case the iteration is stuck.

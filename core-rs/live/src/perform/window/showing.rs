@@ -58,7 +58,7 @@ impl WindowServer {
     }
 
     /// Number of pictures that were skipped because the one before had not been fetched.
-    pub fn skipped(&self) -> u64 {
+    pub fn skipped_count(&self) -> u64 {
         self.n_skipped.load(Ordering::Relaxed)
     }
 }
@@ -104,7 +104,7 @@ impl WindowRelay {
         if let Some(index) = self.shown_and_waiting.iter().rposition(has_picture) {
             self.has_sent_greeting &= index == 0;
             self.n_skipped_before += (self.shown_and_waiting.drain(..index))
-                .map(|(reader, _)| reader.skipped())
+                .map(|(reader, _)| reader.skipped_count())
                 .sum::<u64>();
             self.send_first_frame();
         }
@@ -114,12 +114,15 @@ impl WindowRelay {
             index += 1;
             index == 1 || !reader.is_over()
         });
-        let skipped_now = self.shown_and_waiting.first().map_or(0, |(reader, _)| reader.skipped());
+        let skipped_now = self
+            .shown_and_waiting
+            .first()
+            .map_or(0, |(reader, _)| reader.skipped_count());
         (self.n_skipped).store(self.n_skipped_before + skipped_now, Ordering::Relaxed);
     }
 
     #[cfg(test)]
-    pub(in super::super) fn skipped(&self) -> u64 {
+    pub(in super::super) fn skipped_count(&self) -> u64 {
         self.n_skipped.load(Ordering::Relaxed)
     }
 

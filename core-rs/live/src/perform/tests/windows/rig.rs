@@ -192,7 +192,7 @@ impl Shown {
         let piece = prepared_piece(simulation, true);
         let (mut this, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
         player.receive_first_positions();
-        assert!(this.open(window));
+        assert!(this.open_window(window));
         let server = served(limits);
         let (reader_sender, new_readers) = channel();
         reader_sender.send((scene, this.output_times())).unwrap();
