@@ -336,8 +336,8 @@ impl Simulation {
         }
     }
 
-    /// Strike a point of [`Timeline::add_strike_point`] by an impulse [N·s] at the next frame; false if there is no such
-    /// point. Impulses of one frame add up.
+    /// Strike a point of [`Timeline::add_strike_point`] by an impulse [N·s] at the next frame; false if there is no
+    /// such point. Impulses of one frame add up.
     pub fn strike(&mut self, point: u32, impulse: f64) -> bool {
         let mut has_point = false;
         for running_unit in self.groups.iter_mut().flat_map(|group| &mut group.units) {

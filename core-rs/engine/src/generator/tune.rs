@@ -62,9 +62,9 @@ impl Topology {
 
 /// Springs and dampers that give the lowest mode damped frequency `f` [Hz] and `t60` [s; none: no decay].
 ///
-/// `mass` is each MAT's [kg]; with `discrete_rate` it is the algorithmic M at that rate, and k and z are the algorithmic K
-/// and Z whose discrete network has a pole of exactly `f` and `t60`. Otherwise ω₁² = (2πf)² + σ₁² is the undamped
-/// frequency, k = m ω₁²/λ₁ and z = 2σ₁k/ω₁².
+/// `mass` is each MAT's [kg]; with `discrete_rate` it is the algorithmic M at that rate, and k and z are the
+/// algorithmic K and Z whose discrete network has a pole of exactly `f` and `t60`. Otherwise ω₁² = (2πf)² + σ₁² is the
+/// undamped frequency, k = m ω₁²/λ₁ and z = 2σ₁k/ω₁².
 ///
 /// ```
 /// use ergon_engine::generator::{Ends, string, tune};

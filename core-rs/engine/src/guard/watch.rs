@@ -106,8 +106,8 @@ pub(super) fn set_reaches(watched_runs: &mut Vec<WatchedRun>, lambda_rise_max: f
                 .for_each(|degree| *degree += 1.0);
         }
     }
-    // If the stiffening of each link is at most half of `lambda_rise_max`, divided by degree times 1/M at either end, no
-    // edge sum exceeds `lambda_rise_max`.
+    // If the stiffening of each link is at most half of `lambda_rise_max`, divided by degree times 1/M at either end,
+    // no edge sum exceeds `lambda_rise_max`.
     let edge_weight = |mat: usize| link_degree[mat] * inverse_masses[mat];
     for run in &mut *watched_runs {
         let end_weights = (0..run.len).map(|i| edge_weight(run.a + i).max(edge_weight(run.b + i)));

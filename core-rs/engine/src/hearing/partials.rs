@@ -110,8 +110,8 @@ fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
     })
 }
 
-/// A window of `size` that rises within `rise_length` and then falls to the end: partials that fade fast are strong only at
-/// the beginning, where a symmetric window hardly weights them.
+/// A window of `size` that rises within `rise_length` and then falls to the end: partials that fade fast are strong
+/// only at the beginning, where a symmetric window hardly weights them.
 fn window_from_beginning(size: usize, rise_length: usize) -> Vec<f64> {
     let rise_length = rise_length.min(size / 2);
     let [rising_half, falling_half] = [rise_length, size - rise_length].map(|half| hann_values(2 * half));
@@ -130,9 +130,10 @@ fn complex_product(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 
-/// How fast the phase of `sound` leaves that of `reference` [rad from one window to the next], as far as it is significant:
-/// the angle of the mean turn of their ratio, first from window to window, then over half a window, which scatters
-/// less. Where a partial passes through zero its phase is chance and may slip by a cycle; its turn hardly counts there.
+/// How fast the phase of `sound` leaves that of `reference` [rad from one window to the next], as far as it is
+/// significant: the angle of the mean turn of their ratio, first from window to window, then over half a window, which
+/// scatters less. Where a partial passes through zero its phase is chance and may slip by a cycle; its turn hardly
+/// counts there.
 ///
 /// The pulse-pair estimate and its deviation: Miller & Rochwarger, IEEE Trans. Inf. Theory 18 (1972); Zrnić, IEEE
 /// Trans. Aerosp. Electron. Syst. 13 (1977). The turns of noise have no common angle, by Rayleigh's test (Mardia &

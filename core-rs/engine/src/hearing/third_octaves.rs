@@ -12,8 +12,8 @@ use crate::maths::{log10, pow, sincos};
 /// Reference frequency of the third-octave grid [Hz].
 const CENTRE_HERTZ: f64 = 1_000.0;
 
-/// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `reference` the reference: over the third octaves
-/// within 60 dB of its strongest, summed over outputs that are normalised to equal power.
+/// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `reference` the reference: over the third
+/// octaves within 60 dB of its strongest, summed over outputs that are normalised to equal power.
 pub(crate) fn level_difference(sound: &[f64], reference: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = reference.len() / n_out.max(1);
     let bands = bands(n_frames, rate, BAND_VALUES_MIN_PARTED);

@@ -79,7 +79,8 @@ impl Bm4 {
         }
     }
 
-    /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` is an index into `stage_losses`.
+    /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` is an index into
+    /// `stage_losses`.
     fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2], team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let (x, v, force) = (&mut self.x, &mut self.v, &self.force);

@@ -6,7 +6,7 @@
 //! | `apply_links`    | x, d                                          | forces of links, drives and inputs          |
 //! | `apply_strikes`  | forces without written hands                  | ergons and pushes, as forces                |
 //! | `solve_contacts` | all forces but those of contacts and friction | forces of contacts and friction             |
-//! | `write_outputs_and_counters` | all forces, x, d                              | outputs, forces on hands, energy accounts   |
+//! | `write_outputs_and_counters` | all forces, x, d                  | outputs, forces on hands, energy accounts   |
 //! | `advance`        | all forces                                    | x, d of frame n + 1; a frame in finer steps |
 //! | `update_ledger`        | x, d of frame n + 1                           | ledger                                      |
 //!

@@ -47,7 +47,8 @@ fn enclosing_points<'a>(points: &'a [Point], frames: &Range<u64>) -> Option<(&'a
 }
 
 /// The value at a frame, interpolated between points whose frames rise. Before the first point and after the last one
-/// it is the value of that point; else `interpolation` computes it from two values and the progress. `None` without points.
+/// it is the value of that point; else `interpolation` computes it from two values and the progress. `None` without
+/// points.
 fn interpolate_between_points(
     points: &[Point],
     frame: u64,
@@ -70,8 +71,8 @@ fn interpolate_between_points(
     }
 }
 
-/// Whether [`interpolate_between_points`] gives the same at all of these frames, because they lie before the first point or after the
-/// last.
+/// Whether [`interpolate_between_points`] gives the same at all of these frames, because they lie before the first
+/// point or after the last.
 fn is_constant(points: &[Point], frames: &Range<u64>) -> bool {
     let (Some(first_point), Some(last_point)) = (points.first(), points.last()) else {
         return true;

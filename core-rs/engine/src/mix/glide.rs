@@ -5,8 +5,8 @@ use crate::timeline::GRID_FRAMES;
 /// Duration of a glide from one gain to another [s], rounded up to the grid, as for couplings.
 const GLIDE_SECONDS: f64 = 0.02;
 
-/// A gain that glides. Every glide is set at a multiple of [`GRID_FRAMES`], whatever the size of blocks, and begins there
-/// or some frames later.
+/// A gain that glides. Every glide is set at a multiple of [`GRID_FRAMES`], whatever the size of blocks, and begins
+/// there or some frames later.
 ///
 /// ```
 /// use ergon_engine::mix::glide::GainGlide;

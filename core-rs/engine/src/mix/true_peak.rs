@@ -147,7 +147,8 @@ wide! {
                 }
             }
             for frame in 0..SPAN_FRAMES {
-                let larger = if forward[frame].abs() > backward[frame].abs() { forward[frame] } else { backward[frame] };
+                let is_forward_larger = forward[frame].abs() > backward[frame].abs();
+                let larger = if is_forward_larger { forward[frame] } else { backward[frame] };
                 largest[frame] = if larger.abs() > largest[frame] { larger.abs() } else { largest[frame] };
             }
         }

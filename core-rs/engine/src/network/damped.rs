@@ -186,7 +186,8 @@ fn with_responses(body: &PartBody, modes: &[Mode]) -> Vec<Mode> {
     extended_modes
 }
 
-/// Add the part of a vector outside an orthonormal basis to the basis and to `new_vectors`, unless that part is too small.
+/// Add the part of a vector outside an orthonormal basis to the basis and to `new_vectors`, unless that part is too
+/// small.
 fn push_independent_part(basis: &mut Vec<Vec<f64>>, new_vectors: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
     let norm_before = norm(&vector);
     orthogonalise(&mut vector, basis);

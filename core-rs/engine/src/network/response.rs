@@ -16,8 +16,8 @@ const REFINEMENTS: usize = 2;
 
 impl Network {
     /// Mechanical admittance of some parts without the rest of the network: the velocity of each point of `output_mats`
-    /// over a force at `forced_mats`   (n_listened · n_frequencies) [(m/s)/N]. Contacts are open, and laws have their slope at
-    /// rest. The admittance is infinite at an undamped pole.
+    /// over a force at `forced_mats`   (n_listened · n_frequencies) [(m/s)/N]. Contacts are open, and laws have their
+    /// slope at rest. The admittance is infinite at an undamped pole.
     ///
     /// A point is one or more masses, by their indices: each gets the force, and their velocities are added. In a part
     /// under `units: ca` the force is constant for one sample.

@@ -120,7 +120,8 @@ fn reduce_to_tridiagonal(matrix: &mut [f64], n: usize, vectors: &mut [Vec<f64>])
     (diagonal, off_diagonal)
 }
 
-/// QL with implicit shifts: `d` becomes the eigenvalues; the rotations are applied to the rows of `rotated_rows` (n · k).
+/// QL with implicit shifts: `d` becomes the eigenvalues; the rotations are applied to the rows of `rotated_rows` (n ·
+/// k).
 fn iterate_ql(d: &mut [f64], e: &mut [f64], rotated_rows: &mut [f64], k: usize) -> Option<()> {
     let dimension = d.len();
     e.rotate_left(1); // e[i] now couples i and i + 1

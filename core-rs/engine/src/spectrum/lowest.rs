@@ -70,8 +70,8 @@ struct Tridiagonal {
     scale: f64,
 }
 
-/// One Lanczos step: q becomes the next vector and `previous_vector` the old q; `image` is working memory   (n each). Returns α
-/// and β.
+/// One Lanczos step: q becomes the next vector and `previous_vector` the old q; `image` is working memory   (n each).
+/// Returns α and β.
 fn step(
     q: &mut Vec<f64>,
     previous_vector: &mut Vec<f64>,

@@ -132,7 +132,8 @@ impl Values<f64> {
 }
 
 impl<T: Scalar> Values<T> {
-    /// Combines two matrices of one pattern element by element with `combine_entries`, and adds `diagonal_shift` to the diagonal.
+    /// Combines two matrices of one pattern element by element with `combine_entries`, and adds `diagonal_shift` to the
+    /// diagonal.
     pub(crate) fn combine<U: Copy>(
         first: &Values<U>,
         other: &Values<U>,

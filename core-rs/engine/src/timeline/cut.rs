@@ -9,8 +9,8 @@ const SAME_INSTANT_SECONDS: f64 = 1e-9;
 const NEVER_SECONDS: f64 = 1e9;
 
 impl Timeline {
-    /// The timeline without what begins at `frame` or later. It keeps the gestures with the given indices, which must be in
-    /// rising order. If it `freezes_couplings`, couplings stay as they are at the frame.
+    /// The timeline without what begins at `frame` or later. It keeps the gestures with the given indices, which must
+    /// be in rising order. If it `freezes_couplings`, couplings stay as they are at the frame.
     ///
     /// Strikes and ergons at the instant of the frame are left out, and so are strikes and glides that are over by
     /// then. Glides of typed values continue to their end. Keys, drives, inputs and automation stay: see

@@ -85,8 +85,8 @@ pub struct WindowReader {
     n_skipped: Arc<AtomicU64>,
 }
 
-/// The two ends of a window on a simulation; `look` and `setup` are those of [`Recorder::for_live_pages`]. To be called outside
-/// real time, because it allocates room for all pictures.
+/// The two ends of a window on a simulation; `look` and `setup` are those of [`Recorder::for_live_pages`]. To be called
+/// outside real time, because it allocates room for all pictures.
 ///
 /// # Errors
 /// A sentence if there is too much to show.

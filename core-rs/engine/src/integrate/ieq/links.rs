@@ -174,8 +174,8 @@ impl IeqLinks {
         link_states.matrix_terms
     }
 
-    /// Sets the slope of ψ and the matrix term of every link for the current frame; adds its explicit force to `right_side`,
-    /// and the matrix term to the diagonal at both ends.
+    /// Sets the slope of ψ and the matrix term of every link for the current frame; adds its explicit force to
+    /// `right_side`, and the matrix term to the diagonal at both ends.
     pub(super) fn add_explicit_forces(
         &self,
         mesh: &Mesh,

@@ -5,8 +5,8 @@ use crate::island::record::ErgonRecord;
 
 /// Sparks that may be separate between two calls of [`Sparks::take_sparks`], before ergons are merged.
 const SINGLE_SPARKS_MAX: usize = 14;
-/// Most sparks of a voice between two calls of [`Sparks::take_sparks`]: the last two merge all ergons that find no other room,
-/// one for each sign.
+/// Most sparks of a voice between two calls of [`Sparks::take_sparks`]: the last two merge all ergons that find no
+/// other room, one for each sign.
 pub(crate) const SPARKS_MAX: usize = SINGLE_SPARKS_MAX + 2;
 /// An ergon of a stream is merged with the last one of its sign that came less than this before it [s].
 const MERGE_SECONDS: f64 = 1e-3;

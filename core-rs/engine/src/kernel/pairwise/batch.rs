@@ -183,8 +183,8 @@ wide! {
 }
 
 wide! {
-    /// Copies the pairs whose squared distance is below `square`, or NaN, to `near_pairs`, in their order; returns their
-    /// number.
+    /// Copies the pairs whose squared distance is below `square`, or NaN, to `near_pairs`, in their order; returns
+    /// their number.
     pub(super) fn select_near(x: &[Quad], pairs: &[Pair], square: f64, near_pairs: &mut [Pair]) -> usize {
         let near_pairs = &mut near_pairs[..pairs.len()];
         let mut n = 0;

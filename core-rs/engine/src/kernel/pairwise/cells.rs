@@ -41,9 +41,9 @@ impl Cells {
         }
     }
 
-    /// Set `pairs` to all pairs within `search_radius` [m] of each other, ordered by their indices: pairs between the first
-    /// `n_first` points and the others, or between all points if there are no others. Returns false if there are too
-    /// many pairs.
+    /// Set `pairs` to all pairs within `search_radius` [m] of each other, ordered by their indices: pairs between the
+    /// first `n_first` points and the others, or between all points if there are no others. Returns false if there are
+    /// too many pairs.
     #[cold]
     pub(super) fn search(&mut self, x: &[Quad], n_first: usize, search_radius: f64, pairs: &mut Vec<Pair>) -> bool {
         self.sort(x, search_radius);

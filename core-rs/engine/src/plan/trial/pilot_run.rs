@@ -89,8 +89,8 @@ pub(in crate::plan) struct CountedCost {
 }
 
 impl CountedCost {
-    /// The mean over `n_frames` of what was counted since `counted_before` [ns]; `finer_step_seconds` is the work of a step of a
-    /// finer frame.
+    /// The mean over `n_frames` of what was counted since `counted_before` [ns]; `finer_step_seconds` is the work of a
+    /// step of a finer frame.
     fn new(island: &Island, counted_before: [f64; 2], n_frames: usize, finer_step_seconds: f64) -> Self {
         let counted = cost::counted_ns(island);
         let mean_cost = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;

@@ -75,8 +75,8 @@ impl FramePowers {
         motion.modules.d.copy_from_slice(&self.state[mat_count..last_index]);
     }
 
-    /// Set `frame_change` to the change by one frame, column by column: the effect of 1 in one state variable alone, less
-    /// that of the zero state.
+    /// Set `frame_change` to the change by one frame, column by column: the effect of 1 in one state variable alone,
+    /// less that of the zero state.
     fn set_one_frame_map(
         &mut self,
         free_key: &FreeKey,
