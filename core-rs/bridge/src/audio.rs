@@ -176,7 +176,7 @@ impl AudioOut {
     /// Frames of the score that went to the card.
     #[getter]
     fn played(&self) -> u64 {
-        self.output.stream_state().played()
+        self.output.stream_state().played_frames()
     }
 
     /// Frames that a panic threw away.

@@ -20,6 +20,6 @@ pub(crate) fn path_values(points: Vec<(f64, f64, String)>, instants: Vec<f64>) -
         Ok(Point { t: *t, x: *x, curve })
     };
     let points = points.iter().map(read_point).collect::<PyResult<Vec<_>>>()?;
-    let path_profile = Profile::through(&points).map_err(|error| module_error("path_values", error))?;
+    let path_profile = Profile::through_points(&points).map_err(|error| module_error("path_values", error))?;
     Ok(instants.into_iter().map(|t| path_profile.evaluate(t).0).collect())
 }

@@ -58,7 +58,7 @@ pub(crate) fn excite(
         guide: Guide {
             centre,
             half_travel,
-            guide: spring_damper(guide_spring),
+            spring: spring_damper(guide_spring),
             brake: spring_damper(brake_spring),
             deceleration,
         },
@@ -68,11 +68,11 @@ pub(crate) fn excite(
     };
     device.check_axis(axis)?;
     let recorder = record.map(|(path, axes, about)| {
-        let axis = |(player, key)| recording::RecordedAxis { player, key };
+        let recorded_axis = |(player, key)| recording::RecordedAxis { player, key };
         let take_header = Header {
             rate,
             frames,
-            axes: axes.into_iter().map(axis).collect(),
+            axes: axes.into_iter().map(recorded_axis).collect(),
             about,
         };
         Recorder::start(&path, &take_header).map_err(crate::recording::from_recording)
@@ -82,9 +82,9 @@ pub(crate) fn excite(
         let excited_axis = AxisCalibration {
             sign: f64::from(sign),
             range: port.range(axis),
-            ..AxisCalibration::plain(port.spec())
+            ..AxisCalibration::without_corrections(port.spec())
         };
-        let mut axes = vec![AxisCalibration::plain(port.spec()); port.spec().dof];
+        let mut axes = vec![AxisCalibration::without_corrections(port.spec()); port.spec().dof];
         axes[axis] = excited_axis;
         metrology::excite(
             CalibratedDevice::new(port, axes),

@@ -37,7 +37,7 @@ impl Law {
             points: points.as_deref(),
             ..law::LawText::default()
         };
-        let parsed_law = py.detach(|| law::Law::new(&law_text)?.through(reach));
+        let parsed_law = py.detach(|| law::Law::new(&law_text)?.behind_lever(reach));
         parsed_law.map(Self).map_err(from_law)
     }
 

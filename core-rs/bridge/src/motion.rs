@@ -112,7 +112,7 @@ impl MotionRecorder {
     /// Record the state of the simulation, which is at frame `next`.
     fn look(&mut self, py: Python<'_>, mut simulation: PyRefMut<'_, Simulation>) {
         let engine_simulation = &mut simulation.0;
-        py.detach(|| self.recorder.look(engine_simulation));
+        py.detach(|| self.recorder.record_look(engine_simulation));
     }
 
     /// Measure the sound of the loudspeakers since the last look, (n_frames, n_speakers).

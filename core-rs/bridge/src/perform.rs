@@ -241,7 +241,7 @@ impl Performance {
 
     /// Priority and memory lock of the physics thread, in words; None until it runs.
     fn granted(&self) -> PyResult<Option<String>> {
-        self.with(|performance| performance.granted().map(|granted| granted.to_string()))
+        self.with(|performance| performance.granted_scheduling().map(|granted| granted.to_string()))
     }
 
     /// Silence within 5 ms and zero force at the next tick, until `release`.

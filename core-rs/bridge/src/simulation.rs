@@ -151,7 +151,7 @@ impl Simulation {
     /// Give what a sound card hears in the next frames, (n_frames, n_channels), at most 4096 frames.
     fn sound_in(&mut self, frames: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
         let n_channels = frames.shape()[1];
-        self.0.sound_in(frames.as_slice()?, n_channels);
+        self.0.feed_input_samples(frames.as_slice()?, n_channels);
         Ok(())
     }
 

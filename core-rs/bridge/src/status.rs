@@ -95,7 +95,7 @@ impl Status {
             underruns: output_state.underruns(),
             input_gaps: input_state.map_or(0, |shared| shared.underruns()),
             xruns: output_state.xruns(),
-            played: output_state.played(),
+            played: output_state.played_frames(),
             alive: output_state.is_alive(),
             done: performance.is_done(),
             panicked: output_state.is_panicking(),

@@ -48,7 +48,7 @@ impl Timeline {
     /// Declare the part `name`, whose MAT `struck` gestures move, as a key; its index.
     fn key(&mut self, name: &str, struck: usize) -> PyResult<usize> {
         self.check_mat(name, struck)?;
-        Ok(self.inner.key(name, struck))
+        Ok(self.inner.add_key(name, struck))
     }
 
     /// A written gesture, which passes x[i] [m] at t[i] [s] of the piece; its index.
@@ -81,7 +81,7 @@ impl Timeline {
             sources: &sources,
         };
         Gesture::from_points(key, &written_points, manner)
-            .and_then(|gesture| self.inner.gesture(gesture))
+            .and_then(|gesture| self.inner.add_gesture(gesture))
             .map_err(|error| from_gesture("gesture", &error))
     }
 
@@ -130,7 +130,7 @@ impl Timeline {
             .placed(start, scale, stretch, reverse)
             .map_err(|error| module_error("take", error))?;
         Gesture::from_take(key, placed_take, until, source, manner)
-            .and_then(|gesture| self.inner.gesture(gesture))
+            .and_then(|gesture| self.inner.add_gesture(gesture))
             .map_err(|error| from_gesture("take", &error))
     }
 
@@ -152,7 +152,7 @@ impl Timeline {
         self.check_mat("strike", mat)?;
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => self.inner.strike(&self.network, mat, start, impulse, lasts, source),
-            (None, Some(mass), Some(speed)) => self.inner.ergon(&self.network, mat, start, mass, speed, source),
+            (None, Some(mass), Some(speed)) => self.inner.add_ergon(&self.network, mat, start, mass, speed, source),
             _ => {
                 return Err(module_error(
                     "strike",
@@ -342,7 +342,7 @@ impl Timeline {
     fn strike_point(&mut self, mat: usize, point: u32, lasts: Option<f64>) -> PyResult<()> {
         self.check_mat("strike_point", mat)?;
         self.inner
-            .strike_point(&self.network, mat, point, lasts)
+            .add_strike_point(&self.network, mat, point, lasts)
             .map_err(|error| module_error("strike_point", error))
     }
 
@@ -351,7 +351,7 @@ impl Timeline {
     fn trial_strike(&mut self, mat: usize, impulse: f64, lasts: Option<f64>) -> PyResult<()> {
         self.check_mat("strike", mat)?;
         self.inner
-            .trial_strike(&self.network, mat, impulse, lasts)
+            .add_trial_strike(&self.network, mat, impulse, lasts)
             .map_err(|error| module_error("strike", error))
     }
 
@@ -366,7 +366,7 @@ impl Timeline {
 
     /// Let nothing move the parameters of MATs and LIAs any more; rows of (first, number).
     fn release(&mut self, mats: Vec<(usize, usize)>, links: Vec<(usize, usize)>) {
-        self.inner.release(&mats, &links);
+        self.inner.remove_glides(&mats, &links);
     }
 
     /// A real hand that moves a MAT, in ticks of `tick_frames` frames; `positions` (n_ticks,) [m]: a stand-in or a
@@ -383,7 +383,7 @@ impl Timeline {
         let interpolation = word("interpolation", interpolation, words::HAND_INTERPOLATIONS)?;
         let positions = positions.as_ref().map(|x| x.as_slice()).transpose()?;
         self.inner
-            .hand(
+            .add_hand(
                 &self.network,
                 mat,
                 tick_frames,
@@ -424,7 +424,8 @@ impl Timeline {
         samples: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<usize> {
         let samples = samples.as_slice()?;
-        computing(py, || self.inner.sound_in(settings, samples))?.map_err(|error| module_error("sound_in", error))
+        computing(py, || self.inner.add_sound_input(settings, samples))?
+            .map_err(|error| module_error("sound_in", error))
     }
 }
 

@@ -92,7 +92,7 @@ impl ViewServer {
             Ok::<_, PyErr>(())
         })??;
         // Opened last, when the server is ready to take pictures from it.
-        let is_accepted = performance.with(|performance_now| performance_now.open(display_window))?;
+        let is_accepted = performance.with(|performance_now| performance_now.open_window(display_window))?;
         is_accepted
             .then_some(())
             .ok_or_else(|| plain_error("too many requests at once; try again"))
@@ -102,9 +102,9 @@ impl ViewServer {
     fn tally(&self) -> PyResult<BTreeMap<&'static str, u64>> {
         self.with(|open| {
             let server_tally = open.server.counts();
-            let skipped = open.window_server.as_ref().map_or(0, WindowServer::skipped);
+            let skipped_count = open.window_server.as_ref().map_or(0, WindowServer::skipped_count);
             BTreeMap::from([
-                ("skipped", skipped),
+                ("skipped", skipped_count),
                 ("served", server_tally.served.load(Ordering::Relaxed)),
                 ("refused", server_tally.refused.load(Ordering::Relaxed)),
                 ("dropped", server_tally.dropped.load(Ordering::Relaxed)),

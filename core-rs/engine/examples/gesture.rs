@@ -36,8 +36,8 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
     };
     let manner = Manner::OPEN;
     let mut timeline = Timeline::new(Rate::new(RATE)?);
-    let key = timeline.key("key", mass);
-    timeline.gesture(Gesture::from_points(key, &points, manner)?)?;
+    let key = timeline.add_key("key", mass);
+    timeline.add_gesture(Gesture::from_points(key, &points, manner)?)?;
 
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
     let options = SimulationOptions {

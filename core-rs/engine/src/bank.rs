@@ -18,7 +18,7 @@ use crate::kernel::bank::{
 };
 use crate::units::Rate;
 use script::{BankScript, OutputSection};
-use sleep::{REST_AMPLITUDE, REST_TEST_EVERY, rest_threshold};
+use sleep::{REST_AMPLITUDE, REST_TEST_FRAMES, rest_threshold};
 
 /// Parameters of one oscillator.
 #[derive(Clone, Debug)]
@@ -46,7 +46,7 @@ pub(crate) struct Blow {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kick {
     /// A given displacement [m].
-    By(f64),
+    Displacement(f64),
     /// An ergon of mass [kg] and speed [m/s], whose impulse depends on the velocity of the oscillator; w = T²/m of the
     /// oscillator.
     Ergon { mass: f64, speed: f64, w: f64 },
@@ -56,11 +56,11 @@ pub(crate) enum Kick {
 #[derive(Clone, Debug)]
 pub(crate) struct Strikes {
     /// The oscillators, by their index in the list that the bank is made from.
-    pub(crate) among: Range<usize>,
+    pub(crate) members: Range<usize>,
     /// Response of each oscillator to a strike; empty if a strike acts in one step   (n)
     pub(crate) responses: Vec<Response>,
     /// Share of each oscillator in the strike   (n)
-    pub(crate) share: Vec<f64>,
+    pub(crate) member_shares: Vec<f64>,
     /// Displacement of a mass of 1 by a force of 1 N over one step: T², or 1 if masses are algorithmic.
     pub(crate) w: f64,
     /// Frame, fraction of a frame after it, impulse [N·s].
@@ -74,11 +74,11 @@ pub(crate) struct Bank {
     frame: u64,
     motions: Vec<GroupMotion>,
     /// Index of the next event of each group   (n_groups)
-    next: Vec<usize>,
+    next_events: Vec<usize>,
     /// Whether each group is at rest: then its output is zero   (n_groups)
-    is_still: Vec<bool>,
+    is_at_rest: Vec<bool>,
     /// Rates with the additional damping, and whether it acts   (n_groups)
-    damped: Vec<GroupCoefficients>,
+    damped_coefficients: Vec<GroupCoefficients>,
     is_damped: bool,
     /// Sums of one section   (its outputs · room)
     sums: Vec<LaneSum>,
@@ -106,7 +106,7 @@ impl Bank {
             events: Vec::new(),
             strikes,
             rest_threshold: 0.0,
-            places: vec![(0, 0); oscillators.len()],
+            groups_and_lanes: vec![(0, 0); oscillators.len()],
             members: Vec::new(),
         };
         let mut motions = Vec::new();
@@ -126,17 +126,17 @@ impl Bank {
         } else {
             rest_threshold(oscillators, &bank_script.strikes, rate) / bank_script.coefficients.len().max(1) as f64
         };
-        let is_still =
+        let is_at_rest =
             |motion: &GroupMotion| motion.positions == Lanes::ZERO && motion.previous_positions == Lanes::ZERO;
         let n_outputs = bank_script.sections.iter().map(|section| section.outputs.len());
         Self {
             frame: 0,
-            next: vec![0; motions.len()],
-            is_still: motions.iter().map(is_still).collect(),
+            next_events: vec![0; motions.len()],
+            is_at_rest: motions.iter().map(is_at_rest).collect(),
             sums: vec![LaneSum::ZERO; n_outputs.max().unwrap_or(0) * frames_max],
             frames_max,
             motions,
-            damped: bank_script.coefficients.clone(),
+            damped_coefficients: bank_script.coefficients.clone(),
             is_damped: false,
             script: Arc::new(bank_script),
         }
@@ -176,29 +176,29 @@ impl Bank {
         let mut segment_start = 0;
         while segment_start < n_frames {
             let current_frame = self.frame + segment_start as u64;
-            let next_event = script.events[group].get(self.next[group]);
+            let next_event = script.events[group].get(self.next_events[group]);
             let segment_end = next_event.map_or(n_frames, |next_event| {
                 (next_event.frame.saturating_sub(self.frame) as usize).min(n_frames)
             });
             if segment_end > segment_start {
                 let segment_end =
-                    segment_end.min(segment_start + (REST_TEST_EVERY - current_frame % REST_TEST_EVERY) as usize);
+                    segment_end.min(segment_start + (REST_TEST_FRAMES - current_frame % REST_TEST_FRAMES) as usize);
                 self.run(script, group, n_outputs, segment_start..segment_end);
                 segment_start = segment_end;
-                if (self.frame + segment_start as u64).is_multiple_of(REST_TEST_EVERY) {
+                if (self.frame + segment_start as u64).is_multiple_of(REST_TEST_FRAMES) {
                     self.rest_if_decayed(script, group);
                 }
                 continue;
             }
-            self.is_still[group] = false;
+            self.is_at_rest[group] = false;
             let mut displacement = Lanes::ZERO;
             let group_motion = &self.motions[group];
             while let Some(next_event) = script.events[group]
-                .get(self.next[group])
+                .get(self.next_events[group])
                 .filter(|next_event| next_event.frame <= current_frame)
             {
-                script.add(group, group_motion, next_event, &mut displacement);
-                self.next[group] += 1;
+                script.add_event(group, group_motion, next_event, &mut displacement);
+                self.next_events[group] += 1;
             }
             self.run(script, group, n_outputs, segment_start..segment_start + 1);
             for (x, displacement) in self.motions[group].positions.0.iter_mut().zip(&displacement.0) {
@@ -209,10 +209,10 @@ impl Bank {
     }
 
     fn run(&mut self, script: &BankScript, group: usize, n_outputs: usize, frames: Range<usize>) {
-        if self.is_still[group] {
+        if self.is_at_rest[group] {
             return;
         }
-        let (group_coefficients, group_motion) = (self.damped.get(group), &mut self.motions[group]);
+        let (group_coefficients, group_motion) = (self.damped_coefficients.get(group), &mut self.motions[group]);
         let group_coefficients = group_coefficients
             .filter(|_| self.is_damped)
             .unwrap_or(&script.coefficients[group]);
@@ -232,17 +232,17 @@ impl Bank {
         }
     }
 
-    /// Multiply the modulus of every pole by `by`: an additional damping.
-    pub(crate) fn damp(&mut self, by: f64) {
-        self.is_damped = by < 1.0;
-        for (damped, coefficients) in self.damped.iter_mut().zip(&self.script.coefficients) {
-            coefficients.scale_poles(by, damped);
+    /// Multiply the modulus of every pole by `decay_factor`: an additional damping.
+    pub(crate) fn damp(&mut self, decay_factor: f64) {
+        self.is_damped = decay_factor < 1.0;
+        for (damped_coefficients, coefficients) in self.damped_coefficients.iter_mut().zip(&self.script.coefficients) {
+            coefficients.scale_poles(decay_factor, damped_coefficients);
         }
     }
 
     /// Positions of an oscillator now and one frame before [m].
     pub(crate) fn motion(&self, oscillator: usize) -> (f64, f64) {
-        let (group_index, lane_index) = self.script.places[oscillator];
+        let (group_index, lane_index) = self.script.groups_and_lanes[oscillator];
         let (group_index, lane_index) = (group_index as usize, lane_index as usize);
         let lane_scale = self.script.scales[group_index].0[lane_index];
         let group_motion = &self.motions[group_index];

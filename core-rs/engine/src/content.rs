@@ -21,7 +21,7 @@ impl Sink {
         self.0.update(bytes);
     }
 
-    pub(crate) fn end(self) -> [u8; 32] {
+    pub(crate) fn finish(self) -> [u8; 32] {
         self.0.finalize().into()
     }
 }
@@ -53,5 +53,5 @@ fn digest(text: Arguments<'_>) -> [u8; 32] {
     let mut hash_sink = Sink::new();
     // Writing into a hash cannot fail.
     let _ = hash_sink.write_fmt(text);
-    hash_sink.end()
+    hash_sink.finish()
 }

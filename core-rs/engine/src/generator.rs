@@ -66,7 +66,7 @@ pub struct Topology {
     /// Mass of each MAT over the mean mass; empty if all are equal   (n_mat,)
     pub shares: Vec<f64>,
     /// Whether nothing keeps the body from tilting, because it resists only curvature.
-    tilts: bool,
+    has_tilt_modes: bool,
     /// The lowest non-rigid λ, if a formula gives it.
     lowest_lambda: Option<f64>,
     /// Whether the fixed points lie before and after the masses, so that a path of links is one run.
@@ -179,7 +179,7 @@ impl Topology {
             centre: n_mat / 2,
             positions,
             shares: Vec::new(),
-            tilts: false,
+            has_tilt_modes: false,
             lowest_lambda: None,
             is_in_line: false,
             base_polynomial: None,
@@ -194,7 +194,7 @@ impl Topology {
     }
 
     /// Mass of a MAT over the mean mass.
-    pub fn share(&self, mat: usize) -> f64 {
+    pub fn mass_share(&self, mat: usize) -> f64 {
         self.shares.get(mat).copied().unwrap_or(1.0)
     }
 

@@ -9,7 +9,7 @@ pub(crate) mod third_octaves;
 
 pub use constants::JUST_NOTICEABLE;
 pub(crate) use constants::{HIGHEST_AUDIBLE, QUIET_POWER_RATIO, SHORTEST_SECONDS};
-use constants::{MEAN_ROUNDING_SHARE, MOTION_START_SHARE, SURE_DEVIATIONS};
+use constants::{MEAN_ROUNDING_SHARE, MOTION_START_SHARE, SIGNIFICANT_DEVIATIONS};
 
 /// What becomes of differences of pitch and decay that chance may explain: a partial that contacts disturb wavers, and a
 /// line through its level or phase has another slope after the smallest change.
@@ -24,7 +24,7 @@ impl Scatter {
     const fn deviations(self) -> f64 {
         match self {
             Self::Counted => 0.0,
-            Self::Deducted => SURE_DEVIATIONS,
+            Self::Deducted => SIGNIFICANT_DEVIATIONS,
         }
     }
 }
@@ -48,15 +48,21 @@ pub struct Audible {
 
 impl Audible {
     /// The error of a run against a finer one of the same length (n_frames · n_out), at `rate` [Hz], with partials up
-    /// to `upto` [Hz]. Both are compared from where the finer one begins to sound.
-    pub(crate) fn new((run, finer): (&[f64], &[f64]), n_out: usize, rate: f64, upto: f64, scatter: Scatter) -> Self {
+    /// to `frequency_max` [Hz]. Both are compared from where the finer one begins to sound.
+    pub(crate) fn new(
+        (run, finer): (&[f64], &[f64]),
+        n_out: usize,
+        rate: f64,
+        frequency_max: f64,
+        scatter: Scatter,
+    ) -> Self {
         let n_outputs = n_out.max(1);
         (0..n_outputs).fold(Self::default(), |worst, output| {
             let [run_sound, finer_sound] = [run, finer]
                 .map(|sound| -> Vec<f64> { sound.iter().skip(output).step_by(n_outputs).copied().collect() });
             let sound_begin = begin_of_sound(&finer_sound);
             let [run_sound, finer_sound] = [run_sound, finer_sound].map(|sound| without_mean(&sound[sound_begin..]));
-            let (cents, t60) = partials::pitch_errors(&run_sound, &finer_sound, rate, upto, scatter);
+            let (cents, t60) = partials::pitch_errors(&run_sound, &finer_sound, rate, frequency_max, scatter);
             let strokes = strokes::stroke_errors(&run_sound, &finer_sound, rate);
             worst.with(Self {
                 cents,

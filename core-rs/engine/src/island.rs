@@ -105,7 +105,7 @@ struct Parameters {
     /// For gates that had another factor in the previous version: where they continue from   (n_gates)
     gate_continuations: Vec<Option<GateContinuation>>,
     /// Factor on every x[n] − x[n−1] at each step; below 1 it acts as additional viscosity.
-    step_decay: f64,
+    velocity_factor: f64,
     /// The scheme with the values of this frame, if glides, leads or laws that follow MATs change it.
     changing_scheme: Option<Box<Scheme>>,
     /// The point after this frame of each lead: a hint, which follows from the frame   (`n_led_links`)
@@ -247,7 +247,7 @@ impl Island {
             .motion
             .fine_links
             .as_ref()
-            .is_some_and(|fine_links| fine_links.has_closed)
+            .is_some_and(|fine_links| fine_links.has_contact_closed)
     }
 
     /// Work of contacts that are computed finely, so far.
@@ -280,10 +280,10 @@ impl Island {
         // step scales them by `decay_factor`.
         let step_factor = decay_factor * decay_factor;
         // A new version of an island is damped as the old one was, which wakes nothing.
-        if self.state.parameters.step_decay != step_factor {
+        if self.state.parameters.velocity_factor != step_factor {
             self.wake();
         }
-        self.state.parameters.step_decay = step_factor;
+        self.state.parameters.velocity_factor = step_factor;
         for body in &mut self.state.motion.bodies {
             body.damp(decay_factor);
         }
@@ -321,7 +321,7 @@ impl Island {
     /// Reports the ergons of written hands since the last call.
     pub(crate) fn take_sparks(&mut self, mut report_spark: impl FnMut(ErgonRecord)) {
         for voice in &mut self.state.sources.voices {
-            voice.sparks.take(&mut report_spark);
+            voice.sparks.take_sparks(&mut report_spark);
         }
     }
 

@@ -267,14 +267,14 @@ impl Law {
     /// ```
     /// use ergon_engine::law::Law;
     ///
-    /// let law = Law::hardening(2e3, 0.0, 0.0)?.through(2.0)?;
+    /// let law = Law::hardening(2e3, 0.0, 0.0)?.behind_lever(2.0)?;
     /// assert_eq!(law.force(2e-3, 0.0), 1.0); // 1 mm behind the lever: 2 N there, 1 N here
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
     /// [`LawError`] unless `reach` is a positive number.
-    pub fn through(mut self, reach: f64) -> Result<Self, LawError> {
+    pub fn behind_lever(mut self, reach: f64) -> Result<Self, LawError> {
         if !(reach > 0.0 && reach.is_finite()) {
             let message = format!("A reach is a positive number, not {reach}.");
             return Err(LawError::new(LawField::Reach, 0, 0, message));

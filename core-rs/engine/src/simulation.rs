@@ -138,8 +138,8 @@ impl Simulation {
         let mut simulation = Self::from_plan(plan, options)?;
         if start_frame > 0 {
             simulation.frame = start_frame;
-            for running in simulation.groups.iter_mut().flat_map(|group| &mut group.units) {
-                match running {
+            for running_unit in simulation.groups.iter_mut().flat_map(|group| &mut group.units) {
+                match running_unit {
                     RunningUnit::Island(island) => island.seek(start_frame),
                     RunningUnit::Bank(bank) => bank.seek(start_frame),
                 }
@@ -283,8 +283,8 @@ impl Simulation {
 
     fn mat_values(&self, bank_value: fn(f64, f64) -> f64, island_values: fn(&Island) -> &[f64]) -> Vec<f64> {
         let mut mat_values = vec![f64::NAN; self.plan.network.n_mat()];
-        for (running, unit) in self.units() {
-            match (running, unit) {
+        for (running_unit, unit) in self.units() {
+            match (running_unit, unit) {
                 (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) => {
                     for (local, &value) in island_values(island).iter().enumerate() {
                         mat_values[to_network_index(&island_plan.network_indices.mats, local)] = value;
@@ -304,18 +304,22 @@ impl Simulation {
 
     /// Position that the gesture of each key requires now [m], (n_keys); NaN for keys without a running gesture.
     pub fn gesture_positions(&self) -> Vec<f64> {
-        let mut asked_positions = vec![f64::NAN; self.plan.n_keys];
-        self.write_gesture_positions(&mut asked_positions);
-        asked_positions
+        let mut requested_positions = vec![f64::NAN; self.plan.n_keys];
+        self.write_gesture_positions(&mut requested_positions);
+        requested_positions
     }
 
     /// [`Simulation::gesture_positions`] without allocating.
     fn write_gesture_positions(&self, positions: &mut [f64]) {
         positions.fill(f64::NAN);
         for (island, island_plan) in self.islands() {
-            island.report_gesture_positions(|local, asked, is_layer| {
+            island.report_gesture_positions(|local, requested_position, is_layer| {
                 let key_position = &mut positions[to_network_index(&island_plan.network_indices.keys, local)];
-                *key_position = if is_layer { *key_position + asked } else { asked };
+                *key_position = if is_layer {
+                    *key_position + requested_position
+                } else {
+                    requested_position
+                };
             });
         }
     }
@@ -325,19 +329,19 @@ impl Simulation {
     /// `step`: the movement in the last frame of the tick [m], from a device that knows it exactly; `None`: the
     /// difference between the two ticks.
     pub fn set_hand_position(&mut self, hand: usize, x: f64, step: Option<f64>) {
-        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let RunningUnit::Island(island) = running {
+        for running_unit in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running_unit {
                 island.set_hand_position(hand, x, step);
             }
         }
     }
 
-    /// Strike a point of [`Timeline::strike_point`] by an impulse [N·s] at the next frame; false if there is no such
-    /// point. Impulses of one frame add up.
+    /// Strike a point of [`Timeline::add_strike_point`] by an impulse [N·s] at the next frame; false if there is no
+    /// such point. Impulses of one frame add up.
     pub fn strike(&mut self, point: u32, impulse: f64) -> bool {
         let mut has_point = false;
-        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let RunningUnit::Island(island) = running {
+        for running_unit in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running_unit {
                 has_point |= island.strike_point(point, impulse);
             }
         }
@@ -379,8 +383,8 @@ impl Simulation {
     pub fn damp(&mut self, t60: Option<f64>) {
         let t60 = t60.filter(|t60| t60.is_finite() && *t60 > 0.0);
         let fall_per_frame = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
-        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            match running {
+        for running_unit in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            match running_unit {
                 RunningUnit::Island(island) => {
                     let step_factor = crate::maths::exp(-fall_per_frame / island.steps_per_frame());
                     island.damp(step_factor);
@@ -430,8 +434,8 @@ impl Simulation {
     /// ```
     pub fn fork(&self) -> Self {
         let mut fork_copy = self.clone();
-        for running in fork_copy.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let RunningUnit::Island(island) = running {
+        for running_unit in fork_copy.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running_unit {
                 island.reserve();
             }
         }

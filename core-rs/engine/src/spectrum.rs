@@ -18,14 +18,14 @@ mod tests;
 pub(crate) mod vector;
 
 pub(crate) use all::all_eigenvalues;
-pub(crate) use general::{Eigensystem, general, inverse};
+pub(crate) use general::{Eigensystem, general_eigensystem, inverse};
 #[cfg(test)]
-pub(crate) use lanczos::Largest;
-pub(crate) use lanczos::{largest, largest_up_to};
-pub(crate) use lowest::lowest;
+pub(crate) use lanczos::LargestRitz;
+pub(crate) use lanczos::{largest_eigenvalue, largest_eigenvalue_up_to};
+pub(crate) use lowest::lowest_mode;
 #[cfg(test)]
-pub(crate) use shift_invert::are_modes;
-pub(crate) use shift_invert::{LowestModes, lowest_modes, modes_around, n_below};
+pub(crate) use shift_invert::are_distinct_modes;
+pub(crate) use shift_invert::{CertifiedModes, lowest_modes, modes_around, n_below};
 
 /// `apply(x, y)` sets y = A x, both (n,); the old values of y are to be overwritten.
 pub(crate) type Apply<'a> = &'a mut dyn FnMut(&[f64], &mut [f64]);

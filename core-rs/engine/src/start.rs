@@ -221,7 +221,7 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
                 contact_depth,
             );
             let damping_force = if contact_depth > 0.0 { law.z * depth_rate } else { 0.0 };
-            let contact_force = side_sign * law.limited(elastic + damping_force);
+            let contact_force = side_sign * law.limited_force(elastic + damping_force);
             is_settled &= (contact_force - *push).abs() <= f64::EPSILON * contact_force.abs();
             *push = contact_force;
             force[a] += contact_force;

@@ -249,7 +249,7 @@ impl Timeline {
     }
 
     /// Add a key; returns its index.
-    pub fn key(&mut self, name: &str, struck_mat: usize) -> usize {
+    pub fn add_key(&mut self, name: &str, struck_mat: usize) -> usize {
         self.keys.push(Key {
             name: name.to_owned(),
             struck_mat,
@@ -261,7 +261,7 @@ impl Timeline {
     ///
     /// # Errors
     /// [`GestureError`] if the key does not exist or the gesture is too fast for the rate.
-    pub fn gesture(&mut self, gesture: Gesture) -> Result<usize, GestureError> {
+    pub fn add_gesture(&mut self, gesture: Gesture) -> Result<usize, GestureError> {
         if gesture.key >= self.keys.len() {
             return Err(GestureError::NoKey(gesture.key));
         }
@@ -298,8 +298,8 @@ impl Timeline {
 
     /// Strike a MAT by `impulse` [N·s] from the instant `time` [s] on; `source`: place in the score.
     ///
-    /// The force rises from 0 and falls to 0 over `lasts` [s], as Blackman's window, whatever the rate; a strike
-    /// of less than 57 µs acts at one instant. Without `lasts` it is 0.19 ms, under `ca` one instant.
+    /// The force rises from 0 and falls to 0 over `duration` [s], as Blackman's window, whatever the rate; a strike
+    /// of less than 57 µs acts at one instant. Without `duration` it is 0.19 ms, under `ca` one instant.
     ///
     /// ```
     /// use ergon_engine::{Network, Rate, Timeline};
@@ -322,10 +322,10 @@ impl Timeline {
         mat: usize,
         time: f64,
         impulse: f64,
-        lasts: Option<f64>,
+        duration: Option<f64>,
         source: u32,
     ) -> Result<(), StrikeError> {
-        let n_parts = self.parts_of_duration(network, mat, lasts)?;
+        let n_parts = self.parts_of_duration(network, mat, duration)?;
         check_finite("impulse", impulse)?;
         check_instant(time)?;
         check_movable(network, mat)?;
@@ -345,19 +345,19 @@ impl Timeline {
     }
 
     /// Declare the hardest strike that a MAT may get while the timeline is open. It is never played: the plan chooses
-    /// by a trial of it how finely contacts are computed. `lasts`: as in [`Timeline::strike`].
+    /// by a trial of it how finely contacts are computed. `duration`: as in [`Timeline::strike`].
     ///
     /// # Errors
     /// As [`Timeline::strike`].
-    pub fn trial_strike(
+    pub fn add_trial_strike(
         &mut self,
         network: &Network,
         mat: usize,
         impulse: f64,
-        lasts: Option<f64>,
+        duration: Option<f64>,
     ) -> Result<(), StrikeError> {
         let n_strikes = self.strikes.len();
-        self.strike(network, mat, 0.0, impulse, lasts, 0)?;
+        self.strike(network, mat, 0.0, impulse, duration, 0)?;
         self.trial_strikes.extend(self.strikes.drain(n_strikes..));
         Ok(())
     }
@@ -375,19 +375,19 @@ impl Timeline {
         })
     }
 
-    /// How long a strike of `lasts` [s] on a MAT lasts, in 1/44,100 s.
-    fn parts_of_duration(&self, network: &Network, mat: usize, lasts: Option<f64>) -> Result<u32, StrikeError> {
+    /// How long a strike of `duration` [s] on a MAT lasts, in 1/44,100 s.
+    fn parts_of_duration(&self, network: &Network, mat: usize, duration: Option<f64>) -> Result<u32, StrikeError> {
         let part_index = network.mats().part[mat] as usize;
         let is_discrete = network.parts()[part_index].ca_rate.is_some();
-        let lasts = lasts.unwrap_or(if is_discrete {
+        let duration = duration.unwrap_or(if is_discrete {
             0.0
         } else {
             pulse::DEFAULT_STRIKE_SECONDS
         });
-        if (0.0..=pulse::STRIKE_SECONDS_MAX).contains(&lasts) {
-            Ok(pulse::n_parts(lasts))
+        if (0.0..=pulse::STRIKE_SECONDS_MAX).contains(&duration) {
+            Ok(pulse::n_parts(duration))
         } else {
-            Err(StrikeError::Lasts(lasts))
+            Err(StrikeError::Lasts(duration))
         }
     }
 
@@ -459,7 +459,7 @@ impl Timeline {
     ///
     /// # Errors
     /// As [`Timeline::strike`], and if the mass is not above 0.
-    pub fn ergon(
+    pub fn add_ergon(
         &mut self,
         network: &Network,
         mat: usize,
@@ -489,15 +489,15 @@ impl Timeline {
     ///
     /// # Errors
     /// [`StrikeError`] if the MAT is fixed, or for a length as in [`Timeline::strike`].
-    pub fn strike_point(
+    pub fn add_strike_point(
         &mut self,
         network: &Network,
         mat: usize,
         point: u32,
-        lasts: Option<f64>,
+        duration: Option<f64>,
     ) -> Result<(), StrikeError> {
         check_movable(network, mat)?;
-        let n_parts = self.parts_of_duration(network, mat, lasts)?;
+        let n_parts = self.parts_of_duration(network, mat, duration)?;
         let strike_source = DriveSource::Strikes { point, n_parts };
         self.drive(mat, DriveKind::Force, strike_source, false)
     }

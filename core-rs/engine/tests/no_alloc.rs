@@ -115,7 +115,7 @@ fn slow_key_does_not_allocate() {
     network.listen("both", vec![term]).unwrap();
     let rate = Rate::new(44_100.0).unwrap();
     let mut timeline = Timeline::new(rate);
-    let key = timeline.key("key", struck);
+    let key = timeline.add_key("key", struck);
     for (start, grain) in [(0.01, None), (0.12, Some(5e-3))] {
         let t = [start, start + 0.04, start + 0.1];
         let method = [Approach::Path(Curve::Smooth); 3];
@@ -127,7 +127,7 @@ fn slow_key_does_not_allocate() {
         };
         let manner = Manner { grain, ..Manner::OPEN };
         let gesture = Gesture::from_points(key, &written, manner).unwrap();
-        timeline.gesture(gesture).unwrap();
+        timeline.add_gesture(gesture).unwrap();
     }
     timeline.strike(&network, struck, 0.23, 0.01, Some(0.0), 0).unwrap();
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap();
@@ -203,8 +203,8 @@ fn rest_and_wake_do_not_allocate() {
     network.listen("gong", vec![term]).unwrap();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     timeline.open();
-    timeline.key("key", key);
-    timeline.strike_point(&network, gong + 30, 7, None).unwrap();
+    timeline.add_key("key", key);
+    timeline.add_strike_point(&network, gong + 30, 7, None).unwrap();
     let network = Arc::new(network);
     for budget in [Budget::default(), Budget::Method(Method::Ca)] {
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();

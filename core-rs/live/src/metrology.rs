@@ -46,7 +46,7 @@ pub struct Guide {
     /// Distance from there to the nearer end [m].
     pub half_travel: f64,
     /// Pulls the key to the centre all the time.
-    pub guide: SpringDamper,
+    pub spring: SpringDamper,
     /// Pulls the key back from an end.
     pub brake: SpringDamper,
     /// Deceleration that the brake surely achieves [m/s²].
@@ -119,8 +119,8 @@ pub struct ExcitationResult {
     pub end: ExcitationEnd,
 }
 
-/// Push an axis with the forces of an excitation, then release it. Every row also goes into `row_sink`. This thread
-/// keeps the priority of the physics thread, so call it in a thread of its own.
+/// Push an axis with the forces of an excitation, then release it. Every row also goes into `sink`. The calling
+/// thread keeps the priority of the physics thread, so call it in a thread of its own.
 pub fn excite<D: Device>(
     device: D,
     excitation: &Excitation<'_>,
@@ -138,7 +138,7 @@ pub fn excite<D: Device>(
     if !in_lockstep {
         realtime::request(realtime::PHYSICS_PRIORITY);
     }
-    let mut new_take = ExcitationRun {
+    let mut run = ExcitationRun {
         guarded_device: GuardedDevice::new(device, limits, excitation.period)
             .with_plausibility()
             .without_probes(),
@@ -151,13 +151,10 @@ pub fn excite<D: Device>(
         row_sink: sink,
         n_written: 0,
     };
-    let end = new_take.run(stop).err().unwrap_or(ExcitationEnd::Done);
-    new_take.guarded_device.zero();
-    new_take.write(0);
-    ExcitationResult {
-        rows: new_take.rows,
-        end,
-    }
+    let end = run.run(stop).err().unwrap_or(ExcitationEnd::Done);
+    run.guarded_device.zero();
+    run.write_rows(0);
+    ExcitationResult { rows: run.rows, end }
 }
 
 /// Position and velocity of a key by the newest reply.
@@ -197,11 +194,11 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
             if stop.load(Ordering::Relaxed) || crate::stop::are_forces_stopped() {
                 return Err(ExcitationEnd::Stopped);
             }
-            let requested_force = self.guided(force, tick < excitation.unguided_ticks);
+            let requested_force = self.requested_force(force, tick < excitation.unguided_ticks);
             let mut forces = [0.0; MAX_AXES];
             forces[pushed_axis] = requested_force;
-            let safe_force = self.guarded_device.send(&forces).map_err(ExcitationEnd::Gone)?;
-            let mut sent_force = self.guarded_device.device().on_wire(&safe_force)[pushed_axis];
+            let safe_forces = self.guarded_device.send(&forces).map_err(ExcitationEnd::Gone)?;
+            let mut sent_force = self.guarded_device.device().on_wire(&safe_forces)[pushed_axis];
             if excitation.force_step > 0.0 {
                 sent_force = (sent_force / excitation.force_step).round() * excitation.force_step;
             }
@@ -215,8 +212,8 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
             next_tick += Duration::from_secs_f64(excitation.period);
             let reply_wait = Duration::from_secs_f64(REPLY_WAIT_SHARE * excitation.period);
             self.receive(Instant::now() + reply_wait)?;
-            self.take_reply(force != 0.0)?;
-            self.write(LATE_TICKS_MAX);
+            self.apply_reply(force != 0.0)?;
+            self.write_rows(LATE_TICKS_MAX);
             if !self.guarded_device.in_lockstep() {
                 let lateness = realtime::sleep_until(next_tick);
                 if lateness.as_secs_f64() > 10.0 * excitation.period {
@@ -228,11 +225,11 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
     }
 
     /// The force to ask for: the written force and the guide's, or the brake's instead.
-    fn guided(&mut self, force: f64, is_still: bool) -> f64 {
+    fn requested_force(&mut self, force: f64, is_unguided: bool) -> f64 {
         let Guide {
             centre,
             half_travel: half,
-            guide,
+            spring,
             brake,
             deceleration,
         } = self.excitation.guide;
@@ -247,10 +244,10 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
         if self.is_braking {
             return -brake.stiffness * centre_offset - brake.damping * velocity;
         }
-        if is_still {
+        if is_unguided {
             return force;
         }
-        force - guide.stiffness * centre_offset - guide.damping * velocity
+        force - spring.stiffness * centre_offset - spring.damping * velocity
     }
 
     fn receive(&mut self, deadline: Instant) -> Result<(), ExcitationEnd> {
@@ -261,11 +258,11 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
     }
 
     /// Take the reply of this tick: enter it in its row, update the motion, and check whether the take must end.
-    fn take_reply(&mut self, pushes: bool) -> Result<(), ExcitationEnd> {
+    fn apply_reply(&mut self, pushes: bool) -> Result<(), ExcitationEnd> {
         let (pushed_axis, sample) = (self.excitation.axis, &self.sample);
         let (key_position, tick_period) = (sample.position[pushed_axis], self.excitation.period);
         self.motion.age += tick_period;
-        if let Some(trip_cause) = self.guarded_device.tripped(pushed_axis) {
+        if let Some(trip_cause) = self.guarded_device.trip_cause(pushed_axis) {
             return Err(ExcitationEnd::Tripped(trip_cause));
         }
         if !sample.is_fresh {
@@ -301,7 +298,7 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
     }
 
     /// Give the sink all rows except the newest `rows_left`, whose replies may still come.
-    fn write(&mut self, rows_left: usize) {
+    fn write_rows(&mut self, rows_left: usize) {
         let write_end = self.rows.len().saturating_sub(rows_left);
         let Some(row_sink) = &mut self.row_sink else {
             self.n_written = write_end;

@@ -19,13 +19,13 @@ pub struct GrantedScheduling {
 }
 
 impl fmt::Display for GrantedScheduling {
-    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.fifo_priority {
-            Some(priority) => write!(to, "SCHED_FIFO {priority}")?,
-            None => write!(to, "no real-time priority")?,
+            Some(priority) => write!(formatter, "SCHED_FIFO {priority}")?,
+            None => write!(formatter, "no real-time priority")?,
         }
         let memory_state = if self.is_memory_locked { "locked" } else { "not locked" };
-        write!(to, ", memory {memory_state}")
+        write!(formatter, ", memory {memory_state}")
     }
 }
 

@@ -253,7 +253,7 @@ impl<D: Device> GuardedDevice<D> {
     }
 
     /// Stop all forces until `set_stopped(false)`; they then rise as at the start.
-    pub fn stop(&mut self, is_stopped: bool) {
+    pub fn set_stopped(&mut self, is_stopped: bool) {
         self.is_stopped = is_stopped;
         self.update_stop();
         if is_stopped {
@@ -287,7 +287,7 @@ impl<D: Device> GuardedDevice<D> {
     }
 
     /// The reason for which an axis has tripped and is held at zero, if it has.
-    pub fn tripped(&self, axis: usize) -> Option<TripCause> {
+    pub fn trip_cause(&self, axis: usize) -> Option<TripCause> {
         self.trips.get(axis).copied().flatten()
     }
 

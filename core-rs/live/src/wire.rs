@@ -15,7 +15,7 @@ pub enum Parsed<T> {
     /// The beginning of a packet.
     Incomplete,
     /// The number of bytes (at least one) that do not belong to a packet.
-    Garbage(usize),
+    Skip(usize),
 }
 
 /// Received bytes that are not a whole packet yet. N is at least the length of the longest packet.
@@ -55,7 +55,7 @@ impl<const N: usize> PacketBuffer<N> {
                         take_packet(packet);
                         packet_offset += len;
                     }
-                    Parsed::Garbage(len) => {
+                    Parsed::Skip(len) => {
                         self.garbage_bytes += len as u64;
                         packet_offset += len;
                     }

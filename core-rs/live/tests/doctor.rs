@@ -75,7 +75,7 @@ fn checkup_counts_answered_and_lost_forces() {
 fn with_calibration_applies_known_axes() {
     let emulator = udp(true);
     let device = emulator.open("frame+udp", "lockstep&wide");
-    let plain = AxisCalibration::plain(device.spec());
+    let plain = AxisCalibration::without_corrections(device.spec());
     let known = AxisCalibration {
         offset: 0.01,
         gain: 2.0,

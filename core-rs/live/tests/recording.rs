@@ -48,7 +48,7 @@ fn recorder_does_not_allocate_in_real_time() {
         }
     });
     assert_eq!(violation_count(), 0);
-    assert!(sink.dropped() > 0);
+    assert!(sink.dropped_count() > 0);
     drop((sink, handle));
     fs::remove_file(&path).unwrap();
 }

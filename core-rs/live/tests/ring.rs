@@ -41,7 +41,7 @@ fn silence_before_the_first_frame_is_no_underrun() {
     assert_eq!(
         (
             ring_writer.stream_state().underruns(),
-            ring_writer.stream_state().played()
+            ring_writer.stream_state().played_frames()
         ),
         (0, 10)
     );
@@ -85,7 +85,7 @@ fn underrun_falls_to_silence_and_rises_again() {
     let rise: Vec<f32> = (1..=FADE).map(|i| i as f32 / FADE as f32).collect();
     assert_eq!(out[..FADE], rise);
     assert_eq!(out[FADE..], [1.0; 200 - FADE]);
-    assert_eq!((stream_state.underruns(), stream_state.played()), (1, 218));
+    assert_eq!((stream_state.underruns(), stream_state.played_frames()), (1, 218));
 }
 
 #[test]
@@ -281,7 +281,7 @@ proptest! {
             got += fill;
             prop_assert_eq!(ring_writer.filled_frames(), given - got);
         }
-        prop_assert_eq!(ring_writer.stream_state().played(), got as u64);
+        prop_assert_eq!(ring_writer.stream_state().played_frames(), got as u64);
         prop_assert_eq!(ring_writer.stream_state().underruns(), 0);
     }
 }

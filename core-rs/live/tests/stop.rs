@@ -92,10 +92,10 @@ fn stop_holds_all_hands_until_release() {
     assert_eq!(ticks(&mut guarded_device, 300), 1.0);
     // A device that is stopped by itself stays stopped after the stop of the process is released.
     stop::stop(StopScope::Forces);
-    guarded_device.stop(true);
+    guarded_device.set_stopped(true);
     stop::release();
     assert_eq!(ticks(&mut guarded_device, 10), 0.0);
-    guarded_device.stop(false);
+    guarded_device.set_stopped(false);
     assert_eq!(ticks(&mut guarded_device, 300), 1.0);
     // A signal first stops the forces and is then handled, each time that it comes.
     handle(libc::SIGTERM);

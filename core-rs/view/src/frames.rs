@@ -72,7 +72,7 @@ impl PartFrames {
     }
 
     /// The frames of a payload; `n_points_of`: number of points of a part. `None` if the payload is damaged.
-    pub fn read(payload: &[u8], n_points_of: impl Fn(u16) -> Option<usize>) -> Option<Self> {
+    pub fn read_payload(payload: &[u8], n_points_of: impl Fn(u16) -> Option<usize>) -> Option<Self> {
         let mut reader = ByteReader(payload);
         let part = reader.u16()?;
         let &[coding, _] = reader.take_bytes(2)? else {
@@ -128,7 +128,7 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Option<PartFrames> {
-        PartFrames::read(bytes, |part| (part == 3).then_some(POINTS))
+        PartFrames::read_payload(bytes, |part| (part == 3).then_some(POINTS))
     }
 
     proptest! {
@@ -168,9 +168,9 @@ mod tests {
 
         #[test]
         fn decode_of_random_bytes(coding in 0..3_u8, bytes: Vec<u8>, n in 0..100_usize) {
-            let _ = PartFrames::read(&bytes, |_| Some(n));
+            let _ = PartFrames::read_payload(&bytes, |_| Some(n));
             let head = PartFrames { rows: Vec::new(), n_frames: 3, ..frames(Vec::new()) }.payload_head(coding);
-            let _ = PartFrames::read(&[head.0, bytes].concat(), |_| Some(n));
+            let _ = PartFrames::read_payload(&[head.0, bytes].concat(), |_| Some(n));
         }
     }
 

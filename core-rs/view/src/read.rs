@@ -282,7 +282,7 @@ impl MotionFile {
 
     fn read_frames(&self, chunk: &ChunkRef) -> Option<PartFrames> {
         let n_points_of = |part: u16| self.parts.get(usize::from(part)).map(|part| part.n_points);
-        PartFrames::read(self.payload(chunk), n_points_of)
+        PartFrames::read_payload(self.payload(chunk), n_points_of)
     }
 
     /// Displacements of all points [m] at rising instants [s]   (n_instants · n_points); NaN if unknown.

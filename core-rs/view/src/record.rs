@@ -116,7 +116,7 @@ impl Recorder {
     ///
     /// # Errors
     /// A sentence if a table is too long.
-    pub fn live(simulation: &Simulation, look: MotionLook, setup: RecordingSetup) -> Result<Self, String> {
+    pub fn for_live_pages(simulation: &Simulation, look: MotionLook, setup: RecordingSetup) -> Result<Self, String> {
         Self::begin(simulation, look, setup, None)
     }
 
@@ -158,7 +158,7 @@ impl Recorder {
             last_look: 0.0,
             n_reported_ergons: 0,
             link_numbers: tables::breakable_numbers(&look, network),
-            break_times: vec![None; look.breakable.len()],
+            break_times: vec![None; look.breakable_links.len()],
             live_strikes: Vec::new(),
             level_square_sums: vec![0.0; setup.n_speakers],
             n_level_frames: 0,
@@ -194,7 +194,7 @@ impl Recorder {
     }
 
     /// Look at the simulation as it is now.
-    pub fn look(&mut self, simulation: &mut Simulation) {
+    pub fn record_look(&mut self, simulation: &mut Simulation) {
         let mut snapshot = std::mem::take(&mut self.snapshot);
         simulation.fill_snapshot(&self.look, &mut snapshot);
         self.record(&snapshot);

@@ -198,9 +198,9 @@ impl Drop for Server {
         self.state.hub.close();
         // The listener waits in `accept`: a connection from here wakes it.
         let address = self.state.local_address();
-        let has_woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
+        let is_listener_woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
         if let Some(listener) = self.listener_thread.take()
-            && has_woken
+            && is_listener_woken
         {
             let _ = listener.join();
         }
@@ -248,10 +248,10 @@ impl Drop for ConnectionSlot<'_> {
 /// Connection threads need little stack: files are sent in pieces, and messages are shared.
 const STACK_BYTES: usize = 512 << 10;
 
-fn listen(listener: &TcpListener, shared: &Arc<ServerState>) {
+fn listen(listener: &TcpListener, state: &Arc<ServerState>) {
     loop {
         let accept_result = listener.accept();
-        if shared.is_stopping() {
+        if state.is_stopping() {
             return;
         }
         let Ok((client_stream, peer_address)) = accept_result else {
@@ -260,18 +260,18 @@ fn listen(listener: &TcpListener, shared: &Arc<ServerState>) {
             continue;
         };
         let client_stream = Arc::new(client_stream);
-        let pending_limit = shared.options.limits.pending_connections;
-        let pending_place = shared
+        let pending_limit = state.options.limits.pending_connections;
+        let pending_slot = state
             .pending_connections
             .admit(&client_stream, peer_address.ip(), pending_limit);
-        let state = shared.clone();
-        let refusal_state = state.clone();
+        let connection_state = state.clone();
+        let counting_state = state.clone();
         let spawn_result = thread::Builder::new()
             .name("view client".into())
             .stack_size(STACK_BYTES)
-            .spawn(move || connection::serve_connection(&client_stream, pending_place, &state));
+            .spawn(move || connection::serve_connection(&client_stream, pending_slot, &connection_state));
         if spawn_result.is_err() {
-            refusal_state.counts.refused.fetch_add(1, Ordering::Relaxed);
+            counting_state.counts.refused.fetch_add(1, Ordering::Relaxed);
         }
     }
 }

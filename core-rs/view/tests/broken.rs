@@ -93,7 +93,7 @@ fn recorded(mut simulation: Simulation, seconds: f64) -> (MotionLook, MotionFile
     let mut recorder = Recorder::new(&simulation, look.clone(), setup).unwrap();
     while recorder.next_frame() <= (seconds * RATE) as u64 {
         simulation.skip(recorder.next_frame() - simulation.frame()).unwrap();
-        recorder.look(&mut simulation);
+        recorder.record_look(&mut simulation);
     }
     (look, MotionFile::new(recorder.finish()).unwrap())
 }

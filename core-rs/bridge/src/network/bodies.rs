@@ -1,6 +1,6 @@
 //! Strings, plates, banks, and bodies that are given by their modes.
 
-use ergon_engine::generator::{self, Angles, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology};
+use ergon_engine::generator::{self, Angles, BankForm, Decay, GeneratorError, Place as Arrangement, Shape, Topology};
 use pyo3::prelude::*;
 
 use super::Network;
@@ -35,11 +35,11 @@ impl MeshLinks {
 }
 
 /// The arrangement of the members of a bank by its word; `hole` and `angles` are used for a galaxy.
-fn member_place(place: &str, hole: f64, angles: &str) -> PyResult<MemberPlace> {
+fn member_arrangement(place: &str, hole: f64, angles: &str) -> PyResult<Arrangement> {
     let angles: Angles = word("angles", angles, words::BANK_ANGLES)?;
     Ok(match word("place", place, words::BANK_PLACES)? {
-        MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole, angles },
-        place_kind => place_kind,
+        Arrangement::Galaxy { .. } => Arrangement::Galaxy { hole, angles },
+        other_arrangement => other_arrangement,
     })
 }
 
@@ -125,7 +125,7 @@ impl Network {
         seed: i128,
     ) -> PyResult<usize> {
         let spread = word("spread", spread, words::BANK_SPREADS)?;
-        let place = member_place(place, hole, angles)?;
+        let place = member_arrangement(place, hole, angles)?;
         computing(py, || {
             self.0.bank(
                 name,
@@ -156,7 +156,7 @@ impl Network {
         angles: &str,
         seed: i128,
     ) -> PyResult<usize> {
-        let place = member_place(place, hole, angles)?;
+        let place = member_arrangement(place, hole, angles)?;
         let cell_masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
         let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
         let cells = generator::cells_at(&tunings, place, self.0.member_turns(name, seed))
@@ -208,18 +208,21 @@ impl Network {
         topology: Result<Topology, GeneratorError>,
         mass: f64,
         links: &MeshLinks,
-        laws: [f64; 2],
+        hardening_and_stretching: [f64; 2],
     ) -> PyResult<usize> {
         let topology = topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || match links {
-            MeshLinks::Direct(k_and_z) => self.0.linked_mesh(name, &topology, mass, *k_and_z, laws),
+            MeshLinks::Direct(k_and_z) => self
+                .0
+                .linked_mesh(name, &topology, mass, *k_and_z, hardening_and_stretching),
             MeshLinks::Tuned(f, decays) => {
                 let tuned_decay = match decays {
                     None => Decay::Lowest(None),
                     Some(ModeDecays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
                     Some(ModeDecays::Points(points)) => Decay::Points(points),
                 };
-                self.0.stretched_mesh(name, &topology, mass, *f, tuned_decay, laws)
+                self.0
+                    .stretched_mesh(name, &topology, mass, *f, tuned_decay, hardening_and_stretching)
             }
         })?
         .map_err(from_engine)

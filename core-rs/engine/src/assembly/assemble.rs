@@ -150,11 +150,11 @@ impl Assembled {
         if let Some(island_cut) = cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
             // faster than a frame, that coupling would oscillate and grow.
-            let steps_over = |ported_body: &PortedBody| match &ported_body.plan {
+            let steps_over_fast_motion = |ported_body: &PortedBody| match &ported_body.plan {
                 BodyPlan::Mesh(mesh) => mesh.steps_over_fast_motion(),
                 BodyPlan::Modal(_) | BodyPlan::Slow(_) => false,
             };
-            let steps_limit = island_cut.bodies.iter().any(steps_over).then_some(1);
+            let steps_limit = island_cut.bodies.iter().any(steps_over_fast_motion).then_some(1);
             let timeline = &island_cut.timeline.timeline;
             let (network, detail) = (&island_cut.hub.network, RefusalDetail::VerdictOnly);
             let certify_within = |steps_max| certified_hub(network, timeline, budget, steps_max, detail);

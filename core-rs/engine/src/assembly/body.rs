@@ -185,21 +185,21 @@ fn oscillator_bank(
             a: 2.0 - mode_ratios.kappa - mode_ratios.zeta,
             b: 1.0 - mode_ratios.zeta,
             now: modes.x0[mode] - modes.rest[mode],
-            before: modes.before(mode, rate),
+            before: modes.position_before(mode, rate),
             outputs: weights,
             blows: Vec::new(),
         });
     }
     for (shape, blows) in struck_shapes.iter().zip(strikes.values()) {
         bank_plan.strikes.push(Strikes {
-            among: 0..chosen_modes.len(),
+            members: 0..chosen_modes.len(),
             responses: if modes.is_discrete {
                 Vec::new()
             } else {
                 let mode_cells = chosen_modes.iter().map(|&mode| modes.resolvable_cell(mode, rate));
                 mode_cells.map(Response::Cell).collect()
             },
-            share: chosen_modes.iter().map(|&mode| shape[mode]).collect(),
+            member_shares: chosen_modes.iter().map(|&mode| shape[mode]).collect(),
             w: if modes.is_discrete {
                 1.0
             } else {

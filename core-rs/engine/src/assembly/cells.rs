@@ -130,7 +130,7 @@ fn add_blows(network: &Network, timeline: &Timeline, scheme: &Scheme, cell_oscil
         let struck_mat = push.mat as usize;
         cell_oscillators[struck_mat].blows.push(Blow {
             frame: push.frame,
-            kick: Kick::By(scheme.w[struck_mat] * push.force),
+            kick: Kick::Displacement(scheme.w[struck_mat] * push.force),
         });
     }
     for ergon in &timeline.ergons {

@@ -294,12 +294,12 @@ impl ModalBody for ComplexModeBody<'_> {
         }
         for (point, blows) in self.strikes.values().enumerate() {
             bank_plan.strikes.push(Strikes {
-                among: 0..sequences.len(),
+                members: 0..sequences.len(),
                 responses: sequences
                     .iter()
                     .map(|part| impulse_response(body_modes, part, point, self.rate))
                     .collect(),
-                share: vec![1.0; sequences.len()],
+                member_shares: vec![1.0; sequences.len()],
                 w: self.rate.step() * self.rate.step(),
                 blows: blows.frame_impulses.clone(),
             });

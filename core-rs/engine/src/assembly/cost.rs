@@ -307,7 +307,7 @@ mod tests {
     }
 
     /// Cost of stepping 50 points in front of a wall [ns].
-    fn walled(measure: Measure) -> f64 {
+    fn walled_cost(measure: Measure) -> f64 {
         use crate::network::{PairLaw, PointGroup, SpacePoint, SpacePoints};
         let mut network = Network::new();
         let mut points = |name: &str, n: usize| {
@@ -371,10 +371,10 @@ mod tests {
             let square_facets = Facets::new(&corners, &triangles, 0.01).unwrap();
             (
                 square_facets.crowding(),
-                walled(Measure::Surface(Arc::new(square_facets))),
+                walled_cost(Measure::Surface(Arc::new(square_facets))),
             )
         };
-        let plane_cost = walled(Measure::Plane([0.0, 0.0, 1.0]));
+        let plane_cost = walled_cost(Measure::Plane([0.0, 0.0, 1.0]));
         let (coarse_crowding, coarse_cost) = square_costs(1);
         let (fine_crowding, fine_cost) = square_costs(60);
         assert!(

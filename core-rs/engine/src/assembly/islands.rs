@@ -45,7 +45,7 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
             forest.join(key.struck_mat, mat);
         }
     }
-    let (can_move, audible) = (moving_mats(network, timeline), HeardModules::new(network, timeline));
+    let (can_move, hearing) = (moving_mats(network, timeline), HeardModules::new(network, timeline));
     let mut island_of_root = vec![None; mat_count];
     let mut island_of_mat = Vec::with_capacity(mat_count);
     let mut members: Vec<IslandMembers> = Vec::new();
@@ -58,7 +58,7 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
         island_of_mat.push(island_index);
         let island = &mut members[island_index];
         island.mats.push(mat as u32);
-        island.is_heard |= audible.hears_mat[mat];
+        island.is_heard |= hearing.hears_mat[mat];
         island.can_move |= can_move[mat];
     }
     for (link, mats) in link_mats(network) {
@@ -67,9 +67,9 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
         let first_free = first_free.unwrap_or(*last_mat);
         let island = &mut members[island_of_mat[first_free]];
         island.links.push(link as u32);
-        island.is_heard |= audible.hears_link[link];
+        island.is_heard |= hearing.hears_link[link];
         // A gated force changes even between two points that never move.
-        island.can_move |= audible.hears_link[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
+        island.can_move |= hearing.hears_link[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
         let held_mats = mats.as_slice().iter().filter(|&&mat| !is_free[mat]);
         for &held_mat in held_mats.filter(|_| is_free[first_free]) {
             island.foreign_held_mats.push(held_mat as u32);
@@ -134,17 +134,17 @@ struct HeardModules {
 
 impl HeardModules {
     fn new(network: &Network, timeline: &Timeline) -> Self {
-        let mut audible = Self {
+        let mut hearing = Self {
             hears_mat: vec![false; network.n_mat()],
             hears_link: vec![false; network.n_lia()],
         };
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                    audible.hears_mat[first..first + len].fill(true);
+                    hearing.hears_mat[first..first + len].fill(true);
                 }
                 Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
-                    audible.hears_link[first..first + len].fill(true);
+                    hearing.hears_link[first..first + len].fill(true);
                 }
             }
         }
@@ -153,9 +153,9 @@ impl HeardModules {
         let hand_drives = timeline.drives.iter().filter(|drive| drive.hand().is_some());
         hand_drives.for_each(|hand| is_in_hand[hand.mat] = true);
         for (link, a, b) in link_ends(network) {
-            audible.hears_link[link] |= is_in_hand[a] || is_in_hand[b];
+            hearing.hears_link[link] |= is_in_hand[a] || is_in_hand[b];
         }
-        audible
+        hearing
     }
 }
 

@@ -397,7 +397,7 @@ fn normal_mode(modes: &Modes, mode: usize, rate: Rate) -> Mode {
             rate.step() * mode_cell.response(rate.step())
         },
         start_amplitude: modes.x0[mode] - modes.rest[mode],
-        previous_amplitude: modes.before(mode, rate),
+        previous_amplitude: modes.position_before(mode, rate),
         cell: (!modes.is_discrete).then_some(mode_cell),
     }
 }
@@ -432,9 +432,9 @@ fn hub_and_bodies(island: &Subset, timeline: &Timeline, cut_bodies: Vec<(WiredBo
         .strikes
         .retain(|strike| !is_struck_in_body[strike.mat as usize]);
     let mut bodies = Vec::new();
-    for (body, mut inside) in cut_bodies {
+    for (body, mut inner_plan) in cut_bodies {
         let local_mat = |mat: usize| hub.mat(mat).unwrap_or(0);
-        let mode_count = match &mut inside {
+        let mode_count = match &mut inner_plan {
             BodyPlan::Modal(modal) => {
                 for port in &mut modal.ports {
                     port.mat = local_mat(port.mat);
@@ -454,7 +454,7 @@ fn hub_and_bodies(island: &Subset, timeline: &Timeline, cut_bodies: Vec<(WiredBo
                 0
             }
         };
-        set_port_masses(&mut hub.network, &inside);
+        set_port_masses(&mut hub.network, &inner_plan);
         bodies.push(PortedBody {
             n_mats: body.mats.len(),
             n_links: body.links.len(),
@@ -463,7 +463,7 @@ fn hub_and_bodies(island: &Subset, timeline: &Timeline, cut_bodies: Vec<(WiredBo
             n_modes: mode_count,
             computed_modes: (0..mode_count as u32).collect(),
             replaces_modes: false,
-            plan: inside,
+            plan: inner_plan,
         });
     }
     let hub_split = split(vec![hub], &timeline).pop();

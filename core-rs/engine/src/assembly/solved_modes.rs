@@ -48,7 +48,7 @@ pub(crate) trait ModeStore {
 /// Bodies known from an earlier plan, and those that the present plan has solved.
 pub(crate) struct ModeCache<'a> {
     earlier_modes: Option<&'a SolvedModes>,
-    solved: RefCell<SolvedModes>,
+    solved_modes: RefCell<SolvedModes>,
     /// Where complex modes are kept from one plan to the next.
     store: Option<&'a dyn ModeStore>,
     /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
@@ -63,7 +63,7 @@ impl<'a> ModeCache<'a> {
     pub(crate) fn new(earlier: Option<&'a SolvedModes>) -> Self {
         Self {
             earlier_modes: earlier,
-            solved: RefCell::default(),
+            solved_modes: RefCell::default(),
             store: None,
             counted_networks: RefCell::default(),
             pending_seconds: Cell::default(),
@@ -77,7 +77,7 @@ impl<'a> ModeCache<'a> {
 
     /// The solved bodies, for the next plan.
     pub(crate) fn into_solved(self) -> SolvedModes {
-        self.solved.into_inner()
+        self.solved_modes.into_inner()
     }
 
     /// Begins another island.
@@ -113,7 +113,7 @@ impl<'a> ModeCache<'a> {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
-        let solved_in_plan = self.solved.borrow().normal.iter().find(is_same_problem).cloned();
+        let solved_in_plan = self.solved_modes.borrow().normal.iter().find(is_same_problem).cloned();
         let solved_before = || self.earlier_modes?.normal.iter().find(is_same_problem).cloned();
         let already_solved = solved_in_plan.or_else(solved_before);
         let row_index = |solved: &SolvedBody, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
@@ -122,7 +122,7 @@ impl<'a> ModeCache<'a> {
             if let Some(row_indices) = row_indices {
                 self.count_solution(network, solved.modes.len());
                 self.store_solution(solved.clone());
-                return Ok(solved.modes.seen_by(&row_indices));
+                return Ok(solved.modes.with_rows(&row_indices));
             }
         }
         // Rows that were asked for once will be asked for again.
@@ -134,7 +134,7 @@ impl<'a> ModeCache<'a> {
         let modes = Modes::new(network, &all_rows, rate)?;
         self.count_solution(network, modes.len());
         let row_indices: Vec<usize> = (0..rows.len()).collect();
-        let seen_modes = modes.seen_by(&row_indices);
+        let seen_modes = modes.with_rows(&row_indices);
         self.store_solution(Arc::new(SolvedBody {
             network: network.clone(),
             rate,
@@ -152,7 +152,7 @@ impl<'a> ModeCache<'a> {
         struck_mats: &[usize],
         rate: Rate,
     ) -> Result<Arc<ComplexModes>, NoModes> {
-        let solutions = &mut self.solved.borrow_mut().complex;
+        let solutions = &mut self.solved_modes.borrow_mut().complex;
         let is_same_problem = |solved: &&Arc<SolvedComplex>| {
             solved.outputs == outputs && solved.struck_mats == struck_mats && solved.network.is_same_from_start(network)
         };
@@ -196,7 +196,7 @@ impl<'a> ModeCache<'a> {
     }
 
     fn store_solution(&self, solved: Arc<SolvedBody>) {
-        let solutions = &mut self.solved.borrow_mut().normal;
+        let solutions = &mut self.solved_modes.borrow_mut().normal;
         solutions.retain(|other| !solved.network.is_same_from_start(&other.network));
         solutions.push(solved);
     }

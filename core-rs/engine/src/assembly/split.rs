@@ -17,7 +17,7 @@ pub(crate) struct LocalTimeline {
 
 impl LocalTimeline {
     /// The same with one frame in place of `n_frames`; `None` if the timeline has no such version.
-    pub(crate) fn slower(&self, n_frames: u32) -> Option<Self> {
+    pub(crate) fn with_lower_rate(&self, n_frames: u32) -> Option<Self> {
         Some(Self {
             timeline: self.timeline.with_lower_rate(n_frames)?,
             ..self.clone()
@@ -87,7 +87,7 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
     for (index, key) in timeline.keys.iter().enumerate() {
         for &(subset_index, struck) in local_mats_of(key.struck_mat as u32) {
             timelines[subset_index].keys.push(index as u32);
-            timelines[subset_index].timeline.key(&key.name, struck);
+            timelines[subset_index].timeline.add_key(&key.name, struck);
         }
     }
     for (index, gesture) in timeline.gestures.iter().enumerate() {

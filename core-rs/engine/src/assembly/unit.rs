@@ -94,8 +94,8 @@ impl BankPlan {
         if self.is_open || !self.oscillators.iter().all(is_resting) {
             return 0;
         }
-        let bank_blows = self.oscillators.iter().flat_map(|each| &each.blows);
-        let strikes = self.strikes.iter().flat_map(|each| &each.blows);
+        let bank_blows = self.oscillators.iter().flat_map(|oscillator| &oscillator.blows);
+        let strikes = self.strikes.iter().flat_map(|strikes| &strikes.blows);
         let blow_frames = bank_blows.map(|blow| blow.frame).chain(strikes.map(|blow| blow.0));
         blow_frames.min().unwrap_or(u64::MAX)
     }

@@ -44,7 +44,7 @@ pub(super) struct BankScript {
     /// Sum of amplitudes below which a group is set to rest.
     pub(super) rest_threshold: f64,
     /// Group and lane of each oscillator, in the order of the list that the bank is made from.
-    pub(super) places: Vec<(u32, u32)>,
+    pub(super) groups_and_lanes: Vec<(u32, u32)>,
     /// The oscillator of each lane, if it has one   (n_groups · LANES)
     pub(super) members: Vec<Option<u32>>,
 }
@@ -52,12 +52,12 @@ pub(super) struct BankScript {
 impl BankScript {
     /// Add a group of oscillators with the same outputs; returns its motion at frame 0.
     pub(super) fn add_group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> GroupMotion {
-        let gather_lanes = |pick: &dyn Fn(&Oscillator) -> f64| {
-            let mut picked_lanes = Lanes::ZERO;
-            for (lane, &member) in picked_lanes.0.iter_mut().zip(members) {
-                *lane = pick(&oscillators[member]);
+        let gather_lanes = |value_of: &dyn Fn(&Oscillator) -> f64| {
+            let mut gathered_lanes = Lanes::ZERO;
+            for (lane, &member) in gathered_lanes.0.iter_mut().zip(members) {
+                *lane = value_of(&oscillators[member]);
             }
-            picked_lanes
+            gathered_lanes
         };
         let group_index = self.coefficients.len();
         let n_outputs = oscillators[members[0]].outputs.len();
@@ -79,7 +79,7 @@ impl BankScript {
         self.scales.push(gather_lanes(&output_scale));
         let mut group_events = Vec::new();
         for (lane, &member) in members.iter().enumerate() {
-            self.places[member] = (group_index as u32, lane as u32);
+            self.groups_and_lanes[member] = (group_index as u32, lane as u32);
             for blow in &oscillators[member].blows {
                 group_events.push(BankEvent {
                     frame: blow.frame,
@@ -100,7 +100,7 @@ impl BankScript {
     /// Add shared strikes to the events of every group, and sort the events.
     pub(super) fn add_strikes(&mut self) {
         for (index, strikes) in self.strikes.iter().enumerate() {
-            let mut struck_groups: Vec<u32> = self.places[strikes.among.clone()]
+            let mut struck_groups: Vec<u32> = self.groups_and_lanes[strikes.members.clone()]
                 .iter()
                 .map(|&(group, _)| group)
                 .collect();
@@ -113,10 +113,10 @@ impl BankScript {
             };
             for group in struck_groups {
                 for (blow, &(frame, _, _)) in strikes.blows.iter().enumerate() {
-                    for &second in split_steps {
+                    for &is_second_step in split_steps {
                         self.events[group as usize].push(BankEvent {
-                            frame: frame + u64::from(second),
-                            lanes: EventLanes::Group(index as u32, blow as u32, second),
+                            frame: frame + u64::from(is_second_step),
+                            lanes: EventLanes::Group(index as u32, blow as u32, is_second_step),
                         });
                     }
                 }
@@ -128,10 +128,10 @@ impl BankScript {
     }
 
     /// Add the displacements by an event to `added`; `motion`: positions of the group at the frame of the event.
-    pub(super) fn add(&self, group: usize, motion: &GroupMotion, event: &BankEvent, added: &mut Lanes) {
+    pub(super) fn add_event(&self, group: usize, motion: &GroupMotion, event: &BankEvent, added: &mut Lanes) {
         let lane_scales = &self.scales[group].0;
         match event.lanes {
-            EventLanes::Lane(lane_index, Kick::By(x)) => {
+            EventLanes::Lane(lane_index, Kick::Displacement(x)) => {
                 let lane_index = lane_index as usize;
                 added.0[lane_index] += lane_scales[lane_index] * x;
             }
@@ -148,17 +148,17 @@ impl BankScript {
                 let impulse = 2.0 * mass * struck_mass / (mass + struck_mass) * (speed - velocity);
                 added.0[lane_index] += lane_scales[lane_index] * w * impulse * self.rate.hertz();
             }
-            EventLanes::Group(strikes, blow, second) => {
+            EventLanes::Group(strikes, blow, is_second_step) => {
                 let strikes = &self.strikes[strikes as usize];
                 let (_, step_fraction, impulse) = strikes.blows[blow as usize];
                 let members = &self.members[group * LANES..(group + 1) * LANES];
                 let oscillators = (members.iter().enumerate())
                     .filter_map(|(lane_index, member)| Some((lane_index, (*member)? as usize)));
-                for (lane_index, member) in oscillators.filter(|pair| strikes.among.contains(&pair.1)) {
-                    let mode_index = member - strikes.among.start;
-                    let impulse = impulse * strikes.share[mode_index];
+                for (lane_index, member) in oscillators.filter(|pair| strikes.members.contains(&pair.1)) {
+                    let mode_index = member - strikes.members.start;
+                    let impulse = impulse * strikes.member_shares[mode_index];
                     let split_force = match strikes.responses.get(mode_index) {
-                        Some(cell) => cell.split(impulse, step_fraction, self.rate)[usize::from(second)],
+                        Some(cell) => cell.split(impulse, step_fraction, self.rate)[usize::from(is_second_step)],
                         None => impulse * self.rate.hertz(),
                     };
                     added.0[lane_index] += lane_scales[lane_index] * split_force * strikes.w;

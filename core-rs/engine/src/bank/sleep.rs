@@ -6,16 +6,16 @@ use crate::kernel::bank::{LANES, Lanes};
 use crate::units::Rate;
 
 /// Frames between two tests for decayed groups, counted from frame 0.
-pub(super) const REST_TEST_EVERY: u64 = 4_096;
+pub(super) const REST_TEST_FRAMES: u64 = 4_096;
 /// Largest level of all groups at rest together, relative to the hardest blow [dB]: below the rounding of 24 bits.
-const REST_LEVEL: f64 = -160.0;
+const REST_LEVEL_DB: f64 = -160.0;
 /// Threshold if further strikes are unknown [m]: about the width of an atomic nucleus.
 pub(super) const REST_AMPLITUDE: f64 = 1e-15;
 
 impl Bank {
     /// Set a decayed group to rest; without blows it cannot grow.
     pub(super) fn rest_if_decayed(&mut self, script: &BankScript, group: usize) {
-        if self.is_still[group] {
+        if self.is_at_rest[group] {
             return;
         }
         let (group_coefficients, group_motion) = (&script.coefficients[group], &mut self.motions[group]);
@@ -31,7 +31,7 @@ impl Bank {
         let total_amplitude: f64 = (0..LANES).map(amplitude).sum();
         if total_amplitude < script.rest_threshold {
             (group_motion.positions, group_motion.previous_positions) = (Lanes::ZERO, Lanes::ZERO);
-            self.is_still[group] = true;
+            self.is_at_rest[group] = true;
         }
     }
 }
@@ -53,7 +53,7 @@ fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
     }
 }
 
-/// Largest sum of amplitudes that counts as rest, for all groups together: [`REST_LEVEL`] below the hardest blow.
+/// Largest sum of amplitudes that counts as rest, for all groups together: [`REST_LEVEL_DB`] below the hardest blow.
 pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
     // With one output, the lanes hold positions times their weights.
     let output_scale = |oscillator: &Oscillator| match oscillator.outputs[..] {
@@ -62,7 +62,7 @@ pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], ra
     };
     let oscillator = oscillators.iter().map(|oscillator| {
         let blow_sizes = oscillator.blows.iter().map(|blow| match blow.kick {
-            Kick::By(x) => x.abs(),
+            Kick::Displacement(x) => x.abs(),
             Kick::Ergon { .. } => 0.0,
         });
         let start_amplitude =
@@ -73,15 +73,15 @@ pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], ra
         let impulses = strikes.blows.iter().map(|(_, _, impulse)| impulse.abs());
         let impulse = impulses.fold(0.0, f64::max);
         let unit_displacement = impulse * rate.hertz() * strikes.w;
-        let struck_members = oscillators[strikes.among.clone()].iter();
-        let member_shares = struck_members.zip(&strikes.share).enumerate();
-        member_shares.map(move |(i, (oscillator, share))| {
+        let struck_members = oscillators[strikes.members.clone()].iter();
+        let member_shares = struck_members.zip(&strikes.member_shares).enumerate();
+        member_shares.map(move |(i, (oscillator, member_shares))| {
             let response = strikes.responses.get(i);
             let response_size = response.and_then(Response::peak_displacement);
             response_size.map_or(unit_displacement, |response_size| impulse * response_size)
-                * share.abs()
+                * member_shares.abs()
                 * output_scale(oscillator)
         })
     });
-    oscillator.chain(shared_sizes).fold(0.0, f64::max) * crate::maths::amplitude_ratio(REST_LEVEL)
+    oscillator.chain(shared_sizes).fold(0.0, f64::max) * crate::maths::amplitude_ratio(REST_LEVEL_DB)
 }

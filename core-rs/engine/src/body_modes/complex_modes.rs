@@ -25,6 +25,7 @@ pub(crate) type Complex = [f64; 2];
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ComplexPart {
     pub(crate) mode: usize,
+    /// Which of the mode's oscillators it is: 0 or 1.
     pub(crate) sequence: usize,
     pub(crate) sign: f64,
 }
@@ -52,7 +53,7 @@ impl Pole {
         }
     }
 
-    /// What takes a mode of this pole a step back.
+    /// The map from the number of a mode of this pole to that one step earlier.
     pub(crate) fn backward_step(self, time_step: f64) -> BackwardStep {
         match self {
             Self::Pair { decay, omega } => {
@@ -103,7 +104,7 @@ impl BackwardStep {
     }
 }
 
-/// What an output sums of a body.
+/// The weights with which an output sums the positions and velocities of masses.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Sum {
     pub(crate) positions: Row,
@@ -111,7 +112,7 @@ pub(crate) struct Sum {
 }
 
 impl Sum {
-    /// Of positions alone.
+    /// A sum of positions alone.
     pub(crate) fn from_positions(positions: Row) -> Self {
         Self {
             positions,
@@ -178,7 +179,7 @@ impl ComplexModes {
             }
             Damping::Coupled(damping) => {
                 let mode_count = coordinates.lambda.len();
-                for block in blocks::all(damping, mode_count) {
+                for block in blocks::coupled_sets(damping, mode_count) {
                     match block[..] {
                         [mode] => {
                             let diagonal = damping[mode * mode_count + mode];
@@ -235,20 +236,20 @@ impl ComplexModes {
         self.poles.iter().any(is_too_slow).then_some(NoModes::Slow)
     }
 
-    /// Adds a mode: `seen` by each output, and `excitation` from 1 N·s at each struck point.
+    /// Adds a mode with its shape at each output, and what it gets from 1 N·s at each struck point.
     fn add(
         &mut self,
         (pole, start): (Pole, Complex),
-        seen: impl Fn(usize) -> Complex,
-        excitation: impl Fn(usize) -> Complex,
+        output_shape_of: impl Fn(usize) -> Complex,
+        struck_shape_of: impl Fn(usize) -> Complex,
     ) {
         self.poles.push(pole);
         self.start.push(start);
         for (output, row) in self.output_shapes.iter_mut().enumerate() {
-            row.push(seen(output));
+            row.push(output_shape_of(output));
         }
         for (point, row) in self.struck_shapes.iter_mut().enumerate() {
-            row.push(excitation(point));
+            row.push(struck_shape_of(point));
         }
     }
 }
@@ -271,25 +272,25 @@ impl Coordinates {
         }
         let (mats, sqrt_masses) = (network.mats(), &linear_body.sqrt_masses);
         let slot_of_mat = |mat: usize| linear_body.free.binary_search(&mat).ok();
-        let row = |row: &Row| {
+        let mass_weighted_row = |weights: &Row| {
             let mut sum = vec![0.0; free_count];
-            for &(mat, weight) in row {
+            for &(mat, weight) in weights {
                 if let Some(slot) = slot_of_mat(mat) {
                     sum[slot] += weight / sqrt_masses[slot];
                 }
             }
             sum
         };
-        let mut rows: Vec<Vec<f64>> = outputs.iter().map(|sum| row(&sum.positions)).collect();
-        rows.extend(outputs.iter().map(|sum| row(&sum.velocities)));
-        rows.extend(struck.iter().map(|&mat| row(&vec![(mat, 1.0)])));
-        let mass_weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+        let mut rows: Vec<Vec<f64>> = outputs.iter().map(|sum| mass_weighted_row(&sum.positions)).collect();
+        rows.extend(outputs.iter().map(|sum| mass_weighted_row(&sum.velocities)));
+        rows.extend(struck.iter().map(|&mat| mass_weighted_row(&vec![(mat, 1.0)])));
+        let per_free_mat = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             let free_mats = linear_body.free.iter().enumerate();
             free_mats.map(|(slot, &mat)| value_of(slot, mat)).collect()
         };
-        rows.push(mass_weighted(&|slot, mat| sqrt_masses[slot] * mats.x0[mat]));
-        rows.push(mass_weighted(&|slot, mat| sqrt_masses[slot] * mats.v0[mat]));
-        rows.push(mass_weighted(&|slot, _| linear_body.force[slot] / sqrt_masses[slot]));
+        rows.push(per_free_mat(&|slot, mat| sqrt_masses[slot] * mats.x0[mat]));
+        rows.push(per_free_mat(&|slot, mat| sqrt_masses[slot] * mats.v0[mat]));
+        rows.push(per_free_mat(&|slot, _| linear_body.force[slot] / sqrt_masses[slot]));
         let first_damper = rows.len();
         if has_coupled_damping {
             rows.extend(linear_body.dampers.iter().map(|damper| damper_row(damper, sqrt_masses)));

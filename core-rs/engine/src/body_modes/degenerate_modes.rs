@@ -43,19 +43,19 @@ impl Modes {
             if modes_left.is_empty() {
                 return;
             }
-            let remainder = &mode_rows[row_index][modes_left.clone()];
-            let remainder_norm = norm(remainder);
+            let row_remainder = &mode_rows[row_index][modes_left.clone()];
+            let remainder_norm = norm(row_remainder);
             if remainder_norm <= ROW_ROUNDING * norm(mode_rows[row_index]) {
                 continue;
             }
-            let mut mirror_vector = remainder.to_vec();
-            mirror_vector[0] += remainder_norm.copysign(remainder[0]);
+            let mut mirror_vector = row_remainder.to_vec();
+            mirror_vector[0] += remainder_norm.copysign(row_remainder[0]);
             let mirror_square: f64 = mirror_vector.iter().map(|v| v * v).sum();
             for mode_row in &mut mode_rows {
-                let remainder = &mut mode_row[modes_left.clone()];
-                let mirror_product: f64 = remainder.iter().zip(&mirror_vector).map(|(x, v)| x * v).sum();
+                let row_remainder = &mut mode_row[modes_left.clone()];
+                let mirror_product: f64 = row_remainder.iter().zip(&mirror_vector).map(|(x, v)| x * v).sum();
                 let mirror_factor = 2.0 * mirror_product / mirror_square;
-                remainder
+                row_remainder
                     .iter_mut()
                     .zip(&mirror_vector)
                     .for_each(|(x, v)| *x -= mirror_factor * v);

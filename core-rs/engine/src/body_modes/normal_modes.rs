@@ -48,7 +48,7 @@ impl Modes {
             }
             row_table.push(weighted_row);
         }
-        let weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+        let per_free_mat = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             linear_body
                 .free
                 .iter()
@@ -56,14 +56,14 @@ impl Modes {
                 .map(|(free_slot, &i)| value_of(free_slot, i))
                 .collect()
         };
-        row_table.push(weighted(&|slot, i| linear_body.sqrt_masses[slot] * mats.x0[i]));
-        row_table.push(weighted(&|slot, i| linear_body.sqrt_masses[slot] * mats.v0[i]));
-        row_table.push(weighted(&|slot, _| {
+        row_table.push(per_free_mat(&|slot, i| linear_body.sqrt_masses[slot] * mats.x0[i]));
+        row_table.push(per_free_mat(&|slot, i| linear_body.sqrt_masses[slot] * mats.v0[i]));
+        row_table.push(per_free_mat(&|slot, _| {
             linear_body.force[slot] / linear_body.sqrt_masses[slot]
         }));
         if let Some(viscosity) = &linear_body.viscosity {
             let probes: Vec<Vec<f64>> = (0..PROBE_VECTORS).map(|index| probe(free_count, index)).collect();
-            let images: Vec<Vec<f64>> = probes.iter().map(|probe| viscosity.times(probe)).collect();
+            let images: Vec<Vec<f64>> = probes.iter().map(|probe| viscosity.multiply(probe)).collect();
             row_table.extend(probes);
             row_table.extend(images);
         }
@@ -111,7 +111,7 @@ impl Modes {
     }
 
     /// The same modes with some of the rows only.
-    pub(crate) fn seen_by(&self, rows: &[usize]) -> Self {
+    pub(crate) fn with_rows(&self, rows: &[usize]) -> Self {
         Self {
             lambda: self.lambda.clone(),
             zeta: self.zeta.clone(),
@@ -170,7 +170,7 @@ impl Modes {
     }
 
     /// x[−1] of a mode relative to its rest position, from x[0] and its velocity.
-    pub(crate) fn before(&self, mode: usize, rate: Rate) -> f64 {
+    pub(crate) fn position_before(&self, mode: usize, rate: Rate) -> f64 {
         let (x, v) = (self.x0[mode] - self.rest[mode], self.v0[mode]);
         if self.is_discrete {
             x - v * rate.step()

@@ -240,12 +240,12 @@ mod tests {
         let mut projection = StateProjection::new(&network, &parts, rate).unwrap();
         let start = &modes.start;
         let now: Vec<f64> = parts.iter().map(|part| start[part.mode][part.sequence]).collect();
-        let back = |part: &ComplexPart| {
+        let number_before = |part: &ComplexPart| {
             modes.poles[part.mode]
                 .backward_step(rate.step())
                 .apply(start[part.mode])
         };
-        let before: Vec<f64> = parts.iter().map(|part| back(part)[part.sequence]).collect();
+        let before: Vec<f64> = parts.iter().map(|part| number_before(part)[part.sequence]).collect();
         let mut motions = vec![(0.0, 0.0); 4];
         projection.shapes.positions(&now, &before, &mut motions);
         for ((x, _), x0) in motions.iter().zip(&network.mats().x0) {

@@ -7,7 +7,7 @@
 use crate::body_modes::constants::{MIXED_MODES_TOLERANCE, RELATIVE_TOLERANCE};
 use crate::network::{LinkKind, MatKind, Network};
 
-/// One end and its share, the other end (`None` if held) and its share, and z.
+/// One end and its M^-½, the other end (`None` if held) and its M^-½, and z.
 type Damper = (usize, f64, Option<(usize, f64)>, f64);
 
 /// M^-½ Z M^-½ of a body.
@@ -34,10 +34,10 @@ impl Viscosity {
             }
             for i in (0..run.len).filter(|_| run.z != 0.0) {
                 let end_slots = [slot_of_mat(run.a + i), slot_of_mat(run.b + i)];
-                let end_share = |end: usize| (end, 1.0 / sqrt_masses[end]);
+                let end_and_factor = |end: usize| (end, 1.0 / sqrt_masses[end]);
                 let (free_end, far_end) = match end_slots {
-                    [Some(a), b] => (end_share(a), b.map(end_share)),
-                    [None, Some(b)] => (end_share(b), None),
+                    [Some(a), b] => (end_and_factor(a), b.map(end_and_factor)),
+                    [None, Some(b)] => (end_and_factor(b), None),
                     [None, None] => continue,
                 };
                 links.push((free_end.0, free_end.1, far_end, run.z));
@@ -47,14 +47,14 @@ impl Viscosity {
     }
 
     /// Z·v.
-    pub(crate) fn times(&self, v: &[f64]) -> Vec<f64> {
+    pub(crate) fn multiply(&self, v: &[f64]) -> Vec<f64> {
         let mut y: Vec<f64> = self.ties.iter().zip(v).map(|(tie, v)| tie * v).collect();
-        for &(a, share, other, z) in &self.links {
-            let far_velocity = other.map_or(0.0, |(b, share)| share * v[b]);
-            let damper_force = z * (share * v[a] - far_velocity);
-            y[a] += share * damper_force;
-            if let Some((b, share)) = other {
-                y[b] -= share * damper_force;
+        for &(a, inverse_sqrt_mass, other, z) in &self.links {
+            let far_velocity = other.map_or(0.0, |(b, inverse_sqrt_mass)| inverse_sqrt_mass * v[b]);
+            let damper_force = z * (inverse_sqrt_mass * v[a] - far_velocity);
+            y[a] += inverse_sqrt_mass * damper_force;
+            if let Some((b, inverse_sqrt_mass)) = other {
+                y[b] -= inverse_sqrt_mass * damper_force;
             }
         }
         y
@@ -68,7 +68,7 @@ impl Viscosity {
             stiffness.chunks_exact(mass_count).map(row).collect()
         };
         let v = probe(mass_count, 0);
-        let (damping_first, stiffness_first) = (product(&self.times(&v)), self.times(&product(&v)));
+        let (damping_first, stiffness_first) = (product(&self.multiply(&v)), self.multiply(&product(&v)));
         let norm_square: f64 = damping_first.iter().map(|value| value * value).sum();
         let square_errors = damping_first
             .iter()

@@ -10,7 +10,7 @@ use crate::units::Rate;
 /// A hash of a bank without its blows, and the outputs that hear it.
 #[derive(Clone, Debug)]
 pub(crate) struct BankContent {
-    fixed: [u8; 32],
+    static_hash: [u8; 32],
     /// Rising indices of outputs of the scene.
     pub(crate) outputs: Vec<u32>,
 }
@@ -35,12 +35,14 @@ impl BankContent {
             }
         }
         for strike in &bank.strikes {
-            let (among, responses) = (&strike.among, &strike.responses);
-            let (share, w) = (&strike.share, strike.w);
-            hash_sink.add(digest(format_args!("{among:?} {responses:?} {share:?} {w:?}")));
+            let (members, responses) = (&strike.members, &strike.responses);
+            let (member_shares, w) = (&strike.member_shares, strike.w);
+            hash_sink.add(digest(format_args!(
+                "{members:?} {responses:?} {member_shares:?} {w:?}"
+            )));
         }
         Self {
-            fixed: hash_sink.end(),
+            static_hash: hash_sink.finish(),
             outputs,
         }
     }
@@ -51,14 +53,14 @@ impl BankContent {
         let is_in_span = |frame: u64| frame <= until && (start_frame == 0 || frame > start_frame);
         let mut hash_sink = Sink::new();
         hash_sink.add(previous_key);
-        hash_sink.add(self.fixed);
+        hash_sink.add(self.static_hash);
         hash_sink.add(until.to_le_bytes());
         for (index, oscillator) in bank.oscillators.iter().enumerate() {
             for blow in oscillator.blows.iter().filter(|blow| is_in_span(blow.frame)) {
                 hash_sink.add((index as u64).to_le_bytes());
                 hash_sink.add(blow.frame.to_le_bytes());
                 let kick_numbers = match blow.kick {
-                    Kick::By(step) => [step, f64::NAN, f64::NAN],
+                    Kick::Displacement(step) => [step, f64::NAN, f64::NAN],
                     Kick::Ergon { mass, speed, w } => [mass, speed, w],
                 };
                 kick_numbers.iter().for_each(|x| hash_sink.add(x.to_le_bytes()));
@@ -72,6 +74,6 @@ impl BankContent {
                 hash_sink.add(impulse.to_le_bytes());
             }
         }
-        hex(&hash_sink.end())
+        hex(&hash_sink.finish())
     }
 }

@@ -17,13 +17,13 @@ const ROUNDED_FRAMES: u64 = 4;
 
 /// Hashes of what an island depends on: one of everything except strikes, ergons and gestures, and one of each gesture.
 #[derive(Clone, Debug)]
-struct Events {
-    fixed: [u8; 32],
+struct EventHashes {
+    static_hash: [u8; 32],
     /// The instant from which each gesture acts [s], and its hash   (n_gestures)
     gestures: Vec<(f64, [u8; 32])>,
 }
 
-impl Events {
+impl EventHashes {
     /// `extra_content`: what else the hash has to include; `order`: the parts of the island.
     fn new(network: &Network, order: &PartOrder, timeline: &Timeline, extra_content: Arguments<'_>) -> Self {
         let network = network.anonymous(order);
@@ -41,7 +41,7 @@ impl Events {
             ..timeline.clone()
         };
         Self {
-            fixed: digest(format_args!("{network:?}\n{fixed_timeline:?}\n{extra_content}")),
+            static_hash: digest(format_args!("{network:?}\n{fixed_timeline:?}\n{extra_content}")),
             gestures: timeline
                 .gestures
                 .iter()
@@ -53,7 +53,7 @@ impl Events {
     /// Hashes the fixed part, and the events that act after the instant `start` [s], if one is given, up to `stop` [s].
     fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), sink: &mut Sink) {
         let is_in_span = |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
-        sink.add(self.fixed);
+        sink.add(self.static_hash);
         // Gestures are identified by their index, so all gestures before the last one that counts are included.
         let last_begun = self.gestures.iter().rposition(|gesture_entry| gesture_entry.0 <= stop);
         for (_, digest) in &self.gestures[..last_begun.map_or(0, |last| last + 1)] {
@@ -96,7 +96,7 @@ impl Events {
 
 /// Hashes of an island's parts and of each of its gestures.
 #[derive(Clone, Debug)]
-pub(crate) struct Content(Events);
+pub(crate) struct Content(EventHashes);
 
 impl Content {
     pub(crate) fn new(island: &IslandPlan) -> Self {
@@ -119,7 +119,7 @@ impl Content {
             .map(|body| body.without_strikes_and_names(&part_order))
             .collect();
         let numbers = (island.step_numbers(island.contact_substeps), sleeps);
-        Self(Events::new(
+        Self(EventHashes::new(
             network,
             &part_order,
             timeline,
@@ -154,14 +154,14 @@ impl Content {
                 }
             }
         }
-        hex(&hash_sink.end())
+        hex(&hash_sink.finish())
     }
 }
 
 /// What an island depends on before it is assembled, whatever its plan will be.
 pub(crate) struct IslandContent<'a> {
     timeline: &'a Timeline,
-    events: Events,
+    events: EventHashes,
 }
 
 impl<'a> IslandContent<'a> {
@@ -194,7 +194,7 @@ impl<'a> IslandContent<'a> {
                 )
             })
             .collect();
-        let events = Events::new(
+        let events = EventHashes::new(
             network,
             &PartOrder::new([network]),
             timeline,
@@ -204,19 +204,19 @@ impl<'a> IslandContent<'a> {
     }
 
     /// A hash of what does not depend on time (64 hex digits).
-    pub(crate) fn fixed(&self) -> String {
+    pub(crate) fn static_hash(&self) -> String {
         let mut hash_sink = Sink::new();
-        hash_sink.add(self.events.fixed);
-        hex(&hash_sink.end())
+        hash_sink.add(self.events.static_hash);
+        hex(&hash_sink.finish())
     }
 
     /// A hash of all that the island depends on up to a frame (64 hex digits).
-    pub(crate) fn until(&self, frame: u64) -> String {
+    pub(crate) fn hash_until(&self, frame: u64) -> String {
         let mut hash_sink = Sink::new();
         hash_sink.add(frame.to_le_bytes());
         let stop_instant = (frame + ROUNDED_FRAMES) as f64 / self.timeline.rate.hertz();
         self.events.hash(self.timeline, (None, stop_instant), &mut hash_sink);
-        hex(&hash_sink.end())
+        hex(&hash_sink.finish())
     }
 }
 

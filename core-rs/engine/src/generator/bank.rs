@@ -138,8 +138,8 @@ pub fn bank(
             Spread::Even => (i as f64 / (member_count - 1.0), 1.0 - i as f64 / (member_count - 1.0)),
         };
         BankCell {
-            f: between(form.f, pitch_share),
-            t60: between(form.t60, decay_share),
+            f: interpolate(form.f, pitch_share),
+            t60: interpolate(form.t60, decay_share),
             position: form.place.position(i, form.count, pitch_share, &mut turn),
         }
     };
@@ -198,7 +198,7 @@ fn range(what: &'static str, (low, high): (f64, f64)) -> Result<(), GeneratorErr
 }
 
 /// low·(high/low)^u, within the range and exact at both ends.
-fn between((low, high): (f64, f64), u: f64) -> f64 {
+fn interpolate((low, high): (f64, f64), u: f64) -> f64 {
     match u {
         0.0 => low,
         1.0 => high,

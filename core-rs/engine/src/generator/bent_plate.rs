@@ -59,11 +59,11 @@ pub fn bent_plate(shape: Shape, radius: usize, rim: Rim, poisson: f64) -> Result
 
 /// A rim that is held but free to turn, on straight edges: the square of the membrane's matrix.
 fn held(membrane: Topology) -> Result<Topology, GeneratorError> {
-    let membrane_lambda = membrane.lowest()?;
+    let membrane_lambda = membrane.lowest_lambda()?;
     let membrane_matrix = Sparse::stiffness(&membrane);
     let membrane_sites = Sites::from_mesh(&membrane);
     let runs = membrane_matrix
-        .times(&membrane_matrix)
+        .product(&membrane_matrix)
         .links(membrane.n_mat, |a, b| membrane_sites.are_neighbours(a, b));
     Ok(Topology {
         runs,
@@ -92,7 +92,7 @@ impl Sites {
         let places: Vec<[f64; 2]> = mesh
             .positions
             .iter()
-            .map(|place| place.map(|at| at / spacing))
+            .map(|place| place.map(|coordinate| coordinate / spacing))
             .collect();
         let mut link_counts = vec![0_usize; places.len()];
         for mesh_run in &mesh.runs {
@@ -144,7 +144,10 @@ pub(super) fn disc(radius: usize, rim: Rim) -> Sites {
     let disc_width = 2.0 * radius as f64;
     Sites {
         n_mat: places.len() - held_count,
-        positions: places.iter().map(|place| place.map(|at| at / disc_width)).collect(),
+        positions: places
+            .iter()
+            .map(|place| place.map(|coordinate| coordinate / disc_width))
+            .collect(),
         places,
         areas,
         centre: 0,
@@ -179,7 +182,7 @@ fn curved(sites: Sites, poisson: f64) -> Topology {
     Topology {
         centre: sites.centre,
         shares: mat_areas.iter().map(|site_area| site_area / mean_area).collect(),
-        tilts: n_places == sites.n_mat,
+        has_tilt_modes: n_places == sites.n_mat,
         ..Topology::new(sites.n_mat, link_runs, sites.positions)
     }
 }

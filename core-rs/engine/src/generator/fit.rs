@@ -46,8 +46,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn subtract(from: &mut [f64], share: f64, axis: &[f64]) {
-    for (value, axis) in from.iter_mut().zip(axis) {
+fn subtract(target: &mut [f64], share: f64, axis: &[f64]) {
+    for (value, axis) in target.iter_mut().zip(axis) {
         *value -= share * axis;
     }
 }

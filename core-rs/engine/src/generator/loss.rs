@@ -179,7 +179,7 @@ pub fn tune_points(
         });
     }
     let loss_curve = Curve::new(poles.clone());
-    let lowest_lambda = topology.lowest()?;
+    let lowest_lambda = topology.lowest_lambda()?;
     let lowest_pole = loss_curve.pole_of(f, discrete);
     let k = mass * lowest_pole.lambda / lowest_lambda;
     if let Curve::Straight { alpha, beta } = loss_curve {
@@ -193,7 +193,7 @@ pub fn tune_points(
     count("`masses` of a body with such decays", topology.n_mat, 1, MAX_FITTED)?;
     let named_poles: Vec<(f64, Pole)> = points.iter().map(|(f, _)| *f).zip(poles).collect();
     let loss_fit = Fit::new(topology, lowest_lambda, lowest_pole, &loss_curve, &named_poles)?;
-    let loss_coefficients = loss_fit.best(discrete)?;
+    let loss_coefficients = loss_fit.best_coefficients(discrete)?;
     let dampers = loss_fit.dampers(&loss_coefficients, mass);
     Ok(Losses {
         tuned: TunedLinks { k, z: 0.0 },
@@ -208,18 +208,18 @@ struct Fit<'a> {
     /// The plainer body whose matrix is the argument of the polynomial.
     base: &'a Topology,
     /// Upper bound of the eigenvalues of that matrix.
-    top: f64,
+    lambda_max: f64,
     powers: usize,
-    /// Eigenvalue over `top`, loss and weight of each place   (n_places,)
+    /// Eigenvalue over `lambda_max`, loss and weight of each place   (n_places,)
     places: Vec<[f64; 3]>,
     /// Frequency and loss of the named places, which are at the end of `places`.
-    named: Vec<(f64, f64)>,
+    named_poles: Vec<(f64, f64)>,
 }
 
 impl<'a> Fit<'a> {
     fn new(
         topology: &'a Topology,
-        lowest: f64,
+        lowest_lambda: f64,
         first: Pole,
         curve: &Curve,
         points: &[(f64, Pole)],
@@ -233,29 +233,29 @@ impl<'a> Fit<'a> {
         for run in &base.runs {
             for end in (0..run.len).flat_map(|i| [run.a + i, run.b + i]) {
                 if end < base.n_mat {
-                    row_sums[end] += run.factor.abs() / base.share(end);
+                    row_sums[end] += run.factor.abs() / base.mass_share(end);
                     mat_links[end] += 1;
                 }
             }
         }
-        let top = 2.0 * row_sums.iter().copied().fold(0.0, f64::max);
+        let lambda_max = 2.0 * row_sums.iter().copied().fold(0.0, f64::max);
         let is_single_row = mat_links.iter().all(|mat_links| *mat_links <= 2);
-        let base_lowest = base.lowest()?;
-        let scaled_lambda = |eigenvalue: f64| first.lambda * polynomial(scale_coefficients, eigenvalue) / lowest;
+        let base_lowest = base.lowest_lambda()?;
+        let scaled_lambda = |eigenvalue: f64| first.lambda * polynomial(scale_coefficients, eigenvalue) / lowest_lambda;
         let mut places = Vec::with_capacity(PLACES + points.len());
         for i in 0..PLACES {
             let chebyshev_share = 0.5 - 0.5 * cos(PI * i as f64 / (PLACES - 1) as f64);
-            let eigenvalue = base_lowest + (top - base_lowest) * chebyshev_share;
-            places.push([eigenvalue / top, curve.value(scaled_lambda(eigenvalue)), 1.0]);
+            let eigenvalue = base_lowest + (lambda_max - base_lowest) * chebyshev_share;
+            places.push([eigenvalue / lambda_max, curve.value(scaled_lambda(eigenvalue)), 1.0]);
         }
-        let mut named = Vec::new();
+        let mut named_poles = Vec::new();
         for (f, pole) in points {
             // The margin keeps the lowest mode itself, however it was rounded.
             let range_start = scaled_lambda(base_lowest) * (1.0 - ROUNDING);
-            if !(range_start..=scaled_lambda(top)).contains(&pole.lambda) {
+            if !(range_start..=scaled_lambda(lambda_max)).contains(&pole.lambda) {
                 continue;
             }
-            let (mut bracket_low, mut bracket_high) = (base_lowest, top);
+            let (mut bracket_low, mut bracket_high) = (base_lowest, lambda_max);
             for _ in 0..100 {
                 let bracket_middle = 0.5 * (bracket_low + bracket_high);
                 match scaled_lambda(bracket_middle) < pole.lambda {
@@ -263,33 +263,33 @@ impl<'a> Fit<'a> {
                     false => bracket_high = bracket_middle,
                 }
             }
-            places.push([bracket_low / top, pole.loss, NAMED_WEIGHT]);
-            named.push((*f, pole.loss));
+            places.push([bracket_low / lambda_max, pole.loss, NAMED_WEIGHT]);
+            named_poles.push((*f, pole.loss));
         }
         Ok(Self {
             topology,
             base,
-            top,
+            lambda_max,
             powers: if is_single_row { POWERS_ROW } else { POWERS_MESH },
             places,
-            named,
+            named_poles,
         })
     }
 
-    /// Coefficients, from the constant on, of the powers of the eigenvalue over `top`.
-    fn best(&self, discrete: Option<Rate>) -> Result<Vec<f64>, GeneratorError> {
+    /// Coefficients, from the constant on, of the powers of the eigenvalue over `lambda_max`.
+    fn best_coefficients(&self, discrete: Option<Rate>) -> Result<Vec<f64>, GeneratorError> {
         let mut best_fit: Option<(f64, Vec<f64>)> = None;
         for powers in 1..=self.powers {
-            let mut coefficients = self.fitted(0, powers);
+            let mut coefficients = self.fit_coefficients(0, powers);
             if coefficients[0] < 0.0 {
                 // The loss of a mass to the ground must not be negative.
-                coefficients = self.fitted(1, powers);
+                coefficients = self.fit_coefficients(1, powers);
             }
             let loses_everywhere = self
                 .places
                 .iter()
                 .all(|[eigenvalue_ratio, loss, _]| value(&coefficients, *eigenvalue_ratio) > 0.01 * loss);
-            let worst_error = self.worst(&coefficients).1;
+            let worst_error = self.worst_error(&coefficients).1;
             if loses_everywhere && best_fit.as_ref().is_none_or(|(least, _)| worst_error < *least) {
                 best_fit = Some((worst_error, coefficients));
             }
@@ -300,12 +300,12 @@ impl<'a> Fit<'a> {
                 break;
             }
         }
-        let (worst_error, coefficients) = best_fit.unwrap_or_else(|| (f64::INFINITY, self.fitted(0, 0)));
+        let (worst_error, coefficients) = best_fit.unwrap_or_else(|| (f64::INFINITY, self.fit_coefficients(0, 0)));
         if worst_error <= ERROR_MAX {
             return Ok(coefficients);
         }
-        let (worst_index, _) = self.worst(&coefficients);
-        let eigenvalue_ratio = self.places[self.places.len() - self.named.len() + worst_index][0];
+        let (worst_index, _) = self.worst_error(&coefficients);
+        let eigenvalue_ratio = self.places[self.places.len() - self.named_poles.len() + worst_index][0];
         let loss = value(&coefficients, eigenvalue_ratio);
         let nearest = if loss > 0.0 {
             Pole::t60(loss, discrete)
@@ -313,13 +313,13 @@ impl<'a> Fit<'a> {
             f64::INFINITY
         };
         Err(GeneratorError::Decays {
-            f: self.named[worst_index].0,
-            t60: Pole::t60(self.named[worst_index].1, discrete),
+            f: self.named_poles[worst_index].0,
+            t60: Pole::t60(self.named_poles[worst_index].1, discrete),
             nearest,
         })
     }
 
-    fn fitted(&self, first_power: usize, powers: usize) -> Vec<f64> {
+    fn fit_coefficients(&self, first_power: usize, powers: usize) -> Vec<f64> {
         let power_column = |power: usize| -> Vec<f64> {
             let weighted_power = |[u, loss, weight]: &[f64; 3]| weight * integer_power(*u, power) / loss;
             self.places.iter().map(weighted_power).collect()
@@ -332,9 +332,9 @@ impl<'a> Fit<'a> {
     }
 
     /// Index and relative error of the named decay with the largest error.
-    fn worst(&self, fitted: &[f64]) -> (usize, f64) {
-        let named_places = &self.places[self.places.len() - self.named.len()..];
-        let relative_error = |[u, loss, _]: &[f64; 3]| (value(fitted, *u) / loss - 1.0).abs();
+    fn worst_error(&self, coefficients: &[f64]) -> (usize, f64) {
+        let named_places = &self.places[self.places.len() - self.named_poles.len()..];
+        let relative_error = |[u, loss, _]: &[f64; 3]| (value(coefficients, *u) / loss - 1.0).abs();
         let place_errors = named_places.iter().map(relative_error).enumerate();
         place_errors.fold(
             (0, 0.0),
@@ -342,30 +342,30 @@ impl<'a> Fit<'a> {
         )
     }
 
-    fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<TopologyRun> {
+    fn dampers(&self, coefficients: &[f64], mass: f64) -> Vec<TopologyRun> {
         let base_matrix = Sparse::stiffness(self.base);
         let mut damper_matrix = Sparse::zero(self.base.n_mat);
         let mut matrix_power = base_matrix.clone();
-        let mut power_scale = mass / self.top;
-        for (i, coefficient) in fitted[1..].iter().enumerate() {
+        let mut power_scale = mass / self.lambda_max;
+        for (i, coefficient) in coefficients[1..].iter().enumerate() {
             if i > 0 {
                 // Powers of M⁻¹K, times M.
                 for (row, row_entries) in matrix_power.0.iter_mut().enumerate() {
                     row_entries
                         .values_mut()
-                        .for_each(|value| *value /= self.base.share(row));
+                        .for_each(|value| *value /= self.base.mass_share(row));
                 }
-                matrix_power = base_matrix.times(&matrix_power);
-                power_scale /= self.top;
+                matrix_power = base_matrix.product(&matrix_power);
+                power_scale /= self.lambda_max;
             }
-            damper_matrix.add_times(coefficient * power_scale, &matrix_power);
+            damper_matrix.add_scaled(coefficient * power_scale, &matrix_power);
         }
         damper_matrix.links(self.topology.n_mat, |_, _| false)
     }
 }
 
-fn value(fitted: &[f64], u: f64) -> f64 {
-    fitted.iter().rev().fold(0.0, |sum, c| sum * u + c)
+fn value(coefficients: &[f64], u: f64) -> f64 {
+    coefficients.iter().rev().fold(0.0, |sum, c| sum * u + c)
 }
 
 fn integer_power(u: f64, power: usize) -> f64 {

@@ -143,7 +143,11 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
         }
     }
     let mesh_width = (2 * outer_ring).max(1) as f64;
-    let picture_place = |cell: &usize| shape.place(site_of_cell(*cell)).map(|at| at / mesh_width);
+    let picture_place = |cell: &usize| {
+        shape
+            .place(site_of_cell(*cell))
+            .map(|coordinate| coordinate / mesh_width)
+    };
     Ok(Topology {
         lowest_lambda: shape.lowest_lambda(radius, rim),
         ..Topology::new(n_mat, mesh_links.runs, point_cells.iter().map(picture_place).collect())

@@ -11,8 +11,8 @@ pub(super) struct Sparse(pub(super) Vec<BTreeMap<usize, f64>>);
 
 /// Rows between two polls of an interruption.
 const POLL_EVERY: usize = 256;
-/// Entries below this fraction of the largest are rounding errors.
-const ROUNDING: f64 = 1e-14;
+/// Entries below this fraction of the largest are rounding errors, and so are smaller differences of factors.
+const RELATIVE_ENTRY_MIN: f64 = 1e-14;
 
 impl Sparse {
     pub(super) fn zero(n: usize) -> Self {
@@ -42,9 +42,9 @@ impl Sparse {
         *self.0[row].entry(column).or_insert(0.0) += value;
     }
 
-    pub(super) fn times(&self, other: &Self) -> Self {
-        let mut product = Self::zero(self.0.len());
-        for (i, (row, sum)) in self.0.iter().zip(&mut product.0).enumerate() {
+    pub(super) fn product(&self, other: &Self) -> Self {
+        let mut product_matrix = Self::zero(self.0.len());
+        for (i, (row, sum)) in self.0.iter().zip(&mut product_matrix.0).enumerate() {
             if i.is_multiple_of(POLL_EVERY) {
                 interrupt::poll();
             }
@@ -54,10 +54,10 @@ impl Sparse {
                 }
             }
         }
-        product
+        product_matrix
     }
 
-    pub(super) fn add_times(&mut self, factor: f64, other: &Self) {
+    pub(super) fn add_scaled(&mut self, factor: f64, other: &Self) {
         for (target, row) in self.0.iter_mut().zip(&other.0) {
             for (column, value) in row {
                 *target.entry(*column).or_insert(0.0) += factor * value;
@@ -66,10 +66,11 @@ impl Sparse {
     }
 
     /// The links whose matrix this is: between masses by its entries, and from each mass to the fixed point `ground` by
-    /// the sum of its row. `hardens` tells whether the link between two masses hardens.
-    pub(super) fn links(&self, ground: usize, hardens: impl Fn(usize, usize) -> bool) -> Vec<TopologyRun> {
+    /// the sum of its row. `link_hardens` tells whether the link between two masses hardens.
+    pub(super) fn links(&self, ground: usize, link_hardens: impl Fn(usize, usize) -> bool) -> Vec<TopologyRun> {
         let largest = self.0.iter().flat_map(BTreeMap::values);
-        let entry_threshold = ROUNDING * largest.fold(0.0, |largest_yet: f64, value| largest_yet.max(value.abs()));
+        let entry_threshold =
+            RELATIVE_ENTRY_MIN * largest.fold(0.0, |largest_so_far: f64, value| largest_so_far.max(value.abs()));
         let mut matrix_links = Vec::new();
         for (i, row) in self.0.iter().enumerate() {
             for (j, value) in row.range(i + 1..) {
@@ -87,11 +88,11 @@ impl Sparse {
         matrix_links.sort_by_key(|(is_grounded, spacing, a, b, _)| (*is_grounded, *spacing, *a, *b));
         let mut link_runs: Vec<TopologyRun> = Vec::new();
         for (is_grounded, _, a, b, factor) in matrix_links {
-            let hardens = !is_grounded && hardens(a, b);
+            let hardens = !is_grounded && link_hardens(a, b);
             match link_runs.last_mut() {
                 Some(run)
                     if (run.a + run.len, run.b + run.len) == (a, b)
-                        && (run.factor - factor).abs() <= ROUNDING * factor.abs()
+                        && (run.factor - factor).abs() <= RELATIVE_ENTRY_MIN * factor.abs()
                         && run.hardens == hardens =>
                 {
                     run.len += 1;

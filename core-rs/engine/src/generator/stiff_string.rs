@@ -54,10 +54,10 @@ pub fn stiff_string(masses: usize, ends: Ends, inharmonicity: f64) -> Result<Top
     let lowest_lambda = polynomial(&coefficients, partials(masses).u[0]);
     let row_symbol = stencil(&coefficients);
     let mut bent_links = Links::new();
-    for apart in 1..row_symbol.len() {
-        for i in 0..masses.saturating_sub(apart) {
-            let entry = entry(&row_symbol, i, i + apart, masses, ends);
-            bent_links.join_bent(i, i + apart, -entry, apart == 1);
+    for offset in 1..row_symbol.len() {
+        for i in 0..masses.saturating_sub(offset) {
+            let entry = entry(&row_symbol, i, i + offset, masses, ends);
+            bent_links.join_bent(i, i + offset, -entry, offset == 1);
         }
     }
     // The sum of a row of the matrix is a link to a fixed end.
@@ -111,13 +111,13 @@ impl Partials {
             .map(|i| squared_sine(partial_number(i) * angle_step))
             .collect();
         let stiff_partial = |n: f64| n * n * (1.0 + b * n * n) / (1.0 + b);
-        let wanted = (0..PARTIALS.min(n_modes))
+        let wanted_partials = (0..PARTIALS.min(n_modes))
             .map(partial_number)
             .map(stiff_partial)
             .collect();
         Self {
             u,
-            target_partials: wanted,
+            target_partials: wanted_partials,
         }
     }
 
@@ -169,9 +169,9 @@ impl Partials {
     }
 
     /// The largest error of a partial relative to the first one [cents].
-    fn error(&self, all: &[f64]) -> f64 {
-        let cents_off = |(partial, target): (&f64, &f64)| 600.0 / log(2.0) * log(partial / all[0] / target);
-        let partial_errors = all.iter().zip(&self.target_partials).map(cents_off);
+    fn error(&self, partials: &[f64]) -> f64 {
+        let cents_off = |(partial, target): (&f64, &f64)| 600.0 / log(2.0) * log(partial / partials[0] / target);
+        let partial_errors = partials.iter().zip(&self.target_partials).map(cents_off);
         partial_errors.map(f64::abs).fold(0.0, f64::max)
     }
 }
@@ -193,7 +193,7 @@ fn stencil(coefficients: &[f64]) -> Vec<f64> {
 
 /// An entry of p(L) on a row: that of the endless row, plus its reflections at both ends.
 fn entry(symbol: &[f64], i: usize, j: usize, masses: usize, ends: Ends) -> f64 {
-    let coefficient = |apart: usize| symbol.get(apart).copied().unwrap_or(0.0);
+    let coefficient = |offset: usize| symbol.get(offset).copied().unwrap_or(0.0);
     let right_image = 2 * masses - 1 - i - j;
     let mirrored = match ends {
         Ends::Fixed => -coefficient(i + j + 2) - coefficient(right_image + 1),

@@ -22,12 +22,12 @@ impl Topology {
     ///
     /// # Errors
     /// [`GeneratorError::NoMode`] if no two masses can move against each other.
-    pub fn lowest(&self) -> Result<f64, GeneratorError> {
+    pub fn lowest_lambda(&self) -> Result<f64, GeneratorError> {
         if let Some(mode_lambda) = self.lowest_lambda {
             return Ok(mode_lambda);
         }
         // In coordinates √M·x the matrix stays symmetric even if masses differ.
-        let mass_root: Vec<f64> = (0..self.n_mat).map(|i| sqrt(self.share(i))).collect();
+        let mass_roots: Vec<f64> = (0..self.n_mat).map(|i| sqrt(self.mass_share(i))).collect();
         let mut displacement = vec![0.0; self.n_mat];
         let mut apply_scaled = |x: &[f64], y: &mut [f64]| {
             if self.shares.is_empty() {
@@ -35,25 +35,25 @@ impl Topology {
             }
             displacement
                 .iter_mut()
-                .zip(x.iter().zip(&mass_root))
+                .zip(x.iter().zip(&mass_roots))
                 .for_each(|(displacement, (x, mass_root))| *displacement = x / mass_root);
             self.apply(&displacement, y);
-            y.iter_mut().zip(&mass_root).for_each(|(y, mass_root)| *y /= mass_root);
+            y.iter_mut().zip(&mass_roots).for_each(|(y, mass_root)| *y /= mass_root);
         };
         let mut rigid_modes: Vec<Vec<f64>> = Vec::new();
         if self.is_rigid() {
-            rigid_modes.push(mass_root.clone());
+            rigid_modes.push(mass_roots.clone());
         }
-        if self.tilts {
+        if self.has_tilt_modes {
             let tilt_along = |axis: usize| {
-                let weighted_places = self.positions.iter().zip(&mass_root);
-                weighted_places
-                    .map(|(place, mass_root)| place[axis] * mass_root)
+                let weighted_positions = self.positions.iter().zip(&mass_roots);
+                weighted_positions
+                    .map(|(position, mass_root)| position[axis] * mass_root)
                     .collect()
             };
             rigid_modes.extend([tilt_along(0), tilt_along(1)]);
         }
-        spectrum::lowest(self.n_mat, &mut apply_scaled, &rigid_modes)
+        spectrum::lowest_mode(self.n_mat, &mut apply_scaled, &rigid_modes)
             .map(|mode| mode.lambda)
             .filter(|mode_lambda| *mode_lambda > 0.0)
             .ok_or(GeneratorError::NoMode)
@@ -62,9 +62,9 @@ impl Topology {
 
 /// Springs and dampers that give the lowest mode damped frequency `f` [Hz] and `t60` [s; none: no decay].
 ///
-/// `mass` is each MAT's [kg]; with `discrete` it is the algorithmic M at that rate, and k and z are the algorithmic K
-/// and Z whose discrete network has a pole of exactly `f` and `t60`. Otherwise ω₁² = (2πf)² + σ₁² is the undamped
-/// frequency, k = m ω₁²/λ₁ and z = 2σ₁k/ω₁².
+/// `mass` is each MAT's [kg]; with `discrete_rate` it is the algorithmic M at that rate, and k and z are the
+/// algorithmic K and Z whose discrete network has a pole of exactly `f` and `t60`. Otherwise ω₁² = (2πf)² + σ₁² is the
+/// undamped frequency, k = m ω₁²/λ₁ and z = 2σ₁k/ω₁².
 ///
 /// ```
 /// use ergon_engine::generator::{Ends, string, tune};
@@ -82,13 +82,13 @@ pub fn tune(
     mass: f64,
     f: f64,
     t60: Option<f64>,
-    discrete: Option<Rate>,
+    discrete_rate: Option<Rate>,
 ) -> Result<TunedLinks, GeneratorError> {
     positive("A mass", mass)?;
     positive("`f`", f)?;
     t60.map_or(Ok(()), |t60| positive("`t60`", t60))?;
-    let mass_per_lambda = mass / topology.lowest()?;
-    match discrete {
+    let mass_per_lambda = mass / topology.lowest_lambda()?;
+    match discrete_rate {
         Some(rate) if 2.0 * f >= rate.hertz() => Err(GeneratorError::Pitch { f, rate: rate.hertz() }),
         Some(rate) => {
             let tuned_ratios = cell::tune(f, t60, rate);

@@ -89,7 +89,7 @@ pub enum PathError {
 /// use ergon_engine::gesture::profile::{Curve, Point, Profile};
 ///
 /// let point = |t, x| Point { t, x, curve: Curve::Smooth };
-/// let path = Profile::through(&[point(0.0, 0.0), point(0.1, 6e-3), point(0.3, 0.0)])?;
+/// let path = Profile::through_points(&[point(0.0, 0.0), point(0.1, 6e-3), point(0.3, 0.0)])?;
 /// let (x, v, _) = path.evaluate(0.1);
 /// assert!((x - 6e-3).abs() < 1e-12);
 /// assert!(path.range(0.0, 0.3).1 >= 6e-3 && v.is_finite());
@@ -112,7 +112,7 @@ impl Profile {
     /// # Errors
     /// If there are no points, a number is not finite, instants do not rise strictly, or a curve does not fit its
     /// points.
-    pub fn through(points: &[Point]) -> Result<Self, PathError> {
+    pub fn through_points(points: &[Point]) -> Result<Self, PathError> {
         check_points(points)?;
         let mut profile = Self {
             t: Vec::new(),
@@ -208,12 +208,12 @@ impl Profile {
     }
 
     /// First instant [s].
-    pub fn start(&self) -> f64 {
+    pub fn start_time(&self) -> f64 {
         self.t[0]
     }
 
     /// Last instant [s].
-    pub fn stop(&self) -> f64 {
+    pub fn stop_time(&self) -> f64 {
         self.t[self.t.len() - 1]
     }
 
@@ -250,17 +250,17 @@ impl Profile {
     }
 
     /// Lowest and highest position [m] that the path reaches from `start_time` to `end_time` [s].
-    pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
-        let (from, to) = (from.min(to), from.max(to));
-        let (first_piece, last_piece) = (self.knot_at_or_before(from), self.knot_at_or_before(to));
+    pub fn range(&self, from_time: f64, to_time: f64) -> (f64, f64) {
+        let (from_time, to_time) = (from_time.min(to_time), from_time.max(to_time));
+        let (first_piece, last_piece) = (self.knot_at_or_before(from_time), self.knot_at_or_before(to_time));
         // Start with the knots: most pieces cannot exceed them, and then need no roots.
-        let end_positions = [self.evaluate(from).0, self.evaluate(to).0];
+        let end_positions = [self.evaluate(from_time).0, self.evaluate(to_time).0];
         let mut known_range = extremes(end_positions.iter().chain(&self.x[first_piece + 1..=last_piece]));
         for i in first_piece..(last_piece + 1).min(self.t.len() - 1) {
             let (piece_low, piece_high) = self.piece_bounds(i);
-            let (piece_start, piece_stop) = (from.max(self.t[i]), to.min(self.t[i + 1]));
+            let (piece_start, piece_stop) = (from_time.max(self.t[i]), to_time.min(self.t[i + 1]));
             if piece_start < piece_stop && (piece_low < known_range.0 || piece_high > known_range.1) {
-                let (piece_low, piece_high) = self.piece(i).range(piece_start, piece_stop);
+                let (piece_low, piece_high) = self.quintic_piece(i).range(piece_start, piece_stop);
                 known_range = (known_range.0.min(piece_low), known_range.1.max(piece_high));
             }
         }
@@ -272,7 +272,7 @@ impl Profile {
         self.t.partition_point(|&knot| knot <= t).saturating_sub(1)
     }
 
-    fn piece(&self, i: usize) -> Quintic {
+    fn quintic_piece(&self, i: usize) -> Quintic {
         Quintic::between_knots(self.knot(i), self.knot(i + 1))
     }
 
@@ -281,7 +281,7 @@ impl Profile {
         if t < self.t[0] {
             (self.x[0], 0.0, 0.0)
         } else if i + 1 < self.t.len() {
-            self.piece(i).evaluate(t)
+            self.quintic_piece(i).evaluate(t)
         } else if t == self.t[i] {
             (self.x[i], self.v[i], self.a[i])
         } else {

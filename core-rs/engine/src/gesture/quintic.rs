@@ -84,14 +84,14 @@ impl Quintic {
         (x, v / self.duration, a / (self.duration * self.duration))
     }
 
-    /// Lowest and highest position [m] from instant `from` to instant `to` [s].
-    pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
+    /// Lowest and highest position [m] from instant `from_time` to instant `to_time` [s].
+    pub fn range(&self, from_time: f64, to_time: f64) -> (f64, f64) {
         let unit_time = |t: f64| (t - self.start) / self.duration;
         let slope_terms: [f64; 5] = std::array::from_fn(|k| self.coefficients[k + 1] * (k + 1) as f64);
-        let (from, to) = (unit_time(from), unit_time(to));
-        sign_changes(&slope_terms, from, to)
+        let (from_time, to_time) = (unit_time(from_time), unit_time(to_time));
+        sign_changes(&slope_terms, from_time, to_time)
             .into_iter()
-            .chain([from, to])
+            .chain([from_time, to_time])
             .map(|unit_time| polynomial_value(&self.coefficients, unit_time))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
                 (low.min(x), high.max(x))

@@ -137,7 +137,7 @@ impl Take {
                 profile: Arc::new(profile),
             });
         };
-        let (start, stop) = (profile.start(), profile.stop());
+        let (start, stop) = (profile.start_time(), profile.stop_time());
         if !(start <= from && from < to && to <= stop) {
             return Err(TakeError::Trim { from, to, start, stop });
         }
@@ -160,7 +160,7 @@ impl Take {
                 stop,
             });
         }
-        let take_start = self.profile.start();
+        let take_start = self.profile.start_time();
         let trimmed_path = self.profile.trimmed(take_start + part_start, take_start + part_end);
         Ok(Self {
             profile: Arc::new(trimmed_path.shifted_earlier(take_start + part_start)),
@@ -178,13 +178,13 @@ impl Take {
     /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
     pub fn placed(&self, start: f64, scale: f64, stretch: f64, is_reversed: bool) -> Result<PlacedPath, PathError> {
         // The clock of a capture may begin at any value, so its origin is not part of the movement.
-        let clock_origin = start - self.profile.start() * stretch;
+        let clock_origin = start - self.profile.start_time() * stretch;
         PlacedPath::transformed(Arc::clone(&self.profile), clock_origin, scale, stretch, is_reversed)
     }
 
     /// Time from its first instant to its last [s].
     pub fn duration(&self) -> f64 {
-        self.profile.stop() - self.profile.start()
+        self.profile.stop_time() - self.profile.start_time()
     }
 }
 

@@ -93,8 +93,8 @@ impl Gesture {
         source: u32,
         manner: Manner,
     ) -> Result<Self, GestureError> {
-        let take_start = path.start();
-        let stop = cut_instant.map_or(path.stop(), |instant| instant.min(path.stop()));
+        let take_start = path.start_time();
+        let stop = cut_instant.map_or(path.stop_time(), |instant| instant.min(path.stop_time()));
         let end_positions = [path.evaluate(take_start).0, path.evaluate(stop).0];
         let segments = vec![GestureSegment::Path { path, stop }];
         // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.
@@ -204,6 +204,6 @@ fn path_segment(
     };
     let points: Vec<Point> = (first_index..=last_index).map(path_point).collect();
     let stop = points[points.len() - 1].t;
-    let path = PlacedPath::new(Arc::new(Profile::through(&points)?), 0.0)?;
+    let path = PlacedPath::new(Arc::new(Profile::through_points(&points)?), 0.0)?;
     Ok(GestureSegment::Path { path, stop })
 }

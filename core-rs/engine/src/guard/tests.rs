@@ -113,7 +113,7 @@ fn stiffens_beyond_gives_the_allowed_stretch() {
     assert_eq!(law.stiffens_beyond(1e4), 1e-3);
     assert_eq!(law.stiffens_beyond(6e4), 3e-3);
     assert_eq!(law.stiffens_beyond(8e4), f64::INFINITY);
-    assert_eq!(law.through(2.0).unwrap().stiffens_beyond(1.5e4), 6e-3);
+    assert_eq!(law.behind_lever(2.0).unwrap().stiffens_beyond(1.5e4), 6e-3);
 }
 
 #[test]

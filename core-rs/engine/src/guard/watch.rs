@@ -33,10 +33,10 @@ enum Stiffening {
 impl Stiffening {
     fn from_kind(kind: &LinkRunKind) -> Option<Self> {
         if let LinkRunKind::Followed { law: following, .. } = kind {
-            let corner_laws: Vec<Law> = following.end_value_laws().collect();
-            let rest_slopes = corner_laws.iter().map(|law| law.slope(0.0));
+            let end_value_laws: Vec<Law> = following.end_value_laws().collect();
+            let rest_slopes = end_value_laws.iter().map(|law| law.slope(0.0));
             let slope_at_rest = rest_slopes.fold(0.0, f64::max);
-            return Some(Self::AnyLaw(corner_laws, slope_at_rest));
+            return Some(Self::AnyLaw(end_value_laws, slope_at_rest));
         }
         let LinkRunKind::Lnl { law, .. } = kind else {
             return None;
@@ -51,7 +51,7 @@ impl Stiffening {
     #[inline(always)]
     fn stiffness_rise(&self, e: f64) -> f64 {
         match self {
-            Self::Square(square_factor) => square_factor * (e * e),
+            Self::Square(stiffness_per_squared_elongation) => stiffness_per_squared_elongation * (e * e),
             Self::Law(law, rest_slope) => (law.slope(e) - rest_slope).max(0.0),
             Self::AnyLaw(laws, rest_slope) => {
                 let law_slopes = laws.iter().map(|law| law.slope(e));
@@ -63,7 +63,9 @@ impl Stiffening {
     /// The largest elongation [m], either way, at which the stiffness has risen by no more than `stiffness_rise` [N/m].
     fn reach(&self, stiffness_rise: f64) -> f64 {
         match self {
-            Self::Square(square_factor) => (stiffness_rise / square_factor).sqrt(),
+            Self::Square(stiffness_per_squared_elongation) => {
+                (stiffness_rise / stiffness_per_squared_elongation).sqrt()
+            }
             Self::Law(law, rest_slope) => law.stiffens_beyond(rest_slope + stiffness_rise),
             Self::AnyLaw(laws, rest_slope) => {
                 let reaches = laws.iter().map(|law| law.stiffens_beyond(rest_slope + stiffness_rise));
@@ -75,7 +77,7 @@ impl Stiffening {
 
 /// Runs that stiffen and have an end that moves; runs with a gate are left out.
 pub(super) fn watched_runs(runs: &[LinkRun], mat_moves: impl Fn(usize) -> bool) -> Vec<WatchedRun> {
-    let watch_of_run = |run: &LinkRun| {
+    let watched_run = |run: &LinkRun| {
         let stiffening = Stiffening::from_kind(&run.kind).filter(|_| run.gate.is_none())?;
         let mut run_ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
         if !run_ends.any(&mat_moves) {
@@ -90,12 +92,12 @@ pub(super) fn watched_runs(runs: &[LinkRun], mat_moves: impl Fn(usize) -> bool) 
             reach: 0.0,
         })
     };
-    runs.iter().filter_map(watch_of_run).collect()
+    runs.iter().filter_map(watched_run).collect()
 }
 
-/// Set the reach of every run such that λ rises by no more than `stiffness_rise`, and remove runs that never stiffen so
-/// much.
-pub(super) fn set_reaches(watched_runs: &mut Vec<WatchedRun>, stiffness_rise: f64, inverse_masses: &[f64]) {
+/// Set the reach of every run such that λ rises by no more than `lambda_rise_max`, and remove runs whose stiffening
+/// never raises it so much.
+pub(super) fn set_reaches(watched_runs: &mut Vec<WatchedRun>, lambda_rise_max: f64, inverse_masses: &[f64]) {
     let mut link_degree = vec![0.0; inverse_masses.len()];
     for run in &*watched_runs {
         for first_mat in [run.a, run.b] {
@@ -104,16 +106,16 @@ pub(super) fn set_reaches(watched_runs: &mut Vec<WatchedRun>, stiffness_rise: f6
                 .for_each(|degree| *degree += 1.0);
         }
     }
-    // If the stiffening of each link is at most half of `stiffness_rise`, divided by degree times 1/M at either end, no
-    // edge sum exceeds `stiffness_rise`.
+    // If the stiffening of each link is at most half of `lambda_rise_max`, divided by degree times 1/M at either end,
+    // no edge sum exceeds `lambda_rise_max`.
     let edge_weight = |mat: usize| link_degree[mat] * inverse_masses[mat];
-    for watch in &mut *watched_runs {
-        let end_weights = (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
-        watch.reach = watch
+    for run in &mut *watched_runs {
+        let end_weights = (0..run.len).map(|i| edge_weight(run.a + i).max(edge_weight(run.b + i)));
+        run.reach = run
             .stiffening
-            .reach(0.5 * stiffness_rise / end_weights.fold(0.0, f64::max));
+            .reach(0.5 * lambda_rise_max / end_weights.fold(0.0, f64::max));
     }
-    watched_runs.retain(|watch| watch.reach < f64::INFINITY);
+    watched_runs.retain(|run| run.reach < f64::INFINITY);
 }
 
 wide! {
@@ -128,26 +130,26 @@ wide! {
 wide! {
     /// How much more the link that is nearest to its reach may be stretched [m].
     pub(super) fn least_reach_left(watched_runs: &[WatchedRun], x: &[f64]) -> f64 {
-        let mut nearest = f64::INFINITY;
-        for watch in watched_runs {
+        let mut least_left = f64::INFINITY;
+        for run in watched_runs {
             let WatchedRun {
                 a, b, len, rest_length, ..
-            } = *watch;
+            } = *run;
             let (xa, xb) = (&x[a..][..len], &x[b..][..len]);
             let mut peak_bits = 0_u64;
             for i in 0..len {
                 peak_bits = peak_bits.max((xb[i] - xa[i] - rest_length).abs().to_bits());
             }
-            let reach_left = watch.reach - f64::from_bits(peak_bits);
+            let reach_left = run.reach - f64::from_bits(peak_bits);
             // A NaN elongation is beyond every reach.
             let reach_left = if reach_left.is_nan() {
                 f64::NEG_INFINITY
             } else {
                 reach_left
             };
-            nearest = f64::min(nearest, reach_left);
+            least_left = f64::min(least_left, reach_left);
         }
-        nearest
+        least_left
     }
 }
 
@@ -164,24 +166,24 @@ pub(super) fn lambda_rise_bound(
     rises: &mut [f64],
 ) -> (f64, usize) {
     sums[mats.clone()].fill(0.0);
-    for watch in watched_runs {
-        let (end_a, end_b) = (watch.a, watch.b);
-        let rises = &mut rises[..watch.len];
-        let (positions_a, positions_b) = (&x[end_a..][..watch.len], &x[end_b..][..watch.len]);
+    for run in watched_runs {
+        let (end_a, end_b) = (run.a, run.b);
+        let rises = &mut rises[..run.len];
+        let (positions_a, positions_b) = (&x[end_a..][..run.len], &x[end_b..][..run.len]);
         for (i, rise) in rises.iter_mut().enumerate() {
-            *rise = watch
+            *rise = run
                 .stiffening
-                .stiffness_rise(positions_b[i] - positions_a[i] - watch.rest_length);
+                .stiffness_rise(positions_b[i] - positions_a[i] - run.rest_length);
         }
         for first_mat in [end_a, end_b] {
-            let sums = &mut sums[first_mat..][..watch.len];
+            let sums = &mut sums[first_mat..][..run.len];
             sums.iter_mut().zip(&*rises).for_each(|(sum, rise)| *sum += rise);
         }
     }
     let (mut greatest_sum, mut worst_mat) = (0.0, mats.start);
-    for watch in watched_runs {
-        for i in 0..watch.len {
-            let (end_a, end_b) = (watch.a + i, watch.b + i);
+    for run in watched_runs {
+        for i in 0..run.len {
+            let (end_a, end_b) = (run.a + i, run.b + i);
             let edge_sum = sums[end_a] * inverse_masses[end_a] + sums[end_b] * inverse_masses[end_b];
             if edge_sum > greatest_sum || edge_sum.is_nan() {
                 (greatest_sum, worst_mat) = (edge_sum, if inverse_masses[end_a] > 0.0 { end_a } else { end_b });

@@ -33,7 +33,7 @@ pub(super) const PARTIALS_HOP: f64 = 5e-3;
 pub(super) const WINDOWS_APART: usize = 5;
 /// A difference of pitch is one if it exceeds this many of its standard deviations: 95 % of those that chance makes are
 /// smaller.
-pub(super) const SURE_DEVIATIONS: f64 = 2.0;
+pub(super) const SIGNIFICANT_DEVIATIONS: f64 = 2.0;
 /// Angles have a common direction if their number times the square of their mean resultant length is more: that of
 /// chance is in 5 % of cases, -ln 0.05.
 pub(super) const RAYLEIGH_MIN: f64 = 3.0;

@@ -8,18 +8,18 @@
 use std::f64::consts::PI;
 
 use crate::hearing::constants::{BAND_VALUES_MIN, COMPARED_POWER_MIN, FADE_OUT_PARTS, MISSING_POWER_RATIO};
-use crate::hearing::third_octaves::{Band, bands, powers};
+use crate::hearing::third_octaves::{Band, bands, power_spectrum};
 use crate::maths::{log10, pow, sincos, sqrt};
 
-/// The largest level difference among the third octaves that are heard in `b` [dB].
-pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
-    let bands = bands(b.len(), rate, BAND_VALUES_MIN);
+/// The largest level difference among the third octaves that are heard in `reference` [dB].
+pub(super) fn level_error(sound: &[f64], reference: &[f64], rate: f64) -> f64 {
+    let bands = bands(reference.len(), rate, BAND_VALUES_MIN);
     let spectrum = |x: &[f64]| -> Vec<f64> {
-        let powers = powers(faded(x));
+        let powers = power_spectrum(with_faded_end(x));
         let band_power = |band: &Band| powers[band.bins.clone()].iter().sum();
         bands.iter().map(band_power).collect()
     };
-    let (sound_powers, reference_powers) = (spectrum(a), spectrum(b));
+    let (sound_powers, reference_powers) = (spectrum(sound), spectrum(reference));
     let centres: Vec<f64> = bands.iter().map(|band| band.centre).collect();
     let is_unmasked = unmasked_bands(&centres, &reference_powers);
     let band_pairs = sound_powers.iter().zip(&reference_powers).zip(is_unmasked);
@@ -30,7 +30,7 @@ pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
 }
 
 /// The sound with its end faded out: an abrupt end would be heard in every band.
-fn faded(x: &[f64]) -> Vec<f64> {
+fn with_faded_end(x: &[f64]) -> Vec<f64> {
     let fade_length = x.len() / FADE_OUT_PARTS;
     let fade_start = x.len() - fade_length;
     let mut x = x.to_vec();
@@ -43,9 +43,9 @@ fn faded(x: &[f64]) -> Vec<f64> {
 
 /// Which bands are not masked, given their centres [Hz] and powers.
 fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
-    let strongest = powers
+    let greatest_power = powers
         .iter()
-        .fold(0.0_f64, |strongest_yet, power| strongest_yet.max(*power));
+        .fold(0.0_f64, |greatest_so_far, power| greatest_so_far.max(*power));
     let band_barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
     let masking_power = |band: usize| -> f64 {
         let other_powers = powers.iter().zip(&band_barks).enumerate();
@@ -56,7 +56,7 @@ fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     };
     let indexed_powers = powers.iter().enumerate();
     indexed_powers
-        .map(|(band, power)| *power > (COMPARED_POWER_MIN * strongest).max(masking_power(band)))
+        .map(|(band, power)| *power > (COMPARED_POWER_MIN * greatest_power).max(masking_power(band)))
         .collect()
 }
 

@@ -9,26 +9,38 @@ use crate::hearing::constants::{
     COMMON_ANGLE_SHARE, DECAY_FALL_MIN, DECAY_FIT_MAX, PARTIALS_HOP, PARTIALS_MAX, QUIET_POWER_RATIO, RAYLEIGH_MIN,
     SHORTEST_SECONDS, WINDOWS_APART, WINDOWS_MIN,
 };
-use crate::hearing::third_octaves::{length, powers};
+use crate::hearing::third_octaves::{fft_length, power_spectrum};
 use crate::maths::{atan2, log, log2, sincos};
 
-/// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `upto` [Hz]; `b` is the
-/// reference. `scatter` says whether what chance may explain is deducted.
-pub(super) fn pitch_errors(a: &[f64], b: &[f64], rate: f64, upto: f64, scatter: Scatter) -> (f64, f64) {
-    let partials = strongest(b, rate, upto).into_iter();
+/// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `frequency_max` [Hz]; by
+/// comparison with `reference`. `scatter` says whether what chance may explain is deducted.
+pub(super) fn pitch_errors(
+    sound: &[f64],
+    reference: &[f64],
+    rate: f64,
+    frequency_max: f64,
+    scatter: Scatter,
+) -> (f64, f64) {
+    let partials = strongest_partials(reference, rate, frequency_max).into_iter();
     partials.fold((0.0, 0.0), |(cents, t60), f| {
-        let (partial_cents, partial_t60) = compare(a, b, f, rate, scatter).unwrap_or((0.0, 0.0));
+        let (partial_cents, partial_t60) = partial_errors(sound, reference, f, rate, scatter).unwrap_or((0.0, 0.0));
         (f64::max(cents, partial_cents), f64::max(t60, partial_t60))
     })
 }
 
 /// Frequencies of the strongest partials [Hz], each a maximum within the resolution of the window.
-fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
-    let window = window_from_beginning(x.len(), (0.5 * SHORTEST_SECONDS * rate) as usize);
-    let powers = powers(x.iter().zip(window).map(|(x, w)| x * w).collect());
-    let bin_width = rate / length(x.len()) as f64;
+fn strongest_partials(samples: &[f64], rate: f64, frequency_max: f64) -> Vec<f64> {
+    let window = window_from_beginning(samples.len(), (0.5 * SHORTEST_SECONDS * rate) as usize);
+    let powers = power_spectrum(
+        samples
+            .iter()
+            .zip(window)
+            .map(|(sample, weight)| sample * weight)
+            .collect(),
+    );
+    let bin_width = rate / fft_length(samples.len()) as f64;
     let peak_reach = ((2.0 / SHORTEST_SECONDS / bin_width) as usize).max(2);
-    let last_bin = ((upto / bin_width) as usize).min(powers.len().saturating_sub(1));
+    let last_bin = ((frequency_max / bin_width) as usize).min(powers.len().saturating_sub(1));
     let is_peak_bin = |index: &usize| {
         let neighbours = &powers[index - peak_reach.min(*index)..(index + peak_reach + 1).min(powers.len())];
         powers[*index] > 0.0 && neighbours.iter().all(|power| *power <= powers[*index])
@@ -46,19 +58,23 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
 
 /// Error of the pitch [cents] and of the T60, relative to itself, of the partial near `f` [Hz]; `None` if the sound is
 /// too short.
-fn compare(a: &[f64], b: &[f64], f: f64, rate: f64, scatter: Scatter) -> Option<(f64, f64)> {
-    let (sound_band, reference_band) = (baseband(a, f, rate), baseband(b, f, rate));
+fn partial_errors(sound: &[f64], reference: &[f64], f: f64, rate: f64, scatter: Scatter) -> Option<(f64, f64)> {
+    let (sound_band, reference_band) = (baseband(sound, f, rate), baseband(reference, f, rate));
     if reference_band.len() < WINDOWS_MIN {
         return None;
     }
     let weights: Vec<f64> = reference_band.iter().map(|[re, im]| re * re + im * im).collect();
-    let frequency_offset = sure_drift(&sound_band, &reference_band, scatter) / (TAU * PARTIALS_HOP);
+    let frequency_offset = significant_drift(&sound_band, &reference_band, scatter) / (TAU * PARTIALS_HOP);
     let log_level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
     let log_levels = |baseband_samples: &[[f64; 2]]| -> Vec<f64> { baseband_samples.iter().map(log_level).collect() };
     let (reference_levels, sound_levels) = (log_levels(&reference_band), log_levels(&sound_band));
     let reference_line = Line::fitted(&reference_levels, &weights);
-    let level_ratios: Vec<f64> = sound_levels.iter().zip(&reference_levels).map(|(a, b)| a - b).collect();
-    let sound_slope = reference_line.slope + Line::fitted(&level_ratios, &weights).sure_slope(scatter);
+    let level_ratios: Vec<f64> = sound_levels
+        .iter()
+        .zip(&reference_levels)
+        .map(|(level, reference_level)| level - reference_level)
+        .collect();
+    let sound_slope = reference_line.slope + Line::fitted(&level_ratios, &weights).significant_slope(scatter);
     let pitch_error = 1200.0 * log2((1.0 + frequency_offset / f).max(f64::MIN_POSITIVE)).abs();
     let level_fall = -reference_line.slope * reference_band.len() as f64;
     let is_decay = reference_line.residual < DECAY_FIT_MAX && level_fall > DECAY_FALL_MIN;
@@ -75,7 +91,7 @@ fn compare(a: &[f64], b: &[f64], f: f64, rate: f64, scatter: Scatter) -> Option<
 fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
     let window_size = ((SHORTEST_SECONDS * rate) as usize).max(4);
     let hop_frames = ((PARTIALS_HOP * rate) as usize).max(1);
-    let shifted: Vec<[f64; 2]> = x
+    let shifted_samples: Vec<[f64; 2]> = x
         .iter()
         .enumerate()
         .map(|(n, x)| {
@@ -83,9 +99,9 @@ fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
             [x * cos, x * sin]
         })
         .collect();
-    let hann_window = hann(window_size);
+    let hann_window = hann_values(window_size);
     let smoothed_at = |index: usize| {
-        let products = shifted[index..index + window_size].iter().zip(&hann_window);
+        let products = shifted_samples[index..index + window_size].iter().zip(&hann_window);
         products.fold([0.0; 2], |sum, (x, w)| [sum[0] + w * x[0], sum[1] + w * x[1]])
     };
     let last_start = x.len().checked_sub(window_size);
@@ -94,15 +110,15 @@ fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
     })
 }
 
-/// A window of `size` that rises within `rise` and then falls to the end: partials that fade fast are strong only at
-/// the beginning, where a symmetric window hardly weights them.
-fn window_from_beginning(size: usize, rise: usize) -> Vec<f64> {
-    let rise = rise.min(size / 2);
-    let [rising_half, falling] = [rise, size - rise].map(|half| hann(2 * half));
-    [&rising_half[..rise], &falling[size - rise..]].concat()
+/// A window of `size` that rises within `rise_length` and then falls to the end: partials that fade fast are strong
+/// only at the beginning, where a symmetric window hardly weights them.
+fn window_from_beginning(size: usize, rise_length: usize) -> Vec<f64> {
+    let rise_length = rise_length.min(size / 2);
+    let [rising_half, falling_half] = [rise_length, size - rise_length].map(|half| hann_values(2 * half));
+    [&rising_half[..rise_length], &falling_half[size - rise_length..]].concat()
 }
 
-fn hann(size: usize) -> Vec<f64> {
+fn hann_values(size: usize) -> Vec<f64> {
     let window_weight = |n: usize| {
         let half_sine = sincos(PI * (n as f64 + 0.5) / size as f64).0;
         half_sine * half_sine
@@ -110,54 +126,56 @@ fn hann(size: usize) -> Vec<f64> {
     (0..size).map(window_weight).collect()
 }
 
-fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+fn complex_product(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 
-/// How fast the phase of `sound` leaves that of `reference` [rad from one window to the next], as far as it is sure:
-/// the angle of the mean turn of their ratio, first from window to window, then over half a window, which scatters
-/// less. Where a partial passes through zero its phase is chance and may slip by a cycle; its turn hardly counts there.
+/// How fast the phase of `sound` leaves that of `reference` [rad from one window to the next], as far as it is
+/// significant: the angle of the mean turn of their ratio, first from window to window, then over half a window, which
+/// scatters less. Where a partial passes through zero its phase is chance and may slip by a cycle; its turn hardly
+/// counts there.
 ///
 /// The pulse-pair estimate and its deviation: Miller & Rochwarger, IEEE Trans. Inf. Theory 18 (1972); Zrnić, IEEE
 /// Trans. Aerosp. Electron. Syst. 13 (1977). The turns of noise have no common angle, by Rayleigh's test (Mardia &
-/// Jupp, Directional Statistics, 2000, 6.3.1), and no drift is sure.
-fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]], scatter: Scatter) -> f64 {
+/// Jupp, Directional Statistics, 2000, 6.3.1), and no drift is significant.
+fn significant_drift(sound: &[[f64; 2]], reference: &[[f64; 2]], scatter: Scatter) -> f64 {
     let ratio = |(a, b): (&[f64; 2], &[f64; 2])| -> [f64; 2] {
-        let [re, im] = turn(*b, *a);
+        let [re, im] = phase_step(*b, *a);
         match modulus(*a) {
             0.0 => [0.0; 2],
             size => [re / size, im / size],
         }
     };
     let ratios: Vec<[f64; 2]> = sound.iter().zip(reference).map(ratio).collect();
-    let turns = |lag: usize| -> Vec<[f64; 2]> {
+    let phase_steps = |lag: usize| -> Vec<[f64; 2]> {
         let pairs = ratios.iter().zip(ratios.iter().skip(lag));
-        pairs.map(|(before, after)| turn(*before, *after)).collect()
+        pairs.map(|(before, after)| phase_step(*before, *after)).collect()
     };
-    let sum = |turns: &[[f64; 2]]| {
-        turns
-            .iter()
-            .fold([0.0; 2], |sum, turn| [sum[0] + turn[0], sum[1] + turn[1]])
+    let sum = |phase_steps: &[[f64; 2]]| {
+        phase_steps.iter().fold([0.0; 2], |sum, phase_step| {
+            [sum[0] + phase_step[0], sum[1] + phase_step[1]]
+        })
     };
-    let coarse_drift = angle(sum(&turns(1)));
+    let coarse_drift = angle(sum(&phase_steps(1)));
     let lag = WINDOWS_APART;
     let (sin, cos) = sincos(-coarse_drift * lag as f64);
-    let lag_turns = turns(lag);
-    let drift = coarse_drift + angle(times(sum(&lag_turns), [cos, sin])) / lag as f64;
-    let sizes: Vec<f64> = lag_turns.iter().map(|turn| modulus(*turn)).collect();
+    let lag_steps = phase_steps(lag);
+    let drift = coarse_drift + angle(complex_product(sum(&lag_steps), [cos, sin])) / lag as f64;
+    let moduli: Vec<f64> = lag_steps.iter().map(|phase_step| modulus(*phase_step)).collect();
     // Not a number where one of the two is silent.
-    let coherence = modulus(sum(&lag_turns)) / sizes.iter().sum::<f64>();
-    let (n_turns, share) = (n_independent(&sizes), coherence * coherence);
-    let deviation = ((1.0 - share).max(0.0) / (2.0 * share * n_turns)).sqrt() / lag as f64;
-    match share > (RAYLEIGH_MIN / n_turns).min(COMMON_ANGLE_SHARE) {
-        true => sure_part(drift, scatter.deviations() * deviation),
+    let coherence = modulus(sum(&lag_steps)) / moduli.iter().sum::<f64>();
+    let (independent_count, squared_coherence) = (effective_count(&moduli), coherence * coherence);
+    let deviation =
+        ((1.0 - squared_coherence).max(0.0) / (2.0 * squared_coherence * independent_count)).sqrt() / lag as f64;
+    match squared_coherence > (RAYLEIGH_MIN / independent_count).min(COMMON_ANGLE_SHARE) {
+        true => significant_part(drift, scatter.deviations() * deviation),
         false => 0.0,
     }
 }
 
 /// The product whose angle is that from one phasor to another.
-fn turn(first_phasor: [f64; 2], second_phasor: [f64; 2]) -> [f64; 2] {
-    times(second_phasor, [first_phasor[0], -first_phasor[1]])
+fn phase_step(first_phasor: [f64; 2], second_phasor: [f64; 2]) -> [f64; 2] {
+    complex_product(second_phasor, [first_phasor[0], -first_phasor[1]])
 }
 
 fn angle([re, im]: [f64; 2]) -> f64 {
@@ -202,18 +220,18 @@ impl Line {
         Self {
             slope: line_slope,
             residual: mean_square.sqrt(),
-            deviation: (mean_square / (index_variance * n_independent(weights))).sqrt(),
+            deviation: (mean_square / (index_variance * effective_count(weights))).sqrt(),
         }
     }
 
     /// The slope as far as it is more than chance.
-    fn sure_slope(&self, scatter: Scatter) -> f64 {
-        sure_part(self.slope, scatter.deviations() * self.deviation)
+    fn significant_slope(&self, scatter: Scatter) -> f64 {
+        significant_part(self.slope, scatter.deviations() * self.deviation)
     }
 }
 
-/// How many windows that say different things count as much as all of these, by their weights.
-fn n_independent(weights: &[f64]) -> f64 {
+/// The effective number of independent windows of these weights.
+fn effective_count(weights: &[f64]) -> f64 {
     let (sum, square_sum) = weights.iter().fold((0.0, 0.0), |(sum, square_sum), weight| {
         (sum + weight, square_sum + weight * weight)
     });
@@ -221,13 +239,9 @@ fn n_independent(weights: &[f64]) -> f64 {
 }
 
 /// A value less `chance`, what chance may make of it; 0 if either is not a number.
-fn sure_part(value: f64, chance: f64) -> f64 {
-    let sure_size = value.abs() - chance;
-    if sure_size > 0.0 {
-        sure_size.copysign(value)
-    } else {
-        0.0
-    }
+fn significant_part(value: f64, chance: f64) -> f64 {
+    let excess = value.abs() - chance;
+    if excess > 0.0 { excess.copysign(value) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -256,7 +270,7 @@ mod tests {
         let (pitch_error, decay_error) = pitch_errors(&detuned, &reference, RATE, 5_000.0, Scatter::Deducted);
         assert!((pitch_error - 5.0).abs() < 0.2, "{pitch_error}");
         assert!((decay_error - 0.1).abs() < 0.01, "{decay_error}");
-        // Partials above `upto` are not compared.
+        // Partials above `frequency_max` are not compared.
         assert!(pitch_errors(&detuned, &reference, RATE, 1_000.0, Scatter::Deducted).0 < 0.3);
     }
 
@@ -293,8 +307,8 @@ mod tests {
         };
         let pitch_error =
             |seed: u32| pitch_errors(&noise(seed), &noise(100 + seed), RATE, 5_000.0, Scatter::Deducted).0;
-        let n_sure = (0..20).filter(|&seed| pitch_error(seed) > 3.0).count();
-        assert!(n_sure <= 2, "{n_sure} of 20");
+        let n_significant = (0..20).filter(|&seed| pitch_error(seed) > 3.0).count();
+        assert!(n_significant <= 2, "{n_significant} of 20");
     }
 
     #[test]

@@ -19,9 +19,9 @@ pub(super) struct StrokeErrors {
 
 /// The errors of `sound` against `reference`, both without their means.
 pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> StrokeErrors {
-    let (sound_speeds, reference_speeds) = (speeds(sound), speeds(reference));
+    let (sound_speeds, reference_speeds) = (frame_differences(sound), frame_differences(reference));
     let frames_in = |seconds: f64| ((seconds * rate) as usize).max(1);
-    let stroke_begins = beginnings(&reference_speeds, frames_in(STROKES_HOP));
+    let stroke_begins = stroke_beginnings(&reference_speeds, frames_in(STROKES_HOP));
     let is_dense = stroke_begins.len() * frames_in(SHORTEST_SECONDS) > reference_speeds.len();
     let stroke_count = if is_dense { 1 } else { stroke_begins.len() };
     let mut worst_errors = StrokeErrors::default();
@@ -35,7 +35,9 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
             (&sound_speeds, begin_energy * energy_ratio),
             (&reference_speeds, begin_energy),
         ]
-        .map(|(speeds, begin_energy)| first_above(&speeds[search_span.clone()], begin_energy));
+        .map(|(frame_differences, begin_energy)| {
+            first_frame_above(&frame_differences[search_span.clone()], begin_energy)
+        });
         let stroke_delay = (sound_begin as f64 - reference_begin as f64).abs() / rate;
         let worst_delay = if index == 0 {
             &mut worst_errors.first
@@ -48,14 +50,15 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
         }
     }
     if is_dense {
-        worst_errors.level = level_of_dense(&sound_speeds, &reference_speeds, frames_in(SHORTEST_SECONDS));
+        worst_errors.level = dense_level_error(&sound_speeds, &reference_speeds, frames_in(SHORTEST_SECONDS));
     }
     worst_errors
 }
 
 /// Mean difference of the levels of successive spans that are not quiet [dB].
-fn level_of_dense(sound: &[f64], reference: &[f64], length: usize) -> f64 {
-    let span_energies = |speeds: &[f64]| -> Vec<f64> { speeds.chunks_exact(length).map(energy).collect() };
+fn dense_level_error(sound: &[f64], reference: &[f64], length: usize) -> f64 {
+    let span_energies =
+        |frame_differences: &[f64]| -> Vec<f64> { frame_differences.chunks_exact(length).map(energy).collect() };
     let (sound, reference) = (span_energies(sound), span_energies(reference));
     let loudest = reference
         .iter()
@@ -71,15 +74,15 @@ fn level_of_dense(sound: &[f64], reference: &[f64], length: usize) -> f64 {
 }
 
 /// The frames in which strokes begin, to within a hop.
-fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
-    let hop_powers: Vec<f64> = speeds.chunks(hop).map(energy).collect();
+fn stroke_beginnings(frame_differences: &[f64], hop: usize) -> Vec<usize> {
+    let hop_powers: Vec<f64> = frame_differences.chunks(hop).map(energy).collect();
     let loudest = hop_powers
         .iter()
-        .fold(0.0_f64, |strongest_yet, power| strongest_yet.max(*power));
+        .fold(0.0_f64, |greatest_so_far, power| greatest_so_far.max(*power));
     let hops_before = (SHORTEST_SECONDS / STROKES_HOP) as usize;
     let is_stroke = |index: &usize| {
         let power_before = hop_powers[index.saturating_sub(hops_before)..*index].iter();
-        let power_before = power_before.fold(0.0_f64, |strongest_yet, power| strongest_yet.max(*power));
+        let power_before = power_before.fold(0.0_f64, |greatest_so_far, power| greatest_so_far.max(*power));
         hop_powers[*index] > (QUIET_POWER_RATIO * loudest).max(ONSET_POWER_RATIO * power_before)
     };
     let mut stroke_hops: Vec<usize> = Vec::new();
@@ -96,22 +99,25 @@ fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
 }
 
 /// Differences from frame to frame, in which a stroke begins more suddenly than in positions.
-fn speeds(sound: &[f64]) -> Vec<f64> {
+fn frame_differences(sound: &[f64]) -> Vec<f64> {
     sound.windows(2).map(|pair| pair[1] - pair[0]).collect()
 }
 
-fn energy(speeds: &[f64]) -> f64 {
-    speeds.iter().map(|speed| speed * speed).sum()
+fn energy(frame_differences: &[f64]) -> f64 {
+    frame_differences.iter().map(|speed| speed * speed).sum()
 }
 
 /// The first frame at which the energy exceeds `energy_limit`; the last if none does.
-fn first_above(speeds: &[f64], energy_limit: f64) -> usize {
+fn first_frame_above(frame_differences: &[f64], energy_limit: f64) -> usize {
     let mut energy_sum = 0.0;
     let is_above = |speed: &f64| {
         energy_sum += speed * speed;
         energy_sum > energy_limit
     };
-    speeds.iter().position(is_above).unwrap_or(speeds.len())
+    frame_differences
+        .iter()
+        .position(is_above)
+        .unwrap_or(frame_differences.len())
 }
 
 /// The size of a level difference [dB], from a ratio of powers.

@@ -12,32 +12,32 @@ use crate::maths::{log10, pow, sincos};
 /// Reference frequency of the third-octave grid [Hz].
 const CENTRE_HERTZ: f64 = 1_000.0;
 
-/// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves
-/// within 60 dB of its strongest, summed over outputs that are normalised to equal power.
-pub(crate) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
-    let n_frames = b.len() / n_out.max(1);
+/// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `reference` the reference: over the third
+/// octaves within 60 dB of its strongest, summed over outputs that are normalised to equal power.
+pub(crate) fn level_difference(sound: &[f64], reference: &[f64], n_out: usize, rate: f64) -> f64 {
+    let n_frames = reference.len() / n_out.max(1);
     let bands = bands(n_frames, rate, BAND_VALUES_MIN_PARTED);
     let (mut sound_powers, mut reference_powers) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
         let output_sound = |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
-        let (a, b) = (remove_mean(output_sound(a)), remove_mean(output_sound(b)));
-        let reference_energy: f64 = b.iter().map(|x| x * x).sum();
+        let (sound, reference) = (remove_mean(output_sound(sound)), remove_mean(output_sound(reference)));
+        let reference_energy: f64 = reference.iter().map(|x| x * x).sum();
         if reference_energy <= 0.0 {
             continue;
         }
-        for (sound, band_powers) in [(a, &mut sound_powers), (b, &mut reference_powers)] {
-            let powers = powers(sound);
+        for (sound, band_powers) in [(sound, &mut sound_powers), (reference, &mut reference_powers)] {
+            let power_spectrum = power_spectrum(sound);
             for (band_power, band) in band_powers.iter_mut().zip(&bands) {
-                *band_power += powers[band.bins.clone()].iter().sum::<f64>() / reference_energy;
+                *band_power += power_spectrum[band.bins.clone()].iter().sum::<f64>() / reference_energy;
             }
         }
     }
-    let strongest = reference_powers
+    let greatest_power = reference_powers
         .iter()
         .fold(0.0_f64, |strongest_yet, band_power| strongest_yet.max(*band_power));
     let power_pairs = sound_powers.iter().zip(&reference_powers);
     let compared_pairs =
-        power_pairs.filter(|(_, reference_powers)| **reference_powers > COMPARED_POWER_MIN * strongest);
+        power_pairs.filter(|(_, reference_powers)| **reference_powers > COMPARED_POWER_MIN * greatest_power);
     let (level_sum, band_count) =
         compared_pairs.fold((0.0, 0), |(level_sum, band_count), (sound_powers, reference_powers)| {
             let level_gap = 10.0 * log10((sound_powers / reference_powers).max(MISSING_POWER_RATIO));
@@ -59,17 +59,17 @@ pub(super) struct Band {
     pub(super) bins: Range<usize>,
 }
 
-/// The bands whose width times duration is at least `fewest`, from 25 Hz up to 20 kHz, or up to
+/// The bands whose width times duration is at least `band_values_min`, from 25 Hz up to 20 kHz, or up to
 /// `HIGHEST_BAND_RATE_SHARE` of the rate if that is lower.
-pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
+pub(super) fn bands(n_frames: usize, rate: f64, band_values_min: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
-    let bin_width = rate / length(n_frames) as f64;
+    let bin_width = rate / fft_length(n_frames) as f64;
     let bin_above = |frequency: f64| (frequency / bin_width).ceil() as usize;
     let centres = (LOWEST_THIRD_OCTAVE..).map(|i| CENTRE_HERTZ * pow(2.0, f64::from(i) / 3.0));
     let (lower_ratio, upper_ratio) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
         .take_while(|centre| *centre <= HIGHEST_AUDIBLE.min(HIGHEST_BAND_RATE_SHARE * rate))
-        .filter(|centre| centre * (upper_ratio - lower_ratio) * seconds >= fewest)
+        .filter(|centre| centre * (upper_ratio - lower_ratio) * seconds >= band_values_min)
         .map(|centre| Band {
             centre,
             bins: bin_above(centre * lower_ratio)..bin_above(centre * upper_ratio),
@@ -78,30 +78,30 @@ pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
 }
 
 /// Length of the transform: sounds are zero-padded to a power of two.
-pub(super) fn length(n_frames: usize) -> usize {
+pub(super) fn fft_length(n_frames: usize) -> usize {
     n_frames.max(2).next_power_of_two()
 }
 
 /// |X|² of a sound, from 0 to half its rate.
-pub(super) fn powers(mut re: Vec<f64>) -> Vec<f64> {
-    let fft_size = length(re.len());
+pub(super) fn power_spectrum(mut re: Vec<f64>) -> Vec<f64> {
+    let fft_size = fft_length(re.len());
     re.resize(fft_size, 0.0);
     let mut im = vec![0.0; fft_size];
-    transform(&mut re, &mut im);
+    fourier_transform(&mut re, &mut im);
     let half_spectrum = re.iter().zip(&im).take(fft_size / 2 + 1);
     half_spectrum.map(|(re, im)| re * re + im * im).collect()
 }
 
 /// In-place Fourier transform of 2^k numbers (Cooley and Tukey). It uses the engine's own sines, so that a plan is the
 /// same on every machine.
-fn transform(re: &mut [f64], im: &mut [f64]) {
+fn fourier_transform(re: &mut [f64], im: &mut [f64]) {
     let fft_size = re.len();
     let unused_bits = usize::BITS - fft_size.ilog2();
     for i in 0..fft_size {
-        let reversed = i.reverse_bits().checked_shr(unused_bits).unwrap_or(0);
-        if i < reversed {
-            re.swap(i, reversed);
-            im.swap(i, reversed);
+        let reversed_index = i.reverse_bits().checked_shr(unused_bits).unwrap_or(0);
+        if i < reversed_index {
+            re.swap(i, reversed_index);
+            im.swap(i, reversed_index);
         }
     }
     let twiddles: Vec<(f64, f64)> = (0..fft_size / 2)
@@ -146,8 +146,8 @@ mod tests {
     #[test]
     fn powers_equal_the_defining_sum() {
         let x: Vec<f64> = (0..16).map(|i| f64::from((7 * i * i + 3 * i) % 13)).collect();
-        let powers = powers(x.clone());
-        for (bin, power) in powers.iter().enumerate() {
+        let power_spectrum = power_spectrum(x.clone());
+        for (bin, power) in power_spectrum.iter().enumerate() {
             let phasor_at = |i: usize| sincos(TAU * (bin * i) as f64 / 16.0);
             let indexed_samples = x.iter().enumerate();
             let (re, im) = indexed_samples.fold((0.0, 0.0), |(re, im), (i, x)| {
@@ -155,7 +155,7 @@ mod tests {
             });
             assert!((power - (re * re + im * im)).abs() < 1e-9, "{bin}");
         }
-        assert_eq!(powers.len(), 9);
+        assert_eq!(power_spectrum.len(), 9);
     }
 
     #[test]

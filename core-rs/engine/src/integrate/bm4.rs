@@ -31,7 +31,7 @@ pub(super) struct Bm4 {
     mesh: Arc<Mesh>,
     /// e^(−ζb) and (1 − e^(−ζb))/ζ of the ties for each stage's b; empty if no tie loses energy, or if links lose
     /// energy too   (n_mat each)
-    losses: Arc<Vec<[Vec<f64>; 2]>>,
+    stage_losses: Arc<Vec<[Vec<f64>; 2]>>,
     /// K and Z of the springs as written in the network      (n_springs)
     written_k_and_z: Arc<[[f64; 2]]>,
     /// Position [m] and velocity per step [m]                (n_mat)
@@ -40,7 +40,7 @@ pub(super) struct Bm4 {
     /// Elastic forces at x [N]                               (n_mat)
     force: Vec<f64>,
     /// Viscous forces of the last kick [N], and velocities at its midpoint       (n_mat)
-    viscous: Vec<f64>,
+    viscous_forces: Vec<f64>,
     midpoint_velocities: Vec<f64>,
     scratch: Scratch,
 }
@@ -49,7 +49,7 @@ crate::archive::state!(Bm4 {
     x,
     v,
     force,
-    viscous,
+    viscous_forces,
     midpoint_velocities
 });
 
@@ -60,42 +60,48 @@ impl Bm4 {
         let mut force = zero_vector.clone();
         let lone_team = &mut ThreadTeam::alone();
         mesh.set_elastic_forces(&x, &mut scratch, &mut force, lone_team);
-        let mut viscous = zero_vector.clone();
-        mesh.set_viscous_forces([&x, &v], &mut scratch, &mut viscous, lone_team);
+        let mut viscous_forces = zero_vector.clone();
+        mesh.set_viscous_forces([&x, &v], &mut scratch, &mut viscous_forces, lone_team);
         let zeta = &mesh.scheme.zeta;
         let has_exact_losses = !mesh.is_damped && zeta.iter().any(|zeta| *zeta != 0.0);
         let loss_stages = STAGES.iter().filter(|_| has_exact_losses);
-        let losses = loss_stages.map(|[b, _]| decay_and_gain(zeta, *b)).collect();
+        let stage_losses = loss_stages.map(|[b, _]| decay_and_gain(zeta, *b)).collect();
         Self {
             written_k_and_z: mesh.springs.iter().map(|spring| [spring.k, spring.z]).collect(),
-            losses: Arc::new(losses),
+            stage_losses: Arc::new(stage_losses),
             x,
             v,
             force,
-            viscous,
+            viscous_forces,
             midpoint_velocities: zero_vector,
             scratch,
             mesh,
         }
     }
 
-    /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` is an index into `losses`.
+    /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` is an index into
+    /// `stage_losses`.
     fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2], team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let (x, v, force) = (&mut self.x, &mut self.v, &self.force);
         if mesh.is_damped {
-            let (viscous, midway) = (&mut self.viscous, &mut self.midpoint_velocities);
-            mesh.for_each_range(scratch, team, [&mut *midway], |mats, ties, [midway]| {
-                let mat_forces = [&force[mats.clone()], &viscous[mats.clone()]];
-                let mat_motion = [&x[mats.clone()], &v[mats]];
-                passes::set_midpoint_velocities(0.5 * b, ties, mat_forces, mat_motion, midway);
-            });
-            mesh.set_viscous_forces([x, midway], scratch, viscous, team);
+            let (viscous_forces, midpoint_velocities) = (&mut self.viscous_forces, &mut self.midpoint_velocities);
+            mesh.for_each_range(
+                scratch,
+                team,
+                [&mut *midpoint_velocities],
+                |mats, ties, [midpoint_velocities]| {
+                    let mat_forces = [&force[mats.clone()], &viscous_forces[mats.clone()]];
+                    let mat_motion = [&x[mats.clone()], &v[mats]];
+                    passes::set_midpoint_velocities(0.5 * b, ties, mat_forces, mat_motion, midpoint_velocities);
+                },
+            );
+            mesh.set_viscous_forces([x, midpoint_velocities], scratch, viscous_forces, team);
             mesh.for_each_range(scratch, team, [x, v], |mats, ties, [x, v]| {
-                let mat_forces = [&force[mats.clone()], &viscous[mats.clone()]];
-                passes::lossy_kick_drift([b, a], ties, mat_forces, &midway[mats], x, v);
+                let mat_forces = [&force[mats.clone()], &viscous_forces[mats.clone()]];
+                passes::lossy_kick_drift([b, a], ties, mat_forces, &midpoint_velocities[mats], x, v);
             });
-        } else if let Some(stage_losses) = self.losses.get(stage) {
+        } else if let Some(stage_losses) = self.stage_losses.get(stage) {
             mesh.for_each_range(scratch, team, [x, v], |mats, ties, [x, v]| {
                 let stage_losses = stage_losses.each_ref().map(|values| &values[mats.clone()]);
                 passes::decaying_kick_drift(a, stage_losses, ties, &force[mats], x, v);
@@ -191,7 +197,7 @@ impl Stepper for Bm4 {
             .set_elastic_forces(&self.x, scratch, &mut self.force, lone_team);
         let mat_motion = [&self.x[..], &self.v];
         self.mesh
-            .set_viscous_forces(mat_motion, scratch, &mut self.viscous, lone_team);
+            .set_viscous_forces(mat_motion, scratch, &mut self.viscous_forces, lone_team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {

@@ -30,9 +30,9 @@ pub(super) struct Ca2p {
     second_positions: Vec<f64>,
     second_velocities: Vec<f64>,
     /// Elastic and viscous forces at x and d, and the elastic forces of the step before [N]   (n_mat)
-    elastic: Vec<f64>,
-    viscous: Vec<f64>,
-    previous_elastic: Vec<f64>,
+    elastic_forces: Vec<f64>,
+    viscous_forces: Vec<f64>,
+    previous_elastic_forces: Vec<f64>,
     /// All forces of the second pass [N]                        (n_mat)
     force: Vec<f64>,
     scratch: Scratch,
@@ -45,9 +45,9 @@ crate::archive::state!(Ca2p {
     guard,
     second_positions,
     second_velocities,
-    elastic,
-    viscous,
-    previous_elastic,
+    elastic_forces,
+    viscous_forces,
+    previous_elastic_forces,
     force
 });
 
@@ -65,9 +65,9 @@ impl Ca2p {
         let mut integrator = Self {
             second_positions: x.iter().zip(&d).map(|(x, d)| x - d).collect(),
             second_velocities: v,
-            elastic: zero_vector.clone(),
-            viscous: zero_vector.clone(),
-            previous_elastic: zero_vector.clone(),
+            elastic_forces: zero_vector.clone(),
+            viscous_forces: zero_vector.clone(),
+            previous_elastic_forces: zero_vector.clone(),
             force: zero_vector,
             previous: PreviousState::new(x.len()),
             guard,
@@ -80,7 +80,7 @@ impl Ca2p {
         integrator.mesh.set_elastic_forces(
             &integrator.second_positions,
             &mut integrator.scratch,
-            &mut integrator.elastic,
+            &mut integrator.elastic_forces,
             lone_team,
         );
         integrator.first_pass(lone_team);
@@ -90,10 +90,10 @@ impl Ca2p {
     /// The first pass: forces at the current frame.
     fn first_pass(&mut self, team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
-        std::mem::swap(&mut self.elastic, &mut self.previous_elastic);
-        mesh.set_elastic_forces(&self.x, scratch, &mut self.elastic, team);
+        std::mem::swap(&mut self.elastic_forces, &mut self.previous_elastic_forces);
+        mesh.set_elastic_forces(&self.x, scratch, &mut self.elastic_forces, team);
         if mesh.is_damped {
-            mesh.set_viscous_forces([&self.x, &self.d], scratch, &mut self.viscous, team);
+            mesh.set_viscous_forces([&self.x, &self.d], scratch, &mut self.viscous_forces, team);
         }
     }
 }
@@ -149,7 +149,7 @@ impl Stepper for Ca2p {
 
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
-        let [elastic, viscous] = [&self.elastic, &self.viscous];
+        let [elastic_forces, viscous_forces] = [&self.elastic_forces, &self.viscous_forces];
         let (x, d, second_positions, v) = (
             &self.x,
             &self.d,
@@ -161,7 +161,7 @@ impl Stepper for Ca2p {
             team,
             [second_positions, v],
             |mats, ties, [second_positions, v]| {
-                let mat_forces = [elastic, viscous].map(|values| &values[mats.clone()]);
+                let mat_forces = [elastic_forces, viscous_forces].map(|values| &values[mats.clone()]);
                 let mat_motion = [x, d].map(|values| &values[mats.clone()]);
                 passes::set_evaluation_point(ties, mat_forces, mat_motion, second_positions, v);
             },
@@ -247,7 +247,7 @@ impl Stepper for Ca2p {
         }
         let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
         self.mesh
-            .set_elastic_forces(&self.second_positions, scratch, &mut self.elastic, lone_team);
+            .set_elastic_forces(&self.second_positions, scratch, &mut self.elastic_forces, lone_team);
         self.first_pass(lone_team);
     }
 
@@ -269,7 +269,8 @@ impl Stepper for Ca2p {
         let acceleration =
             |force: &[f64], x: f64, i: usize| force[i] * scheme.w[i] - scheme.kappa[i] * (x - scheme.rest[i]);
         let frame_product = |i: usize| {
-            acceleration(&self.elastic, self.x[i], i) * acceleration(&self.previous_elastic, self.x[i] - self.d[i], i)
+            acceleration(&self.elastic_forces, self.x[i], i)
+                * acceleration(&self.previous_elastic_forces, self.x[i] - self.d[i], i)
         };
         let pull_product: f64 = (0..mesh.n_mat())
             .map(|i| mesh.scaled_masses[i] * frame_product(i))

@@ -130,14 +130,14 @@ wide! {
 }
 
 wide! {
-    /// x += α·p, r −= α·y; returns the new Σ inverse·r². `numbers` are inverse, p and y.
+    /// x += α·p, r −= α·y; returns the new Σ inverse·r². `inverse_p_and_y` are inverse, p and y.
     fn update_solution(
         alpha: f64,
-        numbers: [&[f64]; 3],
+        inverse_p_and_y: [&[f64]; 3],
         x: &mut [f64],
         r: &mut [f64],
     ) -> f64 {
-        let [inverse, p, y] = numbers;
+        let [inverse, p, y] = inverse_p_and_y;
         let n = inverse.len();
         let (p, y, x, r) = (&p[..n], &y[..n], &mut x[..n], &mut r[..n]);
         sum(n, |i| {

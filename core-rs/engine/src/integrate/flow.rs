@@ -80,13 +80,17 @@ impl Flow {
         let (x, v) = end_state.split_at(n_masses);
         let mut unit_push = vec![0.0; n_masses];
         unit_push[pushed_mass] = 1.0;
-        let (retained, pulled) = (
+        let (retained_velocities, pulled_velocities) = (
             self.velocity_factor.times_vector(&unit_push),
             self.position_pull.times_vector(&unit_push),
         );
         let mut velocity_deficit = self.start_velocities(x, v);
-        for ((velocity_lack, retained), pulled) in velocity_deficit.iter_mut().zip(retained).zip(pulled) {
-            *velocity_lack += pulled - retained;
+        for ((velocity_lack, retained_velocities), pulled_velocities) in velocity_deficit
+            .iter_mut()
+            .zip(retained_velocities)
+            .zip(pulled_velocities)
+        {
+            *velocity_lack += pulled_velocities - retained_velocities;
         }
         let mut deficit = x.to_vec();
         deficit[pushed_mass] -= 1.0;

@@ -205,13 +205,13 @@ impl Stepper for Ieq {
     }
 
     fn stored_energy(&self) -> f64 {
-        let (quadratic, law_energy) = self.links.nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
-        self.energy() - quadratic + law_energy
+        let (psi_energy, law_energy) = self.links.nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
+        self.energy() - psi_energy + law_energy
     }
 }
 
 wide! {
-    /// y = own·p − y.
+    /// y = mat_diagonal·p − y.
     fn diagonal_minus(mat_diagonal: &[f64], p: &[f64], y: &mut [f64]) {
         let n = mat_diagonal.len();
         let (p, y) = (&p[..n], &mut y[..n]);

@@ -110,42 +110,45 @@ wide! {
 }
 
 wide! {
-    /// mid = v + h·((F_e + F_v)/M − κ(x − rest) − ζv).
+    /// v_m = v + h·((F_e + F_v)/M − κ(x − rest) − ζv).
     pub(super) fn set_midpoint_velocities(
         h: f64,
         ties: Ties<'_>,
         forces: [&[f64]; 2],
         motion: [&[f64]; 2],
-        mid: &mut [f64],
+        midpoint_velocities: &mut [f64],
     ) {
-        let ([elastic, viscous], [x, v]) = (forces, motion);
-        let n = elastic.len();
+        let ([elastic_forces, viscous_forces], [x, v]) = (forces, motion);
+        let n = elastic_forces.len();
         let [w, kappa, zeta, rest] = ties.equal_slices(n);
-        let (viscous, x, v, mid) = (&viscous[..n], &x[..n], &v[..n], &mut mid[..n]);
+        let (viscous_forces, x, v) = (&viscous_forces[..n], &x[..n], &v[..n]);
+        let midpoint_velocities = &mut midpoint_velocities[..n];
         for i in 0..n {
-            let tie = kappa[i] * (x[i] - rest[i]) + zeta[i] * v[i];
-            mid[i] = v[i] + h * ((elastic[i] + viscous[i]) * w[i] - tie);
+            let tie_pull = kappa[i] * (x[i] - rest[i]) + zeta[i] * v[i];
+            midpoint_velocities[i] = v[i] + h * ((elastic_forces[i] + viscous_forces[i]) * w[i] - tie_pull);
         }
     }
 }
 
 wide! {
-    /// v += b·((F_e + F_v)/M − κ(x − rest) − ζ·mid), x += a·v, with F_v computed at `mid`; `stage` is [b, a].
+    /// v += b·((F_e + F_v)/M − κ(x − rest) − ζ·v_m), x += a·v, with F_v computed at v_m, the `midpoint_velocities`;
+    /// `stage` is [b, a].
     pub(super) fn lossy_kick_drift(
         stage: [f64; 2],
         ties: Ties<'_>,
         forces: [&[f64]; 2],
-        mid: &[f64],
+        midpoint_velocities: &[f64],
         x: &mut [f64],
         v: &mut [f64],
     ) {
-        let ([b, a], [elastic, viscous]) = (stage, forces);
-        let n = elastic.len();
+        let ([b, a], [elastic_forces, viscous_forces]) = (stage, forces);
+        let n = elastic_forces.len();
         let [w, kappa, zeta, rest] = ties.equal_slices(n);
-        let (viscous, mid, x, v) = (&viscous[..n], &mid[..n], &mut x[..n], &mut v[..n]);
+        let (viscous_forces, midpoint_velocities) = (&viscous_forces[..n], &midpoint_velocities[..n]);
+        let (x, v) = (&mut x[..n], &mut v[..n]);
         for i in 0..n {
-            let tie = kappa[i] * (x[i] - rest[i]) + zeta[i] * mid[i];
-            v[i] += b * ((elastic[i] + viscous[i]) * w[i] - tie);
+            let tie_pull = kappa[i] * (x[i] - rest[i]) + zeta[i] * midpoint_velocities[i];
+            v[i] += b * ((elastic_forces[i] + viscous_forces[i]) * w[i] - tie_pull);
             x[i] += a * v[i];
         }
     }
@@ -161,14 +164,14 @@ wide! {
         second_positions: &mut [f64],
         v: &mut [f64],
     ) {
-        let ([elastic, viscous], [x, d]) = (forces, motion);
-        let n = elastic.len();
+        let ([elastic_forces, viscous_forces], [x, d]) = (forces, motion);
+        let n = elastic_forces.len();
         let [w, kappa, zeta, rest] = ties.equal_slices(n);
-        let (x, d, viscous) = (&x[..n], &d[..n], &viscous[..n]);
+        let (x, d, viscous_forces) = (&x[..n], &d[..n], &viscous_forces[..n]);
         let (second_positions, v) = (&mut second_positions[..n], &mut v[..n]);
         for i in 0..n {
-            let elastic_acceleration = elastic[i] * w[i] - kappa[i] * (x[i] - rest[i]);
-            let viscous_acceleration = viscous[i] * w[i] - zeta[i] * d[i];
+            let elastic_acceleration = elastic_forces[i] * w[i] - kappa[i] * (x[i] - rest[i]);
+            let viscous_acceleration = viscous_forces[i] * w[i] - zeta[i] * d[i];
             second_positions[i] = x[i] + elastic_acceleration * (1.0 / 12.0);
             v[i] = d[i] + 0.5 * (elastic_acceleration + viscous_acceleration);
         }

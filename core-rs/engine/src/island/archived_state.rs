@@ -76,7 +76,7 @@ impl Archived for State {
             delayed_forces,
             pending_strikes
         )?;
-        state_of!(parameters, archive, gate_openings, step_decay)?;
+        state_of!(parameters, archive, gate_openings, velocity_factor)?;
         state_of!(monitors, archive, muted_parts, guard, energy_gains, energy_rise)?;
         state_of!(self, archive, frame)
     }

@@ -88,16 +88,12 @@ impl BodyPlan {
     /// Its strikes: frame, struck point or MAT, and [part of a frame, impulse [N·s]].
     pub(crate) fn strikes(&self) -> Box<dyn Iterator<Item = (u64, usize, [f64; 2])> + '_> {
         match self {
-            Self::Modal(modal) => Box::new(
-                modal
-                    .struck_points
-                    .iter()
-                    .enumerate()
-                    .flat_map(|(point_index, struck)| {
-                        let struck_blows = struck.strikes.iter();
-                        struck_blows.map(move |&(frame, fraction, impulse)| (frame, point_index, [fraction, impulse]))
-                    }),
-            ),
+            Self::Modal(modal) => Box::new(modal.struck_points.iter().enumerate().flat_map(
+                |(point_index, struck_point)| {
+                    let point_strikes = struck_point.strikes.iter();
+                    point_strikes.map(move |&(frame, fraction, impulse)| (frame, point_index, [fraction, impulse]))
+                },
+            )),
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();
                 Box::new(strikes.map(|&(frame, mat, impulse)| (frame, mat, [0.0, impulse])))
@@ -123,8 +119,11 @@ impl BodyPlan {
         };
         match self {
             Self::Modal(modal) => {
-                let body_blows = modal.struck_points.iter().flat_map(|struck| &struck.strikes);
-                body_blows.map(|blow| blow.0).fold(f64::INFINITY, earlier_frame)
+                let body_strikes = modal
+                    .struck_points
+                    .iter()
+                    .flat_map(|struck_point| &struck_point.strikes);
+                body_strikes.map(|strike| strike.0).fold(f64::INFINITY, earlier_frame)
             }
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();

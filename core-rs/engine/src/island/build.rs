@@ -108,7 +108,7 @@ impl Island {
                 gate_openings: vec![0.0; timeline.gates.len()],
                 next_gate_openings: vec![0.0; timeline.gates.len()],
                 gate_continuations: vec![None; timeline.gates.len()],
-                step_decay: 1.0,
+                velocity_factor: 1.0,
                 changing_scheme,
                 next_lead_points: vec![0; led_links.len()],
             },

@@ -54,7 +54,7 @@ impl Island {
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|voice_script| voice_script.is_layer);
         let is_constant =
-            script.gates.is_empty() && parameters.changing_scheme.is_none() && parameters.step_decay >= 1.0;
+            script.gates.is_empty() && parameters.changing_scheme.is_none() && parameters.velocity_factor >= 1.0;
         let is_unwatched =
             monitors.ledger.is_none() && monitors.guard.is_none() && monitors.muted_parts.iter().next().is_none();
         has_only_strikes && is_constant && is_unwatched

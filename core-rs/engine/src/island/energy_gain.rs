@@ -68,7 +68,7 @@ impl EnergyGains {
     pub(super) fn new(scheme: &Scheme, fused_runs: &[LinkRun], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
         let has_few_space_springs = has_few_space_springs(scheme);
         let may_create_energy = |run: &&LinkRun| {
-            let can_kind_create = match &run.kind {
+            let may_kind_create = match &run.kind {
                 LinkRunKind::Ref | LinkRunKind::Followed { .. } | LinkRunKind::Dry { .. } => false,
                 LinkRunKind::Pairwise { .. } => false, // all contacts of pairs share one account
                 LinkRunKind::Hardening(_) => run.len == 1,
@@ -85,7 +85,7 @@ impl EnergyGains {
             // The energy of other links does not change with K alone, or is not that of one link.
             let is_constant = !is_led(run.first_link);
             let has_energy = matches!(run.kind, LinkRunKind::But(_) | LinkRunKind::Lnl { .. });
-            can_kind_create && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
+            may_kind_create && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
         };
         let single_links = |run: &LinkRun| {
             let run = run.clone();
@@ -100,13 +100,13 @@ impl EnergyGains {
         let candidate_runs = scheme.link_runs().chain(fused_runs);
         let candidate_runs = candidate_runs.filter(may_create_energy).flat_map(single_links);
         let checked_links: Vec<CheckedLink> = candidate_runs.map(CheckedLink::new).collect();
-        let account_iter = checked_links.iter().map(|CheckedLink { run, .. }| {
+        let new_accounts = checked_links.iter().map(|CheckedLink { run, .. }| {
             let is_fused = fused_runs
                 .iter()
                 .any(|fused_run| fused_run.links().contains(&run.first_link));
             LinkAccount::new(run, is_fused, run.gate.is_some() || is_led(run.first_link))
         });
-        let link_accounts = account_iter.collect();
+        let link_accounts = new_accounts.collect();
         let pair_gains = PairEnergyGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
         (!checked_links.is_empty() || pair_gains.is_some()).then(|| {
             Box::new(Self {

@@ -226,7 +226,7 @@ impl Island {
         let last_step = self.state.frame - 1;
         if self.state.monitors.energy_rise.is_none()
             || !last_step.is_multiple_of(CHECK_STEPS)
-            || self.state.parameters.step_decay < 1.0
+            || self.state.parameters.velocity_factor < 1.0
         {
             return None;
         }

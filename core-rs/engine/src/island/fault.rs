@@ -220,12 +220,12 @@ impl Island {
             state.parameters.changing_scheme = Some(scheme.with_changing_coefficients());
         }
         if let Some(fine_links) = &mut state.motion.fine_links {
-            let mut retained_bodies = 0;
+            let mut retained_count = 0;
             let new_body_indices: Vec<Option<usize>> = (state.motion.bodies.iter())
                 .map(|body| {
                     let stays = !body.touches_part(&is_muted, part);
-                    retained_bodies += usize::from(stays);
-                    stays.then(|| retained_bodies - 1)
+                    retained_count += usize::from(stays);
+                    stays.then(|| retained_count - 1)
                 })
                 .collect();
             for link in fine_links.remove_parts(&is_muted, &new_body_indices) {

@@ -71,9 +71,9 @@ pub(crate) struct FineLinks {
     /// Whether each contact pushes   (n_links)
     is_pushing: Vec<bool>,
     /// Whether each contact has pushed since the beginning of the frame, or dry friction held at its end.
-    is_resting: Vec<bool>,
+    has_rested: Vec<bool>,
     /// Whether the instant at which each contact closes or opens in this step is known.
-    is_located: Vec<bool>,
+    is_instant_known: Vec<bool>,
     /// Forces of contacts that are solved together [N], and their penetrations before [m]   (n_links)
     forces: Vec<f64>,
     penetrations: Vec<f64>,
@@ -86,9 +86,9 @@ pub(crate) struct FineLinks {
     /// Points that steps hold too, where energy may be created.
     stepped_points: SteppedPoints,
     /// Stages of the step that is computed.
-    stages: Stages,
+    step_stages: Stages,
     /// Whether a contact has ever been closed.
-    pub(super) has_closed: bool,
+    pub(super) has_contact_closed: bool,
     /// Work done so far.
     pub(super) work: FineWork,
 }
@@ -106,9 +106,9 @@ impl State for FineLinks {
             archive,
             laws,
             carried_forces,
-            is_resting,
+            has_rested,
             has_glided,
-            has_closed,
+            has_contact_closed,
             stepped_points,
             work
         )?;
@@ -163,8 +163,8 @@ impl FineLinks {
         let script = Arc::make_mut(&mut self.script);
         script.steps_min = steps;
         self.law_script = Arc::new(LawScript::new(script));
-        for law in &mut self.laws {
-            law.forget_previous_forces();
+        for law_state in &mut self.laws {
+            law_state.forget_previous_forces();
         }
     }
 
@@ -172,15 +172,15 @@ impl FineLinks {
     pub(super) fn continue_from(&mut self, old: &mut Self) {
         self.set_steps(old.script.steps_min);
         std::mem::swap(&mut self.carried_forces, &mut old.carried_forces);
-        if self.is_resting.len() == old.is_resting.len() {
-            self.is_resting.copy_from_slice(&old.is_resting);
+        if self.has_rested.len() == old.has_rested.len() {
+            self.has_rested.copy_from_slice(&old.has_rested);
         }
         if self.laws.len() == old.laws.len() {
-            for (law, old) in self.laws.iter_mut().zip(&old.laws) {
-                law.continue_from(old);
+            for (law_state, old) in self.laws.iter_mut().zip(&old.laws) {
+                law_state.continue_from(old);
             }
         }
-        self.has_closed = old.has_closed;
+        self.has_contact_closed = old.has_contact_closed;
     }
 
     /// Deflection of the bristles of a link [m]; `None` if it is not computed here.
@@ -229,8 +229,8 @@ impl FineLinks {
         retain_flagged(&mut script.link_joints, &retained_links);
         retain_flagged(&mut self.may_close, &retained_links);
         retain_flagged(&mut self.is_pushing, &retained_links);
-        retain_flagged(&mut self.is_resting, &retained_links);
-        retain_flagged(&mut self.is_located, &retained_links);
+        retain_flagged(&mut self.has_rested, &retained_links);
+        retain_flagged(&mut self.is_instant_known, &retained_links);
         retain_flagged(&mut self.forces, &retained_links);
         retain_flagged(&mut self.penetrations, &retained_links);
         retain_flagged(&mut self.link_constants, &retained_links);
@@ -372,7 +372,7 @@ impl FineLinks {
     /// Set the state that frames with open contacts leave.
     pub(super) fn set_open(&mut self, modules: &mut ModuleState) {
         self.may_close.fill(false);
-        self.is_resting.fill(false);
+        self.has_rested.fill(false);
         for run in &self.script.links {
             modules.link_forces[run.first_link] = 0.0;
         }

@@ -8,9 +8,9 @@ use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 pub(super) struct FrameEnergies {
     /// ½(V(e[n]) + V(e[n−1])) by the law of frame n; the difference to the energy by the previous law is injected by
     /// the change.
-    pub(super) stored_before: f64,
+    pub(super) last_energy: f64,
     /// ½(V(e[n+1]) + V(e[n])) by the same law.
-    pub(super) stored_after: f64,
+    pub(super) next_energy: f64,
     /// The elastic part of the force at frame n [N].
     pub(super) elastic_force: f64,
     /// Force that the damping adds when the link stretches by `step` [N].
@@ -23,8 +23,8 @@ impl FrameEnergies {
         let [potential_before, potential_now, potential_next] = [e_before, e_now, e_next].map(|e| law.potential(e));
         let elastic_force = law.spring(e_now);
         Self {
-            stored_before: 0.5 * (potential_now + potential_before),
-            stored_after: 0.5 * (potential_next + potential_now),
+            last_energy: 0.5 * (potential_now + potential_before),
+            next_energy: 0.5 * (potential_next + potential_now),
             elastic_force,
             damping_force: law.force(e_now, step * rate) - elastic_force,
         }
@@ -33,7 +33,7 @@ impl FrameEnergies {
 
 /// What the law of a run follows, and the factor from steps to the law's velocities [1/s]; `None` if it does not follow
 /// MATs.
-pub(super) fn following_law(run: &LinkRun) -> Option<(&Followed, f64)> {
+pub(super) fn followed_law_and_rate(run: &LinkRun) -> Option<(&Followed, f64)> {
     match &run.kind {
         LinkRunKind::Followed {
             law: followed_law,
@@ -45,8 +45,8 @@ pub(super) fn following_law(run: &LinkRun) -> Option<(&Followed, f64)> {
 }
 
 /// A buffer for the law of each run that follows MATs, in the order of the runs.
-pub(super) fn law_buffers(scheme: &Scheme) -> Vec<Law> {
-    let followed_runs = scheme.runs.iter().filter_map(following_law);
+pub(super) fn followed_law_buffers(scheme: &Scheme) -> Vec<Law> {
+    let followed_runs = scheme.runs.iter().filter_map(followed_law_and_rate);
     followed_runs
         .map(|(followed_law, _)| followed_law.law().clone())
         .collect()

@@ -72,47 +72,52 @@ impl LedLinks {
 
 /// The glides of an island.
 pub(super) fn build_glides(network: &Network, timeline: &Timeline, scheme: &Scheme) -> Result<Vec<GlidingMat>, Error> {
-    let (mut glides, mut ties): (Vec<GlidingMat>, Vec<Vec<Option<MatParameters>>>) = (Vec::new(), Vec::new());
+    let (mut glides, mut parameters_by_glide): (Vec<GlidingMat>, Vec<Vec<Option<MatParameters>>>) =
+        (Vec::new(), Vec::new());
     for glide in &timeline.glides {
-        let mut distinct_ties: Vec<Option<MatParameters>> = Vec::new();
+        let mut distinct_parameters: Vec<Option<MatParameters>> = Vec::new();
         let mut points = Vec::with_capacity(glide.points.len());
-        for &(frame, point_ties) in glide.points.iter() {
-            let tie_index = distinct_ties
+        for &(frame, point_parameters) in glide.points.iter() {
+            let parameter_index = distinct_parameters
                 .iter()
-                .position(|round_scheme| *round_scheme == point_ties);
-            let tie_index = tie_index.unwrap_or_else(|| {
-                distinct_ties.push(point_ties);
-                distinct_ties.len() - 1
+                .position(|parameters| *parameters == point_parameters);
+            let parameter_index = parameter_index.unwrap_or_else(|| {
+                distinct_parameters.push(point_parameters);
+                distinct_parameters.len() - 1
             });
-            points.push((frame, tie_index));
+            points.push((frame, parameter_index));
         }
         glides.push(GlidingMat {
             mat: glide.mat,
             points,
-            coefficients: Vec::with_capacity(distinct_ties.len()),
-            amplitude_corrections: Vec::with_capacity(distinct_ties.len()),
+            coefficients: Vec::with_capacity(distinct_parameters.len()),
+            amplitude_corrections: Vec::with_capacity(distinct_parameters.len()),
         });
-        ties.push(distinct_ties);
+        parameters_by_glide.push(distinct_parameters);
     }
     let mut errors = Vec::new();
     // One scheme gives each MAT one set of parameters, so every round computes the next set of each glide.
-    for round in 0..ties.iter().map(Vec::len).max().unwrap_or(0) {
-        let glides_of_round = || round_ties(&ties, round);
+    for round in 0..parameters_by_glide.iter().map(Vec::len).max().unwrap_or(0) {
+        let glides_of_round = || parameters_of_round(&parameters_by_glide, round);
         let mut round_network = network.clone();
-        for (glide_index, glide_ties) in glides_of_round() {
-            if let Some(round_ties) = glide_ties {
-                round_network.set_tie(glides[glide_index].mat, round_ties);
+        for (glide_index, glide_parameters) in glides_of_round() {
+            if let Some(parameters) = glide_parameters {
+                round_network.set_tie(glides[glide_index].mat, parameters);
             }
         }
-        let round_scheme = match Scheme::new(&round_network, timeline.rate) {
+        let scheme_of_round = match Scheme::new(&round_network, timeline.rate) {
             Ok(other) => other,
             Err(error) => {
                 errors.push(error);
                 continue;
             }
         };
-        for (glide_index, glide_ties) in glides_of_round() {
-            let scheme = if glide_ties.is_some() { &round_scheme } else { scheme };
+        for (glide_index, glide_parameters) in glides_of_round() {
+            let scheme = if glide_parameters.is_some() {
+                &scheme_of_round
+            } else {
+                scheme
+            };
             let glide = &mut glides[glide_index];
             let mat = glide.mat;
             let (kappa, zeta) = (scheme.kappa[mat], scheme.zeta[mat]);
@@ -148,13 +153,16 @@ fn amplitude_correction(ratios: CellRatios) -> f64 {
 }
 
 /// The glides that have parameters in a round: index of the glide, and its parameters.
-fn round_ties(
-    ties: &[Vec<Option<MatParameters>>],
+fn parameters_of_round(
+    parameters_by_glide: &[Vec<Option<MatParameters>>],
     round: usize,
 ) -> impl Iterator<Item = (usize, Option<MatParameters>)> + '_ {
-    let indexed_ties = ties.iter().enumerate();
-    indexed_ties
-        .filter_map(move |(glide_index, glide_ties)| glide_ties.get(round).map(|glide_ties| (glide_index, *glide_ties)))
+    let indexed_ties = parameters_by_glide.iter().enumerate();
+    indexed_ties.filter_map(move |(glide_index, glide_parameters)| {
+        glide_parameters
+            .get(round)
+            .map(|glide_parameters| (glide_index, *glide_parameters))
+    })
 }
 
 /// Write the parameters of frame `n` into `frame_scheme`; muted MATs are left out.
@@ -194,7 +202,7 @@ pub(super) struct LedLinks {
     lead: Lead,
     location: RunLocation,
     /// Whether it has the factors of the one before it, as all links of a string have.
-    has_same_factors: bool,
+    has_previous_factors: bool,
 }
 
 /// The list of the scheme that holds their run, and its index there.
@@ -230,7 +238,7 @@ pub(super) fn bind_leads(
             led_links.push(LedLinks {
                 lead: lead.on_links(run.first, run.len),
                 location,
-                has_same_factors: false,
+                has_previous_factors: false,
             });
         }
     }
@@ -242,7 +250,7 @@ pub(super) fn bind_leads(
 fn compare_factors(led_links: &mut [LedLinks]) {
     for index in 0..led_links.len() {
         let previous_led = index.checked_sub(1).map(|previous| &led_links[previous]);
-        led_links[index].has_same_factors =
+        led_links[index].has_previous_factors =
             previous_led.is_some_and(|previous_led| previous_led.lead.has_factors_of(&led_links[index].lead));
     }
 }
@@ -308,9 +316,9 @@ pub(super) fn apply_leads(
         let LedLinks {
             lead,
             location,
-            has_same_factors,
+            has_previous_factors,
         } = led;
-        if !has_same_factors {
+        if !has_previous_factors {
             factors = lead.factors_from(n, 0.0, next_point);
         }
         let (base_run, run_now) = match *location {

@@ -3,7 +3,7 @@
 //! Linear: H = ½δᵀ(M − Z/2)δ + ½x⁺ᵀKx closes exactly. Non-linear links store ½(V(e⁺) + V(e)); the difference to the
 //! work of the scheme is the production P, the quality figure of an explicit contact.
 
-use crate::island::followed_energy::{self, FrameEnergies, following_law};
+use crate::island::followed_energy::{self, FrameEnergies, followed_law_and_rate};
 use crate::island::pair_energy;
 use crate::kernel::{self, Neighbours};
 use crate::law::Law;
@@ -92,7 +92,7 @@ pub(super) struct Ledger {
     /// Buffers of contacts of all pairs, in the order of their runs
     neighbour_buffers: Vec<Neighbours>,
     /// Buffers of laws that follow MATs, in the order of their runs
-    law_buffers: Vec<Law>,
+    followed_law_buffers: Vec<Law>,
     /// 1/M of masses that follow MATs, in the frame before   (n_following_masses)
     previous_inverse_masses: Vec<f64>,
 }
@@ -168,15 +168,15 @@ impl Ledger {
                 .filter_map(LinkRun::pairwise)
                 .map(|pair_run| Neighbours::new(&pair_run))
                 .collect(),
-            law_buffers: followed_energy::law_buffers(scheme),
+            followed_law_buffers: followed_energy::followed_law_buffers(scheme),
             previous_inverse_masses: inverse_masses(scheme).collect(),
         };
         let gate_opening = |run: &LinkRun| run.gate.map_or(1.0, |gate| gates[gate].opening(0));
         let mut neighbour_buffers = ledger.neighbour_buffers.iter_mut();
-        let mut law_buffers = ledger.law_buffers.iter_mut();
+        let mut followed_law_buffers = ledger.followed_law_buffers.iter_mut();
         for run in scheme.link_runs().filter(|run| !is_spring(run)) {
-            if let Some((followed_law, rate)) = following_law(run) {
-                let Some(law_buffer) = law_buffers.next() else {
+            if let Some((followed_law, rate)) = followed_law_and_rate(run) {
+                let Some(law_buffer) = followed_law_buffers.next() else {
                     continue;
                 };
                 followed_law.update_law(law_buffer, |mat| modules.x[mat]);
@@ -188,7 +188,7 @@ impl Ledger {
                         [elongation_before, elongation_now, elongation_now],
                         0.0,
                     );
-                    ledger.link_energies[run.first_link + i] = frame_energies.stored_before;
+                    ledger.link_energies[run.first_link + i] = frame_energies.last_energy;
                 }
                 continue;
             }
@@ -270,7 +270,7 @@ impl Ledger {
             self.injected.add(-0.5 * proxy_travel * modules.force[proxy.mat]);
         }
         let mut neighbour_buffers = self.neighbour_buffers.iter_mut();
-        let mut law_buffers = self.law_buffers.iter_mut();
+        let mut followed_law_buffers = self.followed_law_buffers.iter_mut();
         for run in scheme.link_runs() {
             let [opening_now, opening_next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
             let [tension_next, tension_now] = shared_stiffnesses(run, modules);
@@ -306,8 +306,8 @@ impl Ledger {
             }
             // Positions at which the frame's forces acted.
             let position_at_force = |mat: usize| modules.x[mat] - modules.d[mat];
-            if let Some((followed_law, rate)) = following_law(run) {
-                let Some(law_buffer) = law_buffers.next() else {
+            if let Some((followed_law, rate)) = followed_law_and_rate(run) {
+                let Some(law_buffer) = followed_law_buffers.next() else {
                     continue;
                 };
                 followed_law.update_law(law_buffer, position_at_force);
@@ -316,8 +316,8 @@ impl Ledger {
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
                     let frame_stretch = run.stretch(i, position_at_force, |mat| modules.d[mat]);
                     let frame_energies = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
-                    let energy_before = std::mem::replace(&mut self.link_energies[link], frame_energies.stored_after);
-                    self.injected.add(frame_energies.stored_before - energy_before); // the law has changed
+                    let energy_before = std::mem::replace(&mut self.link_energies[link], frame_energies.next_energy);
+                    self.injected.add(frame_energies.last_energy - energy_before); // the law has changed
                     if finer_travel.is_some() {
                         self.lost.add(frame_energies.damping_force * frame_stretch);
                         continue;
@@ -326,7 +326,7 @@ impl Ledger {
                     let elastic_work = stretch * frame_energies.elastic_force;
                     self.lost.add(stretch * modules.link_forces[link] - elastic_work);
                     self.produced
-                        .add(frame_energies.stored_after - frame_energies.stored_before - elastic_work);
+                        .add(frame_energies.next_energy - frame_energies.last_energy - elastic_work);
                 }
                 continue;
             }

@@ -77,12 +77,12 @@ impl PendingStrikes {
 /// Adds the forces of the impulses to this step. A muted MAT takes none.
 pub(super) fn apply_strikes(
     strike_points: &[StrikePoint],
-    strike_pairs: &mut [PendingStrikes],
+    pending_strikes: &mut [PendingStrikes],
     scheme: &Scheme,
     modules: &mut ModuleState,
 ) {
-    let pending_strikes = strike_points.iter().zip(strike_pairs);
-    for (strike_point, point_strikes) in pending_strikes.filter(|(_, point_strikes)| point_strikes.has_impulses()) {
+    let points_and_strikes = strike_points.iter().zip(pending_strikes);
+    for (strike_point, point_strikes) in points_and_strikes.filter(|(_, point_strikes)| point_strikes.has_impulses()) {
         let impulse = point_strikes.take_next();
         if impulse != 0.0 && scheme.w[strike_point.mat] != 0.0 {
             modules.push(strike_point.mat, impulse * scheme.rate);

@@ -94,7 +94,7 @@ impl RunningModal {
         let mut script = ModalScript::new(plan);
         script.window_responses = pushes::window_responses(&script);
         let group_count = script.coefficients.len();
-        let furthest_motions: Vec<GroupMotion> = (0..group_count)
+        let start_motions: Vec<GroupMotion> = (0..group_count)
             .map(|group| GroupMotion {
                 positions: lanes(&plan.modes, group, |mode| plan.modes[mode].start_amplitude),
                 previous_positions: lanes(&plan.modes, group, |mode| plan.modes[mode].previous_amplitude),
@@ -109,7 +109,7 @@ impl RunningModal {
                 .sum()
         };
         let mut body = Self {
-            window_start_motions: furthest_motions.clone(),
+            window_start_motions: start_motions.clone(),
             row_history: vec![0.0; n_rows * WINDOW_FRAMES],
             present_index: 0,
             window_end_index: 0,
@@ -133,7 +133,7 @@ impl RunningModal {
             next_strike_index: 0,
             damped_coefficients: script.coefficients.clone(),
             is_damped: false,
-            window_end_motions: furthest_motions,
+            window_end_motions: start_motions,
             script: Arc::new(script),
         };
         let port_shapes = plan.ports.iter().map(|port| &port.shape);
@@ -195,8 +195,8 @@ impl RunningModal {
 
     /// The frame of its next strike, or `u64::MAX`.
     pub(crate) fn next_strike_frame(&self) -> u64 {
-        let next_blow = self.script.strike_steps.get(self.next_strike_index);
-        next_blow.map_or(u64::MAX, |blow| blow.0)
+        let next_strike_step = self.script.strike_steps.get(self.next_strike_index);
+        next_strike_step.map_or(u64::MAX, |strike_step| strike_step.0)
     }
 
     /// For a body at rest: move the present by `frames`, which may be negative, within the frames ahead.
@@ -455,7 +455,10 @@ impl RunningModal {
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.next_strike_index = self.script.strike_steps.partition_point(|blow| blow.0 < n);
+        self.next_strike_index = self
+            .script
+            .strike_steps
+            .partition_point(|strike_step| strike_step.0 < n);
     }
 
     /// Take over the state of an equal body; its strikes may differ. How far that body was computed ahead does not
@@ -505,8 +508,8 @@ impl RunningModal {
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
     fn compute_ahead(&mut self, n: u64) {
-        let next_blow = self.script.strike_steps.get(self.next_strike_index);
-        let free_frames = next_blow.map_or(u64::MAX, |next_blow| next_blow.0.saturating_sub(n));
+        let next_strike_step = self.script.strike_steps.get(self.next_strike_index);
+        let free_frames = next_strike_step.map_or(u64::MAX, |next_strike_step| next_strike_step.0.saturating_sub(n));
         // The responses to pushes do not know the damping.
         let frames_ahead = if self.contact_free_frames < CONTACT_FREE_FRAMES_MIN || self.is_damped {
             1

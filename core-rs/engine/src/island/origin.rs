@@ -12,7 +12,7 @@ pub(super) fn initial_motion(
     scheme: &Scheme,
     timeline: &Timeline,
     drives: &[Drive],
-    is_active: &dyn Fn(usize) -> bool,
+    is_active_mat: &dyn Fn(usize) -> bool,
 ) -> ModuleState {
     let drive_forces: Vec<_> = drives
         .iter()
@@ -20,7 +20,14 @@ pub(super) fn initial_motion(
         .map(|drive| (drive.mat, drive.value(0, scheme.rate)))
         .collect();
     let start_positions = initial_positions(network, timeline, drives);
-    let mut start_steps = backward_steps(network, timeline, scheme, &start_positions, &drive_forces, is_active);
+    let mut start_steps = backward_steps(
+        network,
+        timeline,
+        scheme,
+        &start_positions,
+        &drive_forces,
+        is_active_mat,
+    );
     for (port, key) in timeline.delayed_ports() {
         start_steps[port] = start_steps[key];
     }

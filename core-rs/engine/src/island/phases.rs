@@ -26,10 +26,14 @@ pub(super) fn set_inputs(script: &Script, state: &mut State, mut scheme: Option<
         }
     }
     parameters.set_gates(&script.gates, n);
-    if parameters.step_decay < 1.0 {
-        motion.modules.d.iter_mut().for_each(|d| *d *= parameters.step_decay);
+    if parameters.velocity_factor < 1.0 {
+        motion
+            .modules
+            .d
+            .iter_mut()
+            .for_each(|d| *d *= parameters.velocity_factor);
         if let Some(guard) = &mut monitors.guard {
-            guard.scale_velocities(parameters.step_decay);
+            guard.scale_velocities(parameters.velocity_factor);
         }
         motion.set_ports(); // bodies are damped by themselves
     }
@@ -142,7 +146,7 @@ impl StepInProgress<'_, '_> {
     }
 
     /// Writes the outputs of this frame, the forces on hands, and the counters.
-    pub(super) fn observe(&mut self, _: &ForcesComplete, out: Option<&mut [f64]>) {
+    pub(super) fn write_outputs_and_counters(&mut self, _: &ForcesComplete, out: Option<&mut [f64]>) {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
             parameters,
@@ -204,7 +208,7 @@ impl StepInProgress<'_, '_> {
             monitors,
             ..
         } = &mut *self.state;
-        if finer_result.is_some() || parameters.step_decay < 1.0 {
+        if finer_result.is_some() || parameters.velocity_factor < 1.0 {
             monitors.energy_gains.iter_mut().for_each(|gains| gains.restart());
             let fine_links = motion.fine_links.iter_mut();
             fine_links.for_each(|fine_links| fine_links.stepped_points_mut().restart());
@@ -254,7 +258,7 @@ impl StepInProgress<'_, '_> {
     }
 
     /// Run one phase of the frame for every voice.
-    fn for_each_voice(&mut self, phase: fn(&mut Voice, &VoiceScript, &mut VoiceScene<'_>, u64)) {
+    fn for_each_voice(&mut self, phase_of_voice: fn(&mut Voice, &VoiceScript, &mut VoiceScene<'_>, u64)) {
         let State { motion, sources, .. } = &mut *self.state;
         let mut voice_scene = VoiceScene {
             scheme: self.scheme,
@@ -268,7 +272,7 @@ impl StepInProgress<'_, '_> {
         };
         for (voice, voice_script) in sources.voices.iter_mut().zip(&self.script.voices) {
             if voice.is_awake(voice_script, voice_scene.gestures, self.n) {
-                phase(voice, voice_script, &mut voice_scene, self.n);
+                phase_of_voice(voice, voice_script, &mut voice_scene, self.n);
             }
         }
     }

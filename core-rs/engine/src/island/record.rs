@@ -43,7 +43,7 @@ pub(crate) struct FramedErgon {
     pub(crate) record: ErgonRecord,
 }
 
-/// Ergons kept since the last `take`, if any are kept.
+/// Ergons since the last [`ErgonStream::take_all`], if any are kept.
 #[derive(Clone, Debug)]
 pub(crate) struct ErgonStream(Option<Vec<FramedErgon>>);
 

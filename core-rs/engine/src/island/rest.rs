@@ -219,7 +219,7 @@ impl Island {
             }
             frame_now
         };
-        ThreadTeam::with(1, search_silence)
+        ThreadTeam::with_threads(1, search_silence)
     }
 
     /// Reserve room for the state, so that checks of it do not allocate.
@@ -294,9 +294,9 @@ impl Island {
     fn is_unchanged(&mut self, frames: u64) -> bool {
         let (frames, steps_per_frame) = (frames as i64, i64::from(self.oversampling));
         let reference_state = std::mem::take(&mut self.rest_search.reference_state);
-        let mut same_archive = Archive::Compare(&reference_state);
+        let mut comparison_archive = Archive::Compare(&reference_state);
         self.shift_frames(-frames * steps_per_frame, -frames);
-        let is_same_state = self.archive_whole_state(&mut same_archive).is_ok() && same_archive.is_empty();
+        let is_same_state = self.archive_whole_state(&mut comparison_archive).is_ok() && comparison_archive.is_empty();
         self.shift_frames(frames * steps_per_frame, frames);
         self.rest_search.reference_state = reference_state;
         is_same_state

@@ -101,7 +101,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<InputSigna
         }),
         _ => None,
     };
-    let all_drives: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
+    let input_drives: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
     let new_signal = |drive: &SoundDrive| match drive.input.settings.source {
         InputSource::Channel(_) => InputSignal::Samples(Samples {
             first_frame: None,
@@ -111,8 +111,8 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<InputSigna
         }),
         InputSource::Value { .. } => InputSignal::Ramp(None),
     };
-    let input_signals = all_drives.iter().map(new_signal).collect();
-    (all_drives, input_signals)
+    let input_signals = input_drives.iter().map(new_signal).collect();
+    (input_drives, input_signals)
 }
 
 /// Add the forces of step `n`, and impose the positions at its end.

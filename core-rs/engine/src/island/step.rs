@@ -6,7 +6,7 @@
 //! | `apply_links`    | x, d                                          | forces of links, drives and inputs          |
 //! | `apply_strikes`  | forces without written hands                  | ergons and pushes, as forces                |
 //! | `solve_contacts` | all forces but those of contacts and friction | forces of contacts and friction             |
-//! | `observe`        | all forces, x, d                              | outputs, forces on hands, energy accounts   |
+//! | `write_outputs_and_counters` | all forces, x, d                  | outputs, forces on hands, energy accounts   |
 //! | `advance`        | all forces                                    | x, d of frame n + 1; a frame in finer steps |
 //! | `update_ledger`        | x, d of frame n + 1                           | ledger                                      |
 //!
@@ -92,7 +92,7 @@ impl Island {
         let links_applied = frame.apply_links();
         let strikes_applied = frame.apply_strikes(links_applied);
         let forces_complete = frame.solve_contacts(strikes_applied);
-        frame.observe(&forces_complete, outputs);
+        frame.write_outputs_and_counters(&forces_complete, outputs);
         let move_result = frame.advance(forces_complete);
         frame.update_ledger(&move_result);
         state.parameters.changing_scheme = changing_scheme;

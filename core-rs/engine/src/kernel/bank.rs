@@ -273,7 +273,7 @@ macro_rules! loops {
             }
 
             $(#[$feature])?
-            pub(super) unsafe fn weighted(
+            pub(super) unsafe fn sum_weighted(
                 coefficients: &GroupCoefficients,
                 motion: &mut GroupMotion,
                 weights: &[Lanes],
@@ -388,7 +388,7 @@ macro_rules! fastest {
 }
 fastest!(run_on, run, coefficients: &GroupCoefficients, motion: &mut GroupMotion, sums: &mut [LaneSum]);
 fastest!(
-    weighted_on, weighted, coefficients: &GroupCoefficients, motion: &mut GroupMotion, weights: &[Lanes],
+    weighted_on, sum_weighted, coefficients: &GroupCoefficients, motion: &mut GroupMotion, weights: &[Lanes],
     n_frames: usize, sums: &mut [LaneSum], stride: usize
 );
 fastest!(

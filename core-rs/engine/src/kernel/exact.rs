@@ -153,7 +153,7 @@ impl ExactContact {
         if self.beta == 0.0 {
             let push_force =
                 self.gradient(free_depth, depth_before) + self.damping_force(free_depth, depth_before, depth_now);
-            return (self.law.limited(push_force), 1);
+            return (self.law.limited_force(push_force), 1);
         }
         // Damping acts while the contact is closed: p ← (p + γw)/(1 + γ), β ← β/(1 + γ).
         let gamma = if depth_now > 0.0 {
@@ -168,7 +168,7 @@ impl ExactContact {
         } else {
             self.solve_power_law(p, depth_before, beta)
         };
-        (self.law.limited((free_depth - depth) / self.beta), evaluations)
+        (self.law.limited_force((free_depth - depth) / self.beta), evaluations)
     }
 
     fn damping_force(&self, u: f64, w: f64, depth_now: f64) -> f64 {

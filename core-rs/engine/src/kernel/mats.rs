@@ -56,11 +56,11 @@ pub(crate) fn advance_mats(
 
 fn advance_free(scheme: &Scheme, modules: &mut ModuleState) -> bool {
     let ModuleState { x, d, force, .. } = modules;
-    if let Some(previous) = &mut modules.previous_state {
-        previous.swap(x, d);
+    if let Some(previous_state) = &mut modules.previous_state {
+        previous_state.swap(x, d);
     }
-    let previous = modules.previous_state.as_deref();
-    move_range(scheme, 0..force.len(), force, previous, [x, d])
+    let previous_state = modules.previous_state.as_deref();
+    move_range(scheme, 0..force.len(), force, previous_state, [x, d])
 }
 
 /// [`advance_free`], with the ranges of a partition computed by a thread team.
@@ -71,31 +71,33 @@ fn advance_free_in_ranges(
     modules: &mut ModuleState,
 ) -> bool {
     let ModuleState { x, d, force, .. } = modules;
-    if let Some(previous) = &mut modules.previous_state {
-        previous.swap(x, d);
+    if let Some(previous_state) = &mut modules.previous_state {
+        previous_state.swap(x, d);
     }
-    let previous = modules.previous_state.as_deref();
+    let previous_state = modules.previous_state.as_deref();
     let all_bounded = AtomicBool::new(true);
     mesh_partition.for_each_range(team, [x, d], |mats, moved| {
-        if !move_range(scheme, mats, force, previous, moved) {
+        if !move_range(scheme, mats, force, previous_state, moved) {
             all_bounded.store(false, Ordering::Relaxed);
         }
     });
     all_bounded.into_inner()
 }
 
-/// Move a range of MATs: in place, or from the positions and steps in `previous`. `force` holds the forces of all
+/// Move a range of MATs: in place, or from the positions and steps in `previous_state`. `force` holds the forces of all
 /// MATs,
 /// `moved` the positions and steps of the range. Returns whether all positions are bounded.
 fn move_range(
     scheme: &Scheme,
     mats: Range<usize>,
     force: &[f64],
-    previous: Option<&PreviousState>,
+    previous_state: Option<&PreviousState>,
     moved: [&mut [f64]; 2],
 ) -> bool {
     let previous_range = |part_range: &Range<usize>| {
-        previous.map(|previous| [&previous.x, &previous.d].map(|mat_values| &mat_values[part_range.clone()]))
+        previous_state.map(|previous_state| {
+            [&previous_state.x, &previous_state.d].map(|mat_values| &mat_values[part_range.clone()])
+        })
     };
     let [positions, last_steps] = moved;
     if scheme.equal_ranges.is_empty() {
@@ -104,7 +106,7 @@ fn move_range(
             &force[mats.clone()],
         );
         return match previous_range(&mats) {
-            Some(previous) => move_from(coefficients, force, previous, positions, last_steps),
+            Some(previous_state) => move_from(coefficients, force, previous_state, positions, last_steps),
             None => move_all(coefficients, force, positions, last_steps),
         };
     }
@@ -118,10 +120,10 @@ fn move_range(
         let local_range = part_range.start - mats.start..part_range.end - mats.start;
         let (positions, last_steps) = (&mut positions[local_range.clone()], &mut last_steps[local_range]);
         all_bounded &= match previous_range(&part_range) {
-            Some(previous) => move_equal_from(
+            Some(previous_state) => move_equal_from(
                 equal_range.coefficients,
                 &force[part_range],
-                previous,
+                previous_state,
                 positions,
                 last_steps,
             ),

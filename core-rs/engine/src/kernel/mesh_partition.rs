@@ -209,7 +209,7 @@ mod tests {
                 let mut mesh_partition = MeshPartition::new(&springs, N_MAT, parts);
                 assert!(mesh_partition.0.len() > 1);
                 let mut range_force = vec![f64::NAN; N_MAT];
-                ThreadTeam::with(threads, |team| {
+                ThreadTeam::with_threads(threads, |team| {
                     mesh_partition.forces(team, ForcePart::Total, [&x, &v], &mut range_force);
                 });
                 let force_bits = |force: &[f64]| force.iter().map(|f| f.to_bits()).collect::<Vec<_>>();

@@ -84,8 +84,8 @@ pub(super) fn add_space_forces(
         for ((link_force, &e), &step) in link_force.iter_mut().zip(&*e).zip(&*step) {
             *link_force = link.law.force([run.k, run.z], e, step) * gate_opening;
         }
-        for along in [&mut *direction_x, &mut *direction_y, &mut *direction_z] {
-            scale_directions(link_force, along);
+        for directions in [&mut *direction_x, &mut *direction_y, &mut *direction_z] {
+            scale_directions(link_force, directions);
         }
     }
     let axis_forces = axis_ends.into_iter().zip([direction_x, direction_y, direction_z]);
@@ -174,12 +174,12 @@ wide! {
         let ends = ends.equal_slices(n);
         let [stiffness, damping, rest, opening] = spring_terms;
         for i in 0..n {
-            let (along, e, step) = link_line(&ends, rest, i);
+            let (directions, e, step) = link_line(&ends, rest, i);
             let force = (stiffness * e + damping * step) * opening;
             f[i] = force;
-            x[i] = force * along[0];
-            y[i] = force * along[1];
-            z[i] = force * along[2];
+            x[i] = force * directions[0];
+            y[i] = force * directions[1];
+            z[i] = force * directions[2];
         }
     }
 }
@@ -199,18 +199,18 @@ wide! {
         let (x, y, z, step) = (&mut x[..n], &mut y[..n], &mut z[..n], &mut step[..n]);
         let ends = ends.equal_slices(n);
         for i in 0..n {
-            let along;
-            (along, e[i], step[i]) = link_line(&ends, rest, i);
-            [x[i], y[i], z[i]] = along;
+            let directions;
+            (directions, e[i], step[i]) = link_line(&ends, rest, i);
+            [x[i], y[i], z[i]] = directions;
         }
     }
 }
 
 wide! {
     /// Turn components of unit vectors into components of forces.
-    fn scale_directions(f: &[f64], along: &mut [f64]) {
-        for (along, f) in along.iter_mut().zip(f) {
-            *along *= f;
+    fn scale_directions(f: &[f64], directions: &mut [f64]) {
+        for (directions, f) in directions.iter_mut().zip(f) {
+            *directions *= f;
         }
     }
 }

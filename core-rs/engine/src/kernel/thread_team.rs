@@ -52,7 +52,7 @@ impl ThreadTeam<'_> {
     }
 
     /// Call `run` with a team of `threads` threads, including the calling one; with fewer if the system starts fewer.
-    pub(crate) fn with<R>(threads: usize, run: impl FnOnce(&mut ThreadTeam<'_>) -> R) -> R {
+    pub(crate) fn with_threads<R>(threads: usize, run: impl FnOnce(&mut ThreadTeam<'_>) -> R) -> R {
         if threads < 2 {
             return run(&mut ThreadTeam::alone());
         }
@@ -222,7 +222,7 @@ mod tests {
         let round_count = if cfg!(miri) { 20 } else { 2_000 }; // Miri takes seconds for a hundred
         for threads in 1..=4 {
             let mut call_counts = [0_u64; 5];
-            ThreadTeam::with(threads, |team| {
+            ThreadTeam::with_threads(threads, |team| {
                 for round in 0..round_count {
                     team.for_each(&mut call_counts, |part| *part += 1);
                     assert_eq!(*call_counts.iter().max().unwrap(), round + 1);
@@ -237,7 +237,7 @@ mod tests {
         for failing_thread in 0..3 {
             let mut part_numbers = [0, 1, 2];
             let team_outcome = catch_unwind(AssertUnwindSafe(|| {
-                ThreadTeam::with(3, |team| {
+                ThreadTeam::with_threads(3, |team| {
                     team.for_each(&mut part_numbers, |part| assert_ne!(*part, failing_thread));
                     team.for_each(&mut part_numbers, |part| *part += 10);
                 });

@@ -50,7 +50,7 @@ pub struct Motion<const N: usize = 0> {
     half_damping: f64,
     denominator: f64,
     /// The last forces, the newest last (those before the first tick are zero), and the number of ticks so far.
-    sent: Vec<f64>,
+    sent_forces: Vec<f64>,
     ticks: usize,
     /// Steps of a tick in which the previous force still acts.
     previous_force_steps: f64,
@@ -134,7 +134,7 @@ impl<const N: usize> Motion<N> {
             h_over_m,
             half_damping,
             denominator: 1.0 + half_damping,
-            sent: vec![0.0; full_ticks as usize + 2],
+            sent_forces: vec![0.0; full_ticks as usize + 2],
             ticks: 0,
             previous_force_steps: (shift_ticks - full_ticks) * steps as f64,
             x: key.start,
@@ -161,10 +161,10 @@ impl<const N: usize> Motion<N> {
 
     /// Advance by one tick, with a force that acts after the delay and one that acts at once [N].
     pub fn tick(&mut self, force: f64, direct: f64) {
-        self.sent.remove(0);
-        self.sent.push(force);
+        self.sent_forces.remove(0);
+        self.sent_forces.push(force);
         self.ticks += 1;
-        let (force_before, force_now) = (self.sent[0], self.sent[1]);
+        let (force_before, force_now) = (self.sent_forces[0], self.sent_forces[1]);
         for step in 0..self.steps {
             let steps_left = self.previous_force_steps - step as f64; // steps in which the previous force still acts
             if steps_left >= 1.0 {
@@ -205,7 +205,7 @@ impl<const N: usize> Motion<N> {
             h_over_m: self.h_over_m,
             half_damping: self.half_damping,
             denominator: self.denominator,
-            sent: self.sent.clone(),
+            sent_forces: self.sent_forces.clone(),
             ticks: self.ticks,
             previous_force_steps: self.previous_force_steps,
             x: self.x,
@@ -222,7 +222,7 @@ impl<const N: usize> Motion<N> {
     /// Share of the force of `tick` in the force of a step, in which the earlier of two forces has the share `before`.
     fn share_of(&self, tick: usize, before: f64) -> f64 {
         let ticks_ago = self.ticks.wrapping_sub(tick + 1); // 0: the newest
-        let oldest_age = self.sent.len() - 1;
+        let oldest_age = self.sent_forces.len() - 1;
         if ticks_ago == oldest_age {
             before
         } else if ticks_ago == oldest_age - 1 {

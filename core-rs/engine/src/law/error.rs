@@ -74,14 +74,14 @@ impl LawError {
         }
     }
 
-    pub(super) fn suggesting(mut self, suggestion: impl Into<Option<String>>) -> Self {
+    pub(super) fn with_suggestion(mut self, suggestion: impl Into<Option<String>>) -> Self {
         self.suggestion = suggestion.into();
         self
     }
 }
 
 /// The candidate nearest to `word`: at most one slip away for words of up to four letters, two for longer ones.
-pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
+pub(super) fn nearest_word<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
     let letters: Vec<char> = word.chars().flat_map(char::to_lowercase).collect();
     // The table of slips grows with the length, and a word this long is not a typing error.
     if letters.len() > 32 {

@@ -16,8 +16,8 @@ pub const NATIVE_LANES: usize = 64;
 pub type Entry =
     unsafe extern "C" fn(d: *const f64, v: *const f64, out: *mut f64, constants: *const f64, room: *mut f64, n: i64);
 
-/// A function of the core over lanes: reads `room` from `a` (and `b`) on, writes `n` values from `to` on.
-pub type Function = unsafe extern "C" fn(room: *mut f64, a: i64, b: i64, to: i64, n: i64);
+/// A function of the core over lanes: reads `room` from `a` (and `b`) on, writes `n` values from `target` on.
+pub type Function = unsafe extern "C" fn(room: *mut f64, a: i64, b: i64, target: i64, n: i64);
 
 /// Functions that native code calls, so that its results have the same bits as the core's.
 pub const FUNCTIONS: [(&str, Function); 4] = [("exp", exp), ("tanh", tanh), ("noise", noise), ("power", power)];
@@ -81,9 +81,9 @@ wide! {
     }
 }
 
-unsafe extern "C" fn exp(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) {
+unsafe extern "C" fn exp(room: *mut f64, operand: i64, _: i64, target: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
-    let (operand, result) = unsafe { (room_values(room, operand, n), room_values_mut(room, to, n)) };
+    let (operand, result) = unsafe { (room_values(room, operand, n), room_values_mut(room, target, n)) };
     // Most LNLs of a score are alone in their run.
     if let ([operand], [result]) = (operand, &mut *result) {
         *result = Unary::Exp.apply(*operand);
@@ -92,33 +92,33 @@ unsafe extern "C" fn exp(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) 
     }
 }
 
-unsafe extern "C" fn tanh(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) {
+unsafe extern "C" fn tanh(room: *mut f64, operand: i64, _: i64, target: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
-    unsafe { link_by_link(Unary::Tanh, room, operand, to, n) };
+    unsafe { link_by_link(Unary::Tanh, room, operand, target, n) };
 }
 
-unsafe extern "C" fn noise(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) {
+unsafe extern "C" fn noise(room: *mut f64, operand: i64, _: i64, target: i64, n: i64) {
     // SAFETY: as above.
-    unsafe { link_by_link(Unary::Noise, room, operand, to, n) };
+    unsafe { link_by_link(Unary::Noise, room, operand, target, n) };
 }
 
 /// # Safety
-/// `operand` and `to` are places of two rows of the room.
-unsafe fn link_by_link(operation: Unary, room: *mut f64, operand: i64, to: i64, n: i64) {
+/// `operand` and `target` are places of two rows of the room.
+unsafe fn link_by_link(operation: Unary, room: *mut f64, operand: i64, target: i64, n: i64) {
     // SAFETY: as above.
-    let (operand, result) = unsafe { (room_values(room, operand, n), room_values_mut(room, to, n)) };
+    let (operand, result) = unsafe { (room_values(room, operand, n), room_values_mut(room, target, n)) };
     for (result, operand) in result.iter_mut().zip(operand) {
         *result = operation.apply(*operand);
     }
 }
 
-unsafe extern "C" fn power(room: *mut f64, power_base: i64, exponent: i64, to: i64, n: i64) {
+unsafe extern "C" fn power(room: *mut f64, power_base: i64, exponent: i64, target: i64, n: i64) {
     // SAFETY: native code passes places of three rows of the room.
     let (power_base, exponent, result) = unsafe {
         (
             room_values(room, power_base, n),
             room_values(room, exponent, n),
-            room_values_mut(room, to, n),
+            room_values_mut(room, target, n),
         )
     };
     for (result, (power_base, exponent)) in result.iter_mut().zip(power_base.iter().zip(exponent)) {

@@ -3,7 +3,7 @@
 use crate::maths;
 
 /// √(60/11): heights from -1 to 1 have the variance 1/3, and the curve through them 11/20 of it.
-const SCALE: f64 = 2.335_496_832_484_569_3;
+const RMS_NORMALISATION: f64 = 2.335_496_832_484_569_3;
 
 /// A smooth curve over `x` with the mean 0 and the root mean square 1, never beyond ±2.34.
 ///
@@ -13,20 +13,20 @@ const SCALE: f64 = 2.335_496_832_484_569_3;
 /// at range ends; this makes it see the maximum.
 pub(super) fn noise(x: f64) -> f64 {
     let nearest = maths::floor(x + 0.5);
-    let t = x - nearest; // NaN if x is infinite
-    let number = nearest as i64;
-    let before = 0.5 * (0.5 - t) * (0.5 - t) * height(number.wrapping_sub(1));
-    let after = 0.5 * (0.5 + t) * (0.5 + t) * height(number.wrapping_add(1));
-    SCALE * (before + (0.75 - t * t) * height(number) + after)
+    let offset = x - nearest; // NaN if x is infinite
+    let index = nearest as i64;
+    let left_term = 0.5 * (0.5 - offset) * (0.5 - offset) * height(index.wrapping_sub(1));
+    let right_term = 0.5 * (0.5 + offset) * (0.5 + offset) * height(index.wrapping_add(1));
+    RMS_NORMALISATION * (left_term + (0.75 - offset * offset) * height(index) + right_term)
 }
 
 /// A random height from -1 to 1: SplitMix64 (Steele, Lea and Flood, 2014) of a whole number.
-fn height(number: i64) -> f64 {
+fn height(index: i64) -> f64 {
     const STEP: f64 = 1.0 / (1_u64 << 52) as f64;
-    if number.unsigned_abs() <= 1 {
+    if index.unsigned_abs() <= 1 {
         return 1.0;
     }
-    let mut mixed = (number as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mut mixed = (index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     mixed = (mixed ^ mixed >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
     mixed ^= mixed >> 31;
@@ -42,11 +42,13 @@ mod tests {
     #[test]
     fn noise_moments_equal_those_of_spline() {
         const N: u32 = 400_000;
-        const EACH: u32 = 4; // places for each whole number
-        let values: Vec<f64> = (0..N).map(|i| noise(100.0 + f64::from(i) / f64::from(EACH))).collect();
+        const SAMPLES_PER_STEP: u32 = 4; // places for each whole number
+        let values: Vec<f64> = (0..N)
+            .map(|i| noise(100.0 + f64::from(i) / f64::from(SAMPLES_PER_STEP)))
+            .collect();
         let product_mean = |lag: u32| {
-            let pairs = values.iter().zip(&values[(lag * EACH) as usize..]);
-            pairs.map(|(a, b)| a * b).sum::<f64>() / f64::from(N - lag * EACH)
+            let pairs = values.iter().zip(&values[(lag * SAMPLES_PER_STEP) as usize..]);
+            pairs.map(|(a, b)| a * b).sum::<f64>() / f64::from(N - lag * SAMPLES_PER_STEP)
         };
         assert!((values.iter().sum::<f64>() / f64::from(N)).abs() < 0.02);
         for (lag, correlation) in [(0, 1.0), (1, 26.0 / 66.0), (2, 1.0 / 66.0), (3, 0.0), (7, 0.0)] {
@@ -58,8 +60,8 @@ mod tests {
     #[test]
     fn noise_is_greatest_at_zero_and_smooth() {
         let places = || (-40_000..40_000).map(|i| f64::from(i) / 16.0);
-        assert!((noise(0.0) - SCALE).abs() < 1e-15);
-        assert!(places().all(|x| noise(x).abs() <= SCALE + 1e-12));
+        assert!((noise(0.0) - RMS_NORMALISATION).abs() < 1e-15);
+        assert!(places().all(|x| noise(x).abs() <= RMS_NORMALISATION + 1e-12));
         assert!(places().all(|x| (noise(x + 1e-7) - noise(x)).abs() < 5e-7));
         assert!(noise(f64::INFINITY).is_nan() && noise(f64::NAN).is_nan() && noise(-1e300).is_finite());
     }

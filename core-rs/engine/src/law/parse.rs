@@ -8,7 +8,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use super::error::{LawError, LawField, nearest};
+use super::error::{LawError, LawField, nearest_word};
 use super::token::{Kind, Token, tokens};
 use super::tree::{Binary, Node, Tree, Unary};
 
@@ -133,7 +133,7 @@ impl Parser<'_> {
         let mut left_node = self.operand()?;
         loop {
             let operator_token = self.peek();
-            let Some((_, operation, binding)) = operator_token.among(&INFIX, |row| row.0) else {
+            let Some((_, operation, binding)) = operator_token.row_of_sign(&INFIX, |row| row.0) else {
                 return Ok(left_node);
             };
             if *binding < least {
@@ -155,7 +155,7 @@ impl Parser<'_> {
     /// Refuse `a < b < c`, which readers understand in two ways.
     fn refuse_chain(&self) -> Result<(), LawError> {
         let next_token = self.peek();
-        match next_token.among(&INFIX, |row| row.0) {
+        match next_token.row_of_sign(&INFIX, |row| row.0) {
             Some((_, _, COMPARE)) => {
                 let message = "Comparisons do not chain; multiply two of them: (a < b)*(b < c).";
                 Err(self.error(&next_token, message.into()))
@@ -214,7 +214,7 @@ impl Parser<'_> {
             (_, None) => {
                 let message = format!("There is no constant `{}`.", shortened(name));
                 let known = self.variables().chain(FUNCTIONS.iter().map(|(known, _)| *known));
-                Err(self.error(token, message).suggesting(nearest(name, known)))
+                Err(self.error(token, message).with_suggestion(nearest_word(name, known)))
             }
         }
     }
@@ -238,7 +238,7 @@ impl Parser<'_> {
             shortened(name)
         );
         let known = FUNCTIONS.iter().map(|(known, _)| *known);
-        self.error(token, message).suggesting(nearest(name, known))
+        self.error(token, message).with_suggestion(nearest_word(name, known))
     }
 
     fn call(&mut self, name: &str, function: &Function, token: &Token) -> Result<usize, LawError> {

@@ -72,7 +72,7 @@ const INTERVALS: usize = 10_000;
 /// Ends of the first intervals, as fractions of d: laws have their detail (slack, detents) near rest.
 const FIRST_ENDS: [f64; 5] = [1.0, 0.125, 0.015_625, 0.001_953_125, 0.0];
 /// Most intervals that wait at once.
-const ROOM: usize = FIRST_ENDS.len() + DEPTH as usize + 1;
+const PANELS_MAX: usize = FIRST_ENDS.len() + DEPTH as usize + 1;
 
 /// ∫ f from 0 to `d`, to some 1e-13 of ∫|f|; kinks and jumps inside are found by bisection.
 pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
@@ -82,20 +82,20 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
     let panel_ends = FIRST_ENDS.windows(2);
     // The deepest panel comes first, so at most one panel of each depth waits. The fixed array avoids allocation while
     // a simulation steps.
-    let mut waiting = [const { Panel::NONE }; ROOM];
+    let mut pending_panels = [const { Panel::NONE }; PANELS_MAX];
     let mut n_waiting = 0;
     for panel_end in panel_ends {
-        waiting[n_waiting] = Panel::new(&f, d * panel_end[1], d * panel_end[0], 0);
+        pending_panels[n_waiting] = Panel::new(&f, d * panel_end[1], d * panel_end[0], 0);
         n_waiting += 1;
     }
-    let mut integral_scale: f64 = waiting[..n_waiting].iter().map(|panel| panel.size).sum();
+    let mut integral_scale: f64 = pending_panels[..n_waiting].iter().map(|panel| panel.size).sum();
     let mut integral_sum = 0.0;
     for _ in 0..INTERVALS {
         let Some(last_panel) = n_waiting.checked_sub(1) else {
             break;
         };
         n_waiting = last_panel;
-        let panel = waiting[last_panel];
+        let panel = pending_panels[last_panel];
         // A narrow detent that coarse panels missed counts as soon as a panel finds it.
         integral_scale = f64::max(integral_scale, panel.size);
         if panel.error <= TOLERANCE * integral_scale || panel.depth == DEPTH {
@@ -103,11 +103,11 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
             continue;
         }
         let panel_middle = panel.a + 0.5 * (panel.b - panel.a);
-        waiting[last_panel] = Panel::new(&f, panel_middle, panel.b, panel.depth + 1);
-        waiting[last_panel + 1] = Panel::new(&f, panel.a, panel_middle, panel.depth + 1);
+        pending_panels[last_panel] = Panel::new(&f, panel_middle, panel.b, panel.depth + 1);
+        pending_panels[last_panel + 1] = Panel::new(&f, panel.a, panel_middle, panel.depth + 1);
         n_waiting = last_panel + 2;
     }
-    let panels_left = waiting[..n_waiting].iter();
+    let panels_left = pending_panels[..n_waiting].iter();
     panels_left.fold(integral_sum, |integral_sum, panel| integral_sum + panel.integral)
 }
 

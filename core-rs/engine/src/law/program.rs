@@ -87,8 +87,8 @@ impl Program {
         program
     }
 
-    fn emit(&mut self, tree: &Tree, folded: &[Option<f64>], node: usize) -> usize {
-        if let Some(value) = folded[node] {
+    fn emit(&mut self, tree: &Tree, folded_values: &[Option<f64>], node: usize) -> usize {
+        if let Some(value) = folded_values[node] {
             return self.register_of(Step::Constant(value));
         }
         let step = match tree.nodes[node] {
@@ -96,19 +96,19 @@ impl Program {
             Node::Velocity => return 1,
             Node::Number(value) => Step::Constant(value),
             Node::Adjustable(slot, value) => Step::Adjustable(slot, value),
-            Node::Unary(operation, a) => Step::Unary(operation, self.emit(tree, folded, a)),
-            Node::Binary(Binary::Power, a, b) if folded[b].and_then(integer_exponent).is_some() => {
-                let exponent = folded[b].and_then(integer_exponent).unwrap_or_default();
-                Step::WholePower(exponent, self.emit(tree, folded, a))
+            Node::Unary(operation, a) => Step::Unary(operation, self.emit(tree, folded_values, a)),
+            Node::Binary(Binary::Power, a, b) if folded_values[b].and_then(integer_exponent).is_some() => {
+                let exponent = folded_values[b].and_then(integer_exponent).unwrap_or_default();
+                Step::WholePower(exponent, self.emit(tree, folded_values, a))
             }
             Node::Binary(operation, a, b) => {
-                let a = self.emit(tree, folded, a);
-                Step::Binary(operation, a, self.emit(tree, folded, b))
+                let a = self.emit(tree, folded_values, a);
+                Step::Binary(operation, a, self.emit(tree, folded_values, b))
             }
             Node::Where(c, a, b) => {
-                let c = self.emit(tree, folded, c);
-                let a = self.emit(tree, folded, a);
-                Step::Where(c, a, self.emit(tree, folded, b))
+                let c = self.emit(tree, folded_values, c);
+                let a = self.emit(tree, folded_values, a);
+                Step::Where(c, a, self.emit(tree, folded_values, b))
             }
         };
         self.register_of(step)

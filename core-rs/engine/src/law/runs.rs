@@ -214,12 +214,12 @@ mod tests {
                 damping,
                 ..LawText::default()
             });
-            let law = law.and_then(|law| law.through(reach)).expect("a law");
+            let law = law.and_then(|law| law.behind_lever(reach)).expect("a law");
             let damping_law = Law::new(&LawText {
                 damping,
                 ..LawText::default()
             });
-            let damping_law = damping_law.and_then(|law| law.through(reach)).expect("a law");
+            let damping_law = damping_law.and_then(|law| law.behind_lever(reach)).expect("a law");
             let d: Vec<f64> = (0..550).map(|i| 0.01 * f64::from(i - 70)).collect();
             let v: Vec<f64> = d.iter().map(|d| 0.5 - d * d).collect();
             let (mut run_force, mut scratch) = (vec![0.0; d.len()], law.scratch());

@@ -167,7 +167,9 @@ mod tests {
             ..LawText::default()
         };
         for reach in [1.0, 0.7] {
-            let law = Law::new(&law_text).and_then(|law| law.through(reach)).expect("a law");
+            let law = Law::new(&law_text)
+                .and_then(|law| law.behind_lever(reach))
+                .expect("a law");
             let (d, v) = ([0.0, 0.1, -0.3, 2.0], [0.5, -0.2, 0.0, 3.0]);
             let tangents = law.tangents(&d, &v, &mut law.tangent_scratch());
             for place in 0..PLACES {

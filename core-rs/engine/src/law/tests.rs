@@ -69,7 +69,10 @@ fn law_with_wrong_constants_or_fields_is_refused() {
     let law_error = Law::new(&bad_damping).expect_err("w");
     assert_eq!((law_error.field, law_error.offset), (LawField::Damping, 2));
     for reach in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert_eq!(law("d", &[]).through(reach).expect_err("reach").field, LawField::Reach);
+        assert_eq!(
+            law("d", &[]).behind_lever(reach).expect_err("reach").field,
+            LawField::Reach
+        );
     }
 }
 
@@ -132,7 +135,7 @@ fn potential_matches_closed_forms() {
     for d in [-3e-3, 1e-6, 2e-3, 0.7] {
         let cubic_law = law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]);
         check_energy(&cubic_law, d, 200.0 * d * d + 0.75e7 * d * d * d * d);
-        check_energy(&cubic_law.clone().through(4.0).expect("lever"), d, {
+        check_energy(&cubic_law.clone().behind_lever(4.0).expect("lever"), d, {
             let d = d / 4.0;
             200.0 * d * d + 0.75e7 * d * d * d * d
         });
@@ -215,7 +218,7 @@ fn force_is_the_slope_of_the_potential() {
     ];
     let lever_reaches = [1.0, 0.25, 3.0];
     for (law, reach) in laws.into_iter().zip(lever_reaches) {
-        let law = law.through(reach).expect("lever");
+        let law = law.behind_lever(reach).expect("lever");
         for i in -9..=9 {
             let d = 3.1e-4 * f64::from(i) + 1e-5;
             let h = 1e-7;
@@ -235,7 +238,7 @@ fn slope_is_the_tangent_of_the_force() {
     for d in [0.0, -1e-3, 5e-3, 0.2] {
         let tangent = 400.0 + 9e7 * d * d;
         assert!((cubic_law.slope(d) / tangent - 1.0).abs() < 1e-8, "{d}");
-        let levered = cubic_law.clone().through(2.0).expect("lever").slope(2.0 * d);
+        let levered = cubic_law.clone().behind_lever(2.0).expect("lever").slope(2.0 * d);
         assert!((levered / (tangent / 4.0) - 1.0).abs() < 1e-8, "{d}");
     }
     assert_eq!(cubic_law.damping_slope(0.1), 0.0);
@@ -311,7 +314,7 @@ proptest! {
             }
         };
         let text = LawText { law: Some("d*k"), damping: Some(&text), constants, ..LawText::default() };
-        let law = Law::new(&text).expect("parsed before").through(reach).expect("lever");
+        let law = Law::new(&text).expect("parsed before").behind_lever(reach).expect("lever");
         let (d, v): (Vec<f64>, Vec<f64>) = links.into_iter().unzip();
         let mut forces = vec![f64::MAX; d.len()];
         law.eval_run(&d, &v, &mut forces, &mut law.scratch());
@@ -332,7 +335,7 @@ proptest! {
     fn law_by_points_equals_scalar_in_runs(links in prop::collection::vec(-10.0f64..10.0, 1..600)) {
         let points = [(-3.0, -2.0), (0.5, 1.0), (2.0, 1.0), (3.0, 5.0)];
         let text = LawText { points: Some(&points), ..Default::default() };
-        let law = Law::new(&text).expect("law").through(0.7).expect("lever");
+        let law = Law::new(&text).expect("law").behind_lever(0.7).expect("lever");
         let mut forces = vec![0.0; links.len()];
         law.eval_run(&links, &[], &mut forces, &mut law.scratch());
         for (d, force) in links.iter().zip(forces) {

@@ -21,7 +21,7 @@ pub(super) struct Token {
 
 impl Token {
     /// The row of a table whose key is this sign; `None` for other tokens.
-    pub(super) fn among<'t, T>(&self, table: &'t [T], key: impl Fn(&T) -> &str) -> Option<&'t T> {
+    pub(super) fn row_of_sign<'t, T>(&self, table: &'t [T], key: impl Fn(&T) -> &str) -> Option<&'t T> {
         match self.kind {
             Kind::Sign(sign) => table.iter().find(|row| key(row) == sign),
             _ => None,
@@ -60,8 +60,8 @@ pub(super) fn tokens(field: LawField, text: &str) -> Result<Vec<Token>, LawError
         }
         let characters_left = &characters[position..];
         let (kind, length) =
-            if first_character.is_ascii_digit() || (first_character == '.' && digits(&characters_left[1..]) > 0) {
-                number(field, characters_left, position)?
+            if first_character.is_ascii_digit() || (first_character == '.' && digit_count(&characters_left[1..]) > 0) {
+                read_number(field, characters_left, position)?
             } else if is_letter(first_character) {
                 let length = characters_left
                     .iter()
@@ -69,7 +69,7 @@ pub(super) fn tokens(field: LawField, text: &str) -> Result<Vec<Token>, LawError
                     .count();
                 (Kind::Name(characters_left[..length].iter().collect()), length)
             } else {
-                sign(field, characters_left, position)?
+                read_sign(field, characters_left, position)?
             };
         tokens.push(Token {
             kind,
@@ -92,24 +92,24 @@ fn is_letter(c: char) -> bool {
     c.is_alphabetic() || c == '_'
 }
 
-fn digits(characters: &[char]) -> usize {
+fn digit_count(characters: &[char]) -> usize {
     characters.iter().take_while(|c| c.is_ascii_digit()).count()
 }
 
 /// `1`, `1.5`, `.5`, `1.`, each with an optional exponent.
-fn number(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
-    let mut length = digits(rest);
-    if rest.get(length) == Some(&'.') {
-        length += 1 + digits(&rest[length + 1..]);
+fn read_number(field: LawField, characters_left: &[char], position: usize) -> Result<(Kind, usize), LawError> {
+    let mut length = digit_count(characters_left);
+    if characters_left.get(length) == Some(&'.') {
+        length += 1 + digit_count(&characters_left[length + 1..]);
     }
-    if matches!(rest.get(length), Some('e' | 'E')) {
-        let sign_length = usize::from(matches!(rest.get(length + 1), Some('+' | '-')));
-        let exponent_digits = digits(rest.get(length + 1 + sign_length..).unwrap_or(&[]));
+    if matches!(characters_left.get(length), Some('e' | 'E')) {
+        let sign_length = usize::from(matches!(characters_left.get(length + 1), Some('+' | '-')));
+        let exponent_digits = digit_count(characters_left.get(length + 1 + sign_length..).unwrap_or(&[]));
         if exponent_digits > 0 {
             length += 1 + sign_length + exponent_digits;
         }
     }
-    let tail_length = rest[length..]
+    let tail_length = characters_left[length..]
         .iter()
         .take_while(|c| is_letter(**c) || c.is_numeric())
         .count();
@@ -118,7 +118,7 @@ fn number(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usiz
                        (`k: 400N/m`), and write a product with `*`.";
         return Err(LawError::new(field, position, length + tail_length, message.into()));
     }
-    let number_text: String = rest[..length].iter().collect();
+    let number_text: String = characters_left[..length].iter().collect();
     match number_text.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok((Kind::Number(value), length)),
         _ => Err(LawError::new(
@@ -130,20 +130,22 @@ fn number(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usiz
     }
 }
 
-fn sign(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
-    let is_at_start = |sign: &str| sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count();
-    let has_pair_sign = SIGNS.iter().any(|sign| sign.len() == 2 && is_at_start(sign));
-    if let Some((foreign, explanation, replacement)) =
-        FOREIGN_SIGNS.iter().find(|row| is_at_start(row.0) && !has_pair_sign)
+fn read_sign(field: LawField, characters_left: &[char], position: usize) -> Result<(Kind, usize), LawError> {
+    let is_at_start =
+        |sign: &str| sign.chars().zip(characters_left).filter(|(a, b)| a == *b).count() == sign.chars().count();
+    let starts_with_two_character_sign = SIGNS.iter().any(|sign| sign.len() == 2 && is_at_start(sign));
+    if let Some((foreign, explanation, replacement)) = FOREIGN_SIGNS
+        .iter()
+        .find(|row| is_at_start(row.0) && !starts_with_two_character_sign)
     {
         let sign_length = foreign.chars().count();
         return Err(LawError::new(field, position, sign_length, (*explanation).into())
-            .suggesting(replacement.map(str::to_owned)));
+            .with_suggestion(replacement.map(str::to_owned)));
     }
     if let Some(sign) = SIGNS.iter().find(|sign| is_at_start(sign)) {
         return Ok((Kind::Sign(sign), sign.len()));
     }
-    let message = match rest[0] {
+    let message = match characters_left[0] {
         '"' | '\'' => "A law cannot contain quoted text; write numbers and names.".into(),
         other => format!("`{}` has no meaning in a law.", other.escape_debug()),
     };

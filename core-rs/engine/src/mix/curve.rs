@@ -47,8 +47,13 @@ fn enclosing_points<'a>(points: &'a [Point], frames: &Range<u64>) -> Option<(&'a
 }
 
 /// The value at a frame, interpolated between points whose frames rise. Before the first point and after the last one
-/// it is the value of that point; else `between` computes it from two values and the progress. `None` without points.
-fn interpolated(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
+/// it is the value of that point; else `interpolation` computes it from two values and the progress. `None` without
+/// points.
+fn interpolate_between_points(
+    points: &[Point],
+    frame: u64,
+    interpolation: impl Fn(f64, f64, f64) -> f64,
+) -> Option<f64> {
     let frame = i64::try_from(frame).unwrap_or(i64::MAX);
     let next_index = points.partition_point(|point| point.frame <= frame);
     let point_before = next_index.checked_sub(1).and_then(|index| points.get(index));
@@ -58,7 +63,7 @@ fn interpolated(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) ->
             Some(if u == 0.0 {
                 from.value
             } else {
-                between(from.value, to.value, u)
+                interpolation(from.value, to.value, u)
             })
         }
         (Some(only), None) | (None, Some(only)) => Some(only.value),
@@ -66,8 +71,8 @@ fn interpolated(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) ->
     }
 }
 
-/// Whether [`interpolated`] gives the same at all of these frames, because they lie before the first point or after the
-/// last.
+/// Whether [`interpolate_between_points`] gives the same at all of these frames, because they lie before the first
+/// point or after the last.
 fn is_constant(points: &[Point], frames: &Range<u64>) -> bool {
     let (Some(first_point), Some(last_point)) = (points.first(), points.last()) else {
         return true;
@@ -98,28 +103,28 @@ pub enum PanChannel {
 pub struct Pan {
     /// Points whose values are angles [rad].
     angles: Vec<Point>,
-    side: PanChannel,
+    channel: PanChannel,
 }
 
 impl Pan {
     /// A pan through places from -1 to 1.
     #[must_use]
-    pub fn new(places: Vec<Point>, side: PanChannel) -> Self {
+    pub fn new(places: Vec<Point>, channel: PanChannel) -> Self {
         let angle_point = |point: Point| Point {
             value: atan2(sqrt((1.0 + point.value).max(0.0)), sqrt((1.0 - point.value).max(0.0))),
             ..point
         };
         Self {
             angles: sorted_by_frame(places).into_iter().map(angle_point).collect(),
-            side,
+            channel,
         }
     }
 
     /// The gain at a frame of the piece; that of the middle without points.
     fn gain_at(&self, frame: u64) -> f64 {
-        let pan_angle = interpolated(&self.angles, frame, |from, to, u| from + (to - from) * u);
+        let pan_angle = interpolate_between_points(&self.angles, frame, |from, to, u| from + (to - from) * u);
         let (sin, cos) = sincos(pan_angle.unwrap_or(std::f64::consts::FRAC_PI_4));
-        match self.side {
+        match self.channel {
             PanChannel::First => cos,
             PanChannel::Second => sin,
         }
@@ -165,7 +170,7 @@ impl Curve {
     /// The gain at a frame of the piece; 1 without points.
     #[must_use]
     pub fn gain_at(&self, frame: u64) -> f64 {
-        let curve_level = interpolated(&self.gain_points, frame, |from, to, u| {
+        let curve_level = interpolate_between_points(&self.gain_points, frame, |from, to, u| {
             if from > 0.0 && to > 0.0 {
                 from * exp(u * log(to / from))
             } else {
@@ -273,7 +278,7 @@ mod tests {
     #[test]
     fn pan_between_two_places() {
         let place_points = [point(0, -1.0, Segment::Line), point(900, 1.0, Segment::Line)];
-        let channel = |side| Curve::new(Vec::new()).with_pan(Pan::new(place_points.to_vec(), side));
+        let channel = |channel| Curve::new(Vec::new()).with_pan(Pan::new(place_points.to_vec(), channel));
         let (first_channel, second_channel) = (channel(PanChannel::First), channel(PanChannel::Second));
         for frame in [0, 1, 300, 450, 899, 900, 5000] {
             let pan_angle = (frame.min(900) as f64 / 10.0).to_radians();

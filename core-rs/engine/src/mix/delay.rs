@@ -58,7 +58,7 @@ impl DelayLine {
 
     /// Put in the newest sample, and give the one that leaves the line.
     #[inline]
-    pub(super) fn next(&mut self, x: f64) -> f64 {
+    pub(super) fn delay_sample(&mut self, x: f64) -> f64 {
         let oldest_sample = self.oldest();
         let echo_sample = self.echo.map_or(0.0, |echo| {
             let line_length = self.samples.len();
@@ -170,7 +170,7 @@ mod tests {
                 feedback_ratio: -0.5,
             };
             let mut echo = DelayLine::with_echo(length, Some(echo));
-            let echoed_samples = (0..10).map(|i| echo.next(if i == 0 { 1.0 } else { 0.0 }));
+            let echoed_samples = (0..10).map(|i| echo.delay_sample(if i == 0 { 1.0 } else { 0.0 }));
             echoed_samples.collect::<Vec<f64>>()
         };
         let expected = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.25];

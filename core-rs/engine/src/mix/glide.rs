@@ -5,7 +5,8 @@ use crate::timeline::GRID_FRAMES;
 /// Duration of a glide from one gain to another [s], rounded up to the grid, as for couplings.
 const GLIDE_SECONDS: f64 = 0.02;
 
-/// A gain that glides. Every glide begins at a multiple of [`GRID`] frames, whatever the size of blocks.
+/// A gain that glides. Every glide is set at a multiple of [`GRID_FRAMES`], whatever the size of blocks, and begins
+/// there or some frames later.
 ///
 /// ```
 /// use ergon_engine::mix::glide::GainGlide;
@@ -21,25 +22,25 @@ pub struct GainGlide {
     start_gain: f64,
     end_gain: f64,
     start_frame: u64,
-    length_frames: u64,
-    /// The gain that was requested: the glide to it is set at the next multiple of the grid, and starts `lag_frames`
+    glide_frames: u64,
+    /// The gain that was requested: the glide to it is set at the next multiple of the grid, and starts `start_delay`
     /// frames later.
     requested_gain: Option<f64>,
-    lag_frames: u64,
+    start_delay: u64,
 }
 
 impl GainGlide {
     /// A constant gain, for frames at `rate` [Hz].
     #[must_use]
     pub fn new(rate: f64, gain: f64) -> Self {
-        let length_frames = ((GLIDE_SECONDS * rate) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES;
+        let glide_frames = ((GLIDE_SECONDS * rate) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES;
         Self {
             start_gain: gain,
             end_gain: gain,
             start_frame: 0,
-            length_frames,
+            glide_frames,
             requested_gain: None,
-            lag_frames: 0,
+            start_delay: 0,
         }
     }
 
@@ -56,28 +57,28 @@ impl GainGlide {
         self.set_after(gain, 0);
     }
 
-    /// [`GainGlide::set`], but `lag` frames later.
-    pub fn set_after(&mut self, gain: f64, lag: u64) {
+    /// [`GainGlide::set`], but the glide begins `start_delay` frames later.
+    pub fn set_after(&mut self, gain: f64, start_delay: u64) {
         if gain.is_finite() {
-            (self.requested_gain, self.lag_frames) = (Some(gain), lag);
+            (self.requested_gain, self.start_delay) = (Some(gain), start_delay);
         }
     }
 
     /// The gain at frame `n`.
     #[must_use]
     pub fn gain_at(&self, n: u64) -> f64 {
-        let frames_into = n.saturating_sub(self.start_frame);
-        if frames_into >= self.length_frames {
+        let frames_since_start = n.saturating_sub(self.start_frame);
+        if frames_since_start >= self.glide_frames {
             return self.end_gain;
         }
-        let u = frames_into as f64 / self.length_frames as f64;
+        let u = frames_since_start as f64 / self.glide_frames as f64;
         self.start_gain + (self.end_gain - self.start_gain) * u * u * (3.0 - 2.0 * u)
     }
 
     /// The gain, if it is constant from frame `n` on.
     #[must_use]
     pub fn constant_gain(&self, n: u64) -> Option<f64> {
-        let is_resting = self.requested_gain.is_none() && n.saturating_sub(self.start_frame) >= self.length_frames;
+        let is_resting = self.requested_gain.is_none() && n.saturating_sub(self.start_frame) >= self.glide_frames;
         (is_resting || self.requested_gain.is_none() && self.start_gain == self.end_gain).then_some(self.end_gain)
     }
 
@@ -86,40 +87,41 @@ impl GainGlide {
         if n.is_multiple_of(GRID_FRAMES)
             && let Some(requested_gain) = self.requested_gain.take()
         {
-            (self.start_gain, self.end_gain, self.start_frame) = (self.gain_at(n), requested_gain, n + self.lag_frames);
+            (self.start_gain, self.end_gain, self.start_frame) =
+                (self.gain_at(n), requested_gain, n + self.start_delay);
         }
     }
 
     /// Multiply frames (n_frames, n_channels), the first of which is frame `n`.
     pub fn apply(&mut self, n: u64, frames: &mut [f64], n_channels: usize) {
         let mut n = n;
-        let mut frames_left = frames;
-        while !frames_left.is_empty() {
+        let mut samples_left = frames;
+        while !samples_left.is_empty() {
             self.begin_requested(n);
-            let frame_count = frames_to_next_glide(n, self.constant_gain(n).is_some());
-            let sample_count = frames_left.len();
+            let frame_count = frames_to_next_grid_frame(n, self.constant_gain(n).is_some());
+            let sample_count = samples_left.len();
             let span_length = frame_count.saturating_mul(n_channels as u64).min(sample_count as u64) as usize;
-            let (span_frames, frames_after) = frames_left.split_at_mut(span_length);
+            let (span_samples, samples_after) = samples_left.split_at_mut(span_length);
             match self.constant_gain(n) {
-                Some(gain) => span_frames.iter_mut().for_each(|x| *x *= gain),
-                None => span_frames
+                Some(gain) => span_samples.iter_mut().for_each(|x| *x *= gain),
+                None => span_samples
                     .chunks_mut(n_channels.max(1))
                     .zip(n..)
                     .for_each(|(frame, n)| frame.iter_mut().for_each(|x| *x *= self.gain_at(n))),
             }
-            (n, frames_left) = (n.saturating_add(frame_count), frames_after);
+            (n, samples_left) = (n.saturating_add(frame_count), samples_after);
         }
     }
 }
 
-/// Begin or end the glide of a remaining gain at frame `n`; returns whether any of it remains.
-pub(super) fn update_residual(residual: &mut Option<GainGlide>, n: u64) -> bool {
-    let Some(glide) = residual else { return false };
+/// Begin or end the glide of a fading gain at frame `n`; returns whether any of it remains.
+pub(super) fn update_fading_gain(fading_gain: &mut Option<GainGlide>, n: u64) -> bool {
+    let Some(glide) = fading_gain else { return false };
     glide.begin_requested(n);
     if glide.constant_gain(n).is_some() {
-        *residual = None;
+        *fading_gain = None;
     }
-    residual.is_some()
+    fading_gain.is_some()
 }
 
 /// A gain that glides to 0; `None` if it is 0 already.
@@ -127,9 +129,9 @@ pub(super) fn glide_to_zero(rate: f64, start_value: f64) -> Option<GainGlide> {
     (start_value != 0.0).then(|| GainGlide::between(rate, start_value, 0.0))
 }
 
-/// Number of frames from `n` on in which no glide begins: unlimited if `is_steady`, otherwise up to the next multiple
+/// Number of frames from `n` on in which no glide is set: unlimited if `is_steady`, otherwise up to the next multiple
 /// of the grid.
-pub(super) fn frames_to_next_glide(n: u64, is_steady: bool) -> u64 {
+pub(super) fn frames_to_next_grid_frame(n: u64, is_steady: bool) -> u64 {
     if is_steady {
         u64::MAX
     } else {

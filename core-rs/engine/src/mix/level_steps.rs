@@ -91,20 +91,20 @@ impl LevelSteps {
         state_bytes
     }
 
-    /// Continue after frames whose levels are `measured`; `state` is the state after them.
+    /// Continue after frames whose levels are `measured_levels`; `state` is the state after them.
     ///
     /// # Errors
     /// [`Damaged`] if these are not the state and the levels of such steps; all is then as it was.
-    pub fn read_state(&mut self, state: &[u8], measured: &[f64]) -> Result<(), Damaged> {
+    pub fn read_state(&mut self, state: &[u8], measured_levels: &[f64]) -> Result<(), Damaged> {
         let mut restored = self.clone();
         let mut archive = Archive::Read(state);
         restored.archive(&mut archive)?;
         let step = self.meter.tenth_frames();
         let is_valid = archive.is_empty() && restored.frames_in_step < step && restored.meter.is_within_tenth();
-        if !is_valid || !measured.len().is_multiple_of(1 + PEAKS_PER_STEP) {
+        if !is_valid || !measured_levels.len().is_multiple_of(1 + PEAKS_PER_STEP) {
             return Err(Damaged);
         }
-        restored.levels = measured.to_vec();
+        restored.levels = measured_levels.to_vec();
         *self = restored;
         Ok(())
     }
@@ -125,9 +125,9 @@ mod tests {
             let (early, late) = frames.split_at(13_000 * n_channels);
             let mut first = LevelSteps::new(44_100.0, n_channels).unwrap();
             first.process(early);
-            let (state, measured) = (first.write_state(), first.levels().to_vec());
+            let (state, measured_levels) = (first.write_state(), first.levels().to_vec());
             let mut second = LevelSteps::new(44_100.0, n_channels).unwrap();
-            second.read_state(&state, &measured).unwrap();
+            second.read_state(&state, &measured_levels).unwrap();
             second.process(late);
             assert_eq!(second.levels(), levels.levels());
             assert_eq!(levels.levels().len(), 6 * (1 + PEAKS_PER_STEP));

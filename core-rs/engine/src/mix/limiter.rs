@@ -154,12 +154,12 @@ impl Limiter {
             0.0
         };
         let window_reduction = self.largest_in_window(wanted_reduction);
-        let released = self.reduction * self.release_factor;
+        let released_reduction = self.reduction * self.release_factor;
         // Below one step of the fixed point, the release ends.
-        self.reduction = if released * FIXED_ONE < 1.0 {
+        self.reduction = if released_reduction * FIXED_ONE < 1.0 {
             window_reduction
         } else {
-            window_reduction.max(released)
+            window_reduction.max(released_reduction)
         };
         let newest_reduction = (self.reduction * FIXED_ONE).ceil() as u64;
         self.fixed_reduction_sum = self.fixed_reduction_sum + newest_reduction

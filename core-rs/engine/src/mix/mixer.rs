@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::curve::Curve;
 use super::filter::FilterKind;
 use super::frozen::{FrozenOutputs, PlacedOutput};
-use super::glide::{GainGlide, frames_to_next_glide, update_residual};
+use super::glide::{GainGlide, frames_to_next_grid_frame, update_fading_gain};
 use super::room::{Room, RoomSpec};
 use crate::section::SECTION_LANES;
 use route::{GROUPS_MAX, Route};
@@ -152,7 +152,7 @@ impl Mixer {
         &mut self,
         group: usize,
         out: usize,
-        to: RouteTarget,
+        target: RouteTarget,
         gain: f64,
         treatment: RouteTreatment,
     ) -> Result<(), RouteError> {
@@ -163,9 +163,9 @@ impl Mixer {
         if out >= n_out {
             return Err(RouteError::Out { out, n_out });
         }
-        self.check_target(to)?;
+        self.check_target(target)?;
         let curve = treatment.curve.clone();
-        let mut new_route = Route::new(rate, [out, group], to, gain, treatment)?;
+        let mut new_route = Route::new(rate, [out, group], target, gain, treatment)?;
         new_route.shared_curve = curve.map(|curve| self.add_curve(curve));
         new_route.repeats_previous = self.routes.last().is_some_and(|last| new_route.has_same_input_as(last));
         let n_groups = self.group_gains.len().max(group + 1);
@@ -184,9 +184,9 @@ impl Mixer {
         })
     }
 
-    fn check_target(&self, to: RouteTarget) -> Result<(), RouteError> {
+    fn check_target(&self, target: RouteTarget) -> Result<(), RouteError> {
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
-        match to {
+        match target {
             RouteTarget::Channel(channel) if channel >= n_channels => Err(RouteError::Channel { channel, n_channels }),
             RouteTarget::Room(room) if room >= n_rooms => Err(RouteError::Room { room, n_rooms }),
             _ => Ok(()),
@@ -284,7 +284,7 @@ impl Mixer {
             self.is_fading = false;
             let fading_out = self.fading_out.iter_mut().flatten();
             for route in self.routes.iter_mut().chain(fading_out) {
-                self.is_fading |= update_residual(&mut route.residual_gain, next_frame);
+                self.is_fading |= update_fading_gain(&mut route.residual_gain, next_frame);
                 if let Some(entry_glide) = &mut route.entry_glide {
                     entry_glide.begin_requested(next_frame);
                     let entry_is_over = entry_glide.constant_gain(next_frame).is_some();
@@ -300,7 +300,7 @@ impl Mixer {
                     route.fade = None;
                 }
             }
-            self.is_fading |= update_residual(&mut self.residual_gain, next_frame);
+            self.is_fading |= update_fading_gain(&mut self.residual_gain, next_frame);
             let fading_out = self.frozen_outputs_fading_out.iter_mut().flatten();
             for frozen_output in self.frozen_outputs.iter_mut().chain(fading_out) {
                 frozen_output.fade.begin_requested(next_frame);
@@ -346,7 +346,7 @@ impl Mixer {
                     .group_gains
                     .iter()
                     .all(|glide| glide.constant_gain(next_frame).is_some());
-            let span_length = frames_to_next_glide(next_frame, is_steady)
+            let span_length = frames_to_next_grid_frame(next_frame, is_steady)
                 .min((n_frames - frames_done) as u64)
                 .min(SPAN_FRAMES as u64) as usize;
             let frame_span = frames_done..frames_done + span_length;

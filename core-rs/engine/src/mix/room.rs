@@ -167,8 +167,8 @@ impl Room {
             return;
         }
         // No block is longer than the shortest line, so its outputs depend on earlier blocks alone.
-        let shortest = self.delays.iter().map(DelayLine::length).min();
-        let block_length = shortest.unwrap_or(1).clamp(1, BLOCK_FRAMES);
+        let shortest_delay = self.delays.iter().map(DelayLine::length).min();
+        let block_length = shortest_delay.unwrap_or(1).clamp(1, BLOCK_FRAMES);
         let mixed = mixed.chunks_mut(block_length * n_channels);
         for (input, mixed) in input.chunks(block_length).zip(mixed) {
             self.process_block(&input[..mixed.len() / n_channels], mixed, n_channels);

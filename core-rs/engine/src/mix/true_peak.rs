@@ -3,9 +3,9 @@
 use crate::maths::wide::wide;
 
 /// Samples that make a value between two of them.
-const TAPS: usize = 12;
+const TAP_COUNT: usize = 12;
 /// The interpolation of ITU-R BS.1770-4, Annex 2: phases 0 and 1 of four; 3 and 2 are these reversed.
-const PHASES: [[f64; TAPS]; 2] = [
+const PHASES: [[f64; TAP_COUNT]; 2] = [
     [
         0.001708984375,
         0.010986328125,
@@ -40,7 +40,7 @@ const SPAN_FRAMES: usize = 64;
 /// Samples that are compared side by side.
 const LANES: usize = 8;
 /// Samples of one channel: the last ones before a span, and those of the span.
-const ROW_SAMPLES: usize = TAPS - 1 + SPAN_FRAMES;
+const ROW_SAMPLES: usize = TAP_COUNT - 1 + SPAN_FRAMES;
 
 /// The largest absolute value of a sound at four times its rate (ITU-R BS.1770-4, Annex 2).
 ///
@@ -92,19 +92,19 @@ impl TruePeak {
         for span in frames.chunks(SPAN_FRAMES * n_channels) {
             let n_frames = span.len() / n_channels;
             for (channel, row) in self.rows.iter_mut().enumerate() {
-                let new_samples = row[TAPS - 1..].iter_mut();
+                let new_samples = row[TAP_COUNT - 1..].iter_mut();
                 new_samples
                     .zip(span[channel..].iter().step_by(n_channels))
                     .for_each(|(x, y)| *x = *y);
-                let samples = &row[..TAPS - 1 + n_frames];
-                self.peak = self.peak.max(magnitude_max(&samples[TAPS - 1..]));
+                let samples = &row[..TAP_COUNT - 1 + n_frames];
+                self.peak = self.peak.max(magnitude_max(&samples[TAP_COUNT - 1..]));
                 // Only near samples that are loud enough may there be a larger value.
                 if magnitude_max(samples) * self.interpolation_gain_max > self.peak
                     && samples.iter().all(|x| x.is_finite())
                 {
                     self.peak = self.peak.max(interpolated_max(row, n_frames));
                 }
-                row.copy_within(n_frames..n_frames + TAPS - 1, 0);
+                row.copy_within(n_frames..n_frames + TAP_COUNT - 1, 0);
             }
         }
     }
@@ -139,15 +139,16 @@ wide! {
         let mut largest = [0.0; SPAN_FRAMES];
         for phase in &PHASES {
             let mut forward = [0.0; SPAN_FRAMES];
-            let mut reversed = [0.0; SPAN_FRAMES];
-            for tap in 0..TAPS {
+            let mut backward = [0.0; SPAN_FRAMES];
+            for tap in 0..TAP_COUNT {
                 for frame in 0..SPAN_FRAMES {
                     forward[frame] += phase[tap] * row[tap + frame];
-                    reversed[frame] += phase[TAPS - 1 - tap] * row[tap + frame];
+                    backward[frame] += phase[TAP_COUNT - 1 - tap] * row[tap + frame];
                 }
             }
             for frame in 0..SPAN_FRAMES {
-                let larger = if forward[frame].abs() > reversed[frame].abs() { forward[frame] } else { reversed[frame] };
+                let is_forward_larger = forward[frame].abs() > backward[frame].abs();
+                let larger = if is_forward_larger { forward[frame] } else { backward[frame] };
                 largest[frame] = if larger.abs() > largest[frame] { larger.abs() } else { largest[frame] };
             }
         }
@@ -170,9 +171,9 @@ mod tests {
         for n in 0..samples.len() {
             for phase in &PHASES {
                 for is_reversed in [false, true] {
-                    let factor = |tap: usize| phase[if is_reversed { TAPS - 1 - tap } else { tap }];
-                    let sample = |tap: usize| (n + tap).checked_sub(TAPS - 1).map_or(0.0, |n| samples[n]);
-                    let value = (0..TAPS).fold(0.0, |sum, tap| sum + factor(tap) * sample(tap));
+                    let factor = |tap: usize| phase[if is_reversed { TAP_COUNT - 1 - tap } else { tap }];
+                    let sample = |tap: usize| (n + tap).checked_sub(TAP_COUNT - 1).map_or(0.0, |n| samples[n]);
+                    let value = (0..TAP_COUNT).fold(0.0, |sum, tap| sum + factor(tap) * sample(tap));
                     peak = peak.max(value.abs());
                 }
             }

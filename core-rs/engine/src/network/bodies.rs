@@ -270,7 +270,7 @@ impl Network {
             .chain(mat_count + fixed_before..mat_count + fixed_count);
         for i in mat_order {
             let mat_position = &topology.positions[i];
-            let mass_share = topology.share(i);
+            let mass_share = topology.mass_share(i);
             let (kind, m, z) = if i >= topology.n_mat {
                 (MatKind::Sol, 0.0, 0.0)
             } else if losses.ground > 0.0 {

@@ -57,7 +57,7 @@ impl ContactLaw {
     #[inline(always)]
     pub(crate) fn push(self, p: f64, v: f64) -> f64 {
         if p > 0.0 {
-            self.limited(self.elastic.force(p) + self.z * v)
+            self.limited_force(self.elastic.force(p) + self.z * v)
         } else {
             0.0
         }
@@ -73,13 +73,13 @@ impl ContactLaw {
     }
 
     /// K·p^α + Z·v without a clamp, continued to p < 0 [N].
-    pub(crate) fn unlimited(self, p: f64, v: f64) -> f64 {
+    pub(crate) fn unlimited_force(self, p: f64, v: f64) -> f64 {
         self.odd_elastic(p) + self.z * v
     }
 
     /// A push, or 0 in place of a pull of a clamped contact [N].
     #[inline(always)]
-    pub(crate) fn limited(self, push: f64) -> f64 {
+    pub(crate) fn limited_force(self, push: f64) -> f64 {
         if self.is_clamped { push.max(0.0) } else { push }
     }
 }

@@ -10,8 +10,8 @@ use crate::interrupt;
 use crate::maths::sqrt;
 use crate::spectrum::sparse::{Factor, Pattern, Values};
 use crate::spectrum::springs::{self, Spring};
-use crate::spectrum::vector::{add, dot, norm, normalise, orthogonalise, units};
-use crate::spectrum::{Mode, all_eigenvalues, general};
+use crate::spectrum::vector::{add_scaled, dot, norm, normalise, orthogonalise, unit_vectors};
+use crate::spectrum::{Mode, all_eigenvalues, general_eigensystem};
 
 /// Damping couples a mode x with others if the part of Z x outside x is above this fraction of |Z x|. Modes are known
 /// to 1e-10.
@@ -46,9 +46,9 @@ pub(super) struct DampedMode {
 
 /// Whether damping couples any of the modes with others.
 pub(super) fn is_coupled(body: &PartBody, modes: &[Mode]) -> bool {
-    let mat_count = body.springs.n();
-    let alternating: Vec<f64> = (0..mat_count).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-    let damping_image = damping_times(&body.dampers, &alternating);
+    let mat_count = body.springs.dimension();
+    let alternating_vector: Vec<f64> = (0..mat_count).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
+    let damping_image = damping_times(&body.dampers, &alternating_vector);
     // If damping does not act on a mode x, Z x is only rounding error; Z times a vector of alternating signs tells
     // its size.
     let rounding_size = ROUNDING * sqrt(dot(&damping_image, &damping_image) / mat_count as f64);
@@ -114,12 +114,12 @@ pub(super) fn damped_modes(body: &PartBody, modes: &[Mode], is_coupled: bool, co
 /// The pole of a mode that damping couples with no other: s² + ζs + λ = 0.
 fn uncoupled_mode(mode: &Mode, image: &[f64]) -> DampedMode {
     let half_damping = 0.5 * dot(&mode.vector, image);
-    let squared = mode.lambda - half_damping * half_damping;
-    let pole = if squared >= 0.0 {
-        Complex::new(-half_damping, sqrt(squared.abs())) // abs also for −0
+    let omega_squared = mode.lambda - half_damping * half_damping;
+    let pole = if omega_squared >= 0.0 {
+        Complex::new(-half_damping, sqrt(omega_squared.abs())) // abs also for −0
     } else {
         // Avoids the difference of two nearly equal numbers.
-        Complex::new(-mode.lambda / (half_damping + sqrt(-squared)), 0.0)
+        Complex::new(-mode.lambda / (half_damping + sqrt(-omega_squared)), 0.0)
     };
     let shape = mode.vector.iter().map(|&x| Complex::from(x)).collect();
     DampedMode {
@@ -131,7 +131,7 @@ fn uncoupled_mode(mode: &Mode, image: &[f64]) -> DampedMode {
 
 /// The modes, extended by responses of the springs to damping: orthonormal vectors, each with its λ, as modes are.
 fn with_responses(body: &PartBody, modes: &[Mode]) -> Vec<Mode> {
-    let mat_count = body.springs.n();
+    let mat_count = body.springs.dimension();
     let responses_max = modes.len().min(mat_count - modes.len());
     let mut fresh_images: Vec<Vec<f64>> = Vec::new();
     let mode_vectors = |modes: &[Mode]| -> Vec<Vec<f64>> { modes.iter().map(|mode| mode.vector.clone()).collect() };
@@ -145,7 +145,7 @@ fn with_responses(body: &PartBody, modes: &[Mode]) -> Vec<Mode> {
     let middle_lambda = modes.last().map_or(0.0, |mode| 0.5 * mode.lambda);
     let mut vectors = mode_vectors(modes);
     let mut responses: Vec<Vec<f64>> = Vec::new();
-    for mut shift in [-1e-9 * body.springs.scale(), middle_lambda] {
+    for mut shift in [-1e-9 * body.springs.mean_diagonal(), middle_lambda] {
         if fresh_images.is_empty() {
             break;
         }
@@ -162,7 +162,10 @@ fn with_responses(body: &PartBody, modes: &[Mode]) -> Vec<Mode> {
     if response_count == 0 {
         return extended_modes;
     }
-    let spring_images: Vec<Vec<f64>> = responses.iter().map(|response| body.springs.times(response)).collect();
+    let spring_images: Vec<Vec<f64>> = responses
+        .iter()
+        .map(|response| body.springs.multiply(response))
+        .collect();
     let reduced_matrix = (0..response_count * response_count)
         .map(|entry| {
             dot(
@@ -171,11 +174,11 @@ fn with_responses(body: &PartBody, modes: &[Mode]) -> Vec<Mode> {
             )
         })
         .collect();
-    if let Some((lambdas, eigen_rows)) = all_eigenvalues(reduced_matrix, &units(response_count)) {
+    if let Some((lambdas, eigen_rows)) = all_eigenvalues(reduced_matrix, &unit_vectors(response_count)) {
         for (entry, lambda) in lambdas.into_iter().enumerate() {
             let mut vector = vec![0.0; mat_count];
             for (response, row) in responses.iter().zip(&eigen_rows) {
-                add(row[entry], response, &mut vector);
+                add_scaled(row[entry], response, &mut vector);
             }
             extended_modes.push(Mode { lambda, vector });
         }
@@ -183,15 +186,16 @@ fn with_responses(body: &PartBody, modes: &[Mode]) -> Vec<Mode> {
     extended_modes
 }
 
-/// Add the part of a vector outside an orthonormal basis to the basis and to `fresh`, unless that part is too small.
-fn push_independent_part(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
+/// Add the part of a vector outside an orthonormal basis to the basis and to `new_vectors`, unless that part is too
+/// small.
+fn push_independent_part(basis: &mut Vec<Vec<f64>>, new_vectors: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
     let norm_before = norm(&vector);
     orthogonalise(&mut vector, basis);
     if normalise(&mut vector) <= NEW_SHARE_MIN * norm_before {
         return;
     }
     basis.push(vector.clone());
-    fresh.push(vector);
+    new_vectors.push(vector);
 }
 
 /// Poles of modes that damping couples, by rising |s|: eigenvalues in (p, v) with p = ω·q, ṗ = ω·v, v̇ = −ω·p − Z·v.
@@ -208,7 +212,7 @@ fn coupled_modes(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>>
             state_matrix[(mode_count + i) * matrix_size + mode_count + j] = -dot(&mode.vector, image);
         }
     }
-    let eigensystem = general(state_matrix)?;
+    let eigensystem = general_eigensystem(state_matrix)?;
     let mode_shape = |index: usize, is_pair: bool| -> Vec<Complex<f64>> {
         let speed_part = |row: usize| &eigensystem.vectors[row * matrix_size + mode_count..(row + 1) * matrix_size];
         let mut mode_shape = vec![Complex::from(0.0); modes[0].vector.len()];
@@ -257,13 +261,13 @@ pub(super) struct NetworkMatrices {
 
 impl NetworkMatrices {
     pub(super) fn new(body: &PartBody) -> Self {
-        let mat_count = body.springs.n();
+        let mat_count = body.springs.dimension();
         let all_springs = body.springs.springs().iter().chain(&body.dampers);
         let all_springs: Vec<Spring> = all_springs.copied().collect();
-        let pattern = Pattern::new(mat_count, springs::pairs(&all_springs));
+        let pattern = Pattern::new(mat_count, springs::coupled_points(&all_springs));
         Self {
-            stiffness: springs::values(&pattern, body.springs.springs()),
-            damping: springs::values(&pattern, &body.dampers),
+            stiffness: springs::assemble_values(&pattern, body.springs.springs()),
+            damping: springs::assemble_values(&pattern, &body.dampers),
             pattern,
         }
     }
@@ -276,7 +280,7 @@ impl NetworkMatrices {
     /// Refine a pole by Newton's method, s −= xᵀx / xᵀy with P(s) y = P′(s) x, unless its residual shows that it is
     /// exact; `gap` is the distance to the next pole. Source: Ruhe, SIAM J. Numer. Anal. 10 (1973).
     fn refine_pole(&self, mode: &mut DampedMode, gap: f64) {
-        let mat_count = self.pattern.n();
+        let mat_count = self.pattern.dimension();
         let mut applied_matrix = vec![Complex::from(0.0); mat_count];
         let (mut s, mut x) = (mode.pole, mode.shape.clone());
         let vector_norm = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
@@ -285,13 +289,13 @@ impl NetworkMatrices {
         for round in 0..CORRECTIONS_MAX {
             let pole_matrix = self.polynomial(s);
             if round == 0 {
-                pole_matrix.times(&self.pattern, &x, &mut applied_matrix);
+                pole_matrix.multiply(&self.pattern, &x, &mut applied_matrix);
                 let residual = vector_norm(&applied_matrix) / (2.0 * s.norm() * vector_norm(&x));
                 if residual * residual <= UNCORRECTED_ERROR_MAX * s.norm() * gap {
                     break;
                 }
             }
-            slope_matrix(s).times(&self.pattern, &x, &mut applied_matrix);
+            slope_matrix(s).multiply(&self.pattern, &x, &mut applied_matrix);
             let Some(pole_factor) = Factor::new(&self.pattern, &pole_matrix, Complex::from(0.0)) else {
                 break; // s is a pole to the last bit
             };
@@ -311,12 +315,12 @@ impl NetworkMatrices {
         if mode.pole.im == 0.0 {
             s.im = 0.0;
         }
-        self.polynomial(s).times(&self.pattern, &x, &mut applied_matrix);
+        self.polynomial(s).multiply(&self.pattern, &x, &mut applied_matrix);
         let stiffest = self.stiffness.diagonal.iter();
         let stiffest = stiffest.fold(0.0_f64, |stiffness_max, k| stiffness_max.max(k.abs()));
         let stiffness_max = 2.0 * KNOWN_ERROR_MAX * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;
         mode.is_known = vector_norm(&applied_matrix) <= stiffness_max * vector_norm(&x);
-        slope_matrix(s).times(&self.pattern, &x, &mut applied_matrix);
+        slope_matrix(s).multiply(&self.pattern, &x, &mut applied_matrix);
         let shape_factor = if s.im == 0.0 {
             Complex::from(1.0 / vector_norm(&x))
         } else {

@@ -83,9 +83,9 @@ impl Network {
         let parts_network = &parts_subset.network;
         let mats = parts_network.mats();
         let moving_mats: Vec<usize> = (0..parts_network.n_mat()).filter(|&i| mats.kind[i].moves()).collect();
-        let ties = moving_mats.iter().enumerate();
-        let ties = ties.filter(|&(_, &i)| mats.kind[i] == MatKind::Cel);
-        let mut elements: Vec<Element> = ties
+        let tie_elements = moving_mats.iter().enumerate();
+        let tie_elements = tie_elements.filter(|&(_, &i)| mats.kind[i] == MatKind::Cel);
+        let mut elements: Vec<Element> = tie_elements
             .map(|(moving_slot, &i)| Element {
                 kind: ElementKind::Tie,
                 ends: [Some(moving_slot), None],

@@ -10,7 +10,7 @@ impl Network {
         let (mats, mass_count) = (self.mats(), self.count(first));
         let mats_range = first..first + mass_count;
         let mass_roots: Vec<f64> = mats.m[mats_range.clone()].iter().map(|m| m.sqrt()).collect();
-        let outside = |point: usize| !mats_range.contains(&point) && mats.kind[point].moves();
+        let is_outside_and_moving = |point: usize| !mats_range.contains(&point) && mats.kind[point].moves();
         let mut apply_stiffness = |v: &[f64], y: &mut [f64]| {
             y.fill(0.0);
             let displacement = |point: usize| match mats_range.contains(&point) {
@@ -29,7 +29,10 @@ impl Network {
                     | LinkKind::Pairwise(_) => continue,
                 };
                 for (a, b) in (0..run.len).map(|i| (run.a + i, run.b + i)) {
-                    if !(mats_range.contains(&a) || mats_range.contains(&b)) || outside(a) || outside(b) {
+                    if !(mats_range.contains(&a) || mats_range.contains(&b))
+                        || is_outside_and_moving(a)
+                        || is_outside_and_moving(b)
+                    {
                         continue;
                     }
                     let link_pull = stiffness * (displacement(b) - displacement(a));
@@ -41,7 +44,7 @@ impl Network {
                 }
             }
         };
-        spectrum::largest(mass_count, &mut apply_stiffness)
+        spectrum::largest_eigenvalue(mass_count, &mut apply_stiffness)
             .theta
             .max(0.0)
             .sqrt()

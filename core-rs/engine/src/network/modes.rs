@@ -5,7 +5,7 @@ use nalgebra::Complex;
 use super::Network;
 use super::damped::{self, DampedMode};
 use crate::interrupt;
-use crate::spectrum::{self, LowestModes};
+use crate::spectrum::{self, CertifiedModes};
 use crate::units::LN_1000;
 
 /// Largest number of values in all shapes together.
@@ -91,7 +91,7 @@ impl Network {
         let part_body = self.part_body(part);
         let mat_count = part_body.mats.len();
         // Damping couples each mode with others, so more undamped modes are needed than are requested.
-        let coupled_search = |count: usize, find: &dyn Fn(usize) -> LowestModes| {
+        let coupled_search = |count: usize, find: &dyn Fn(usize) -> CertifiedModes| {
             let part_modes = find(count);
             let is_coupled = damped::is_coupled(&part_body, &part_modes.modes);
             match is_coupled {

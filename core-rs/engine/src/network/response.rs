@@ -15,9 +15,9 @@ use crate::spectrum::sparse::Factor;
 const REFINEMENTS: usize = 2;
 
 impl Network {
-    /// Mechanical admittance of some parts without the rest of the network: the velocity of each point of `listened`
-    /// over a force at `forced`   (n_listened · n_frequencies) [(m/s)/N]. Contacts are open, and laws have their slope at
-    /// rest. The admittance is infinite at an undamped pole.
+    /// Mechanical admittance of some parts without the rest of the network: the velocity of each point of `output_mats`
+    /// over a force at `forced_mats`   (n_listened · n_frequencies) [(m/s)/N]. Contacts are open, and laws have their
+    /// slope at rest. The admittance is infinite at an undamped pole.
     ///
     /// A point is one or more masses, by their indices: each gets the force, and their velocities are added. In a part
     /// under `units: ca` the force is constant for one sample.
@@ -37,8 +37,8 @@ impl Network {
     pub fn admittance(
         &self,
         parts: &[usize],
-        forced: &[usize],
-        listened: &[Vec<usize>],
+        forced_mats: &[usize],
+        output_mats: &[Vec<usize>],
         frequencies: &[f64],
     ) -> Vec<Complex<f64>> {
         let body = PartBody::new(self.elements(parts));
@@ -47,18 +47,18 @@ impl Network {
             let mat_slots = mats.iter().map(|mat| body.mats.binary_search(mat));
             mat_slots.filter_map(Result::ok).collect()
         };
-        let listened: Vec<Vec<usize>> = listened.iter().map(|mats| local_mats(mats)).collect();
+        let output_mats: Vec<Vec<usize>> = output_mats.iter().map(|mats| local_mats(mats)).collect();
         let mut scaled_force = vec![Complex::from(0.0); mat_count];
-        for slot in local_mats(forced) {
+        for slot in local_mats(forced_mats) {
             scaled_force[slot] += 1.0 / body.sqrt_masses[slot];
         }
         let matrices = NetworkMatrices::new(&body);
-        let mut response = vec![Complex::from(0.0); listened.len() * frequencies.len()];
+        let mut response = vec![Complex::from(0.0); output_mats.len() * frequencies.len()];
         for (column, &f) in frequencies.iter().enumerate() {
             interrupt::poll();
             let (s, point_gain) = evaluation_point(&body, f);
             let solution = solve_at(&matrices, s, &scaled_force);
-            for (row, mat_slots) in listened.iter().enumerate() {
+            for (row, mat_slots) in output_mats.iter().enumerate() {
                 let position = |x: &Vec<Complex<f64>>| -> Complex<f64> {
                     mat_slots.iter().map(|&slot| x[slot] / body.sqrt_masses[slot]).sum()
                 };
@@ -90,7 +90,7 @@ fn solve_at(matrices: &NetworkMatrices, s: Complex<f64>, force: &[Complex<f64>])
     let mut x = matrix_factor.solve(force);
     let mut applied_matrix = vec![Complex::from(0.0); x.len()];
     for _ in 0..REFINEMENTS {
-        matrix_at_s.times(&matrices.pattern, &x, &mut applied_matrix);
+        matrix_at_s.multiply(&matrices.pattern, &x, &mut applied_matrix);
         let residual: Vec<Complex<f64>> = force.iter().zip(&applied_matrix).map(|(f, y)| f - y).collect();
         for (x, correction) in x.iter_mut().zip(matrix_factor.solve(&residual)) {
             *x += correction;

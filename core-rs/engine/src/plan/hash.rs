@@ -59,5 +59,5 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             body.iter().for_each(|number| hash_sink.add(number.to_le_bytes()));
         }
     }
-    hex(&hash_sink.end())
+    hex(&hash_sink.finish())
 }

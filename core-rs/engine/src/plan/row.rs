@@ -286,8 +286,8 @@ pub(in crate::plan) fn cells(network: &Network, banks: &[BankPlan], timeline: &T
 }
 
 /// The certificate of a body alone: modes cannot diverge, but what pushes them may.
-fn guarantee(inside: &BodyPlan) -> StabilityGuarantee {
-    match inside {
+fn guarantee(body_plan: &BodyPlan) -> StabilityGuarantee {
+    match body_plan {
         // For a slow body, the certificate of the whole island decides.
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => StabilityGuarantee::Guarded,
         BodyPlan::Mesh(mesh) => {

@@ -312,7 +312,7 @@ fn exact_largest_eigenvalue(
             .unwrap_or(0)
     };
     if mat_count > DENSE_MAX {
-        let largest = spectrum::largest_up_to(mat_count, &mut apply_matrix, search_limit);
+        let largest = spectrum::largest_eigenvalue_up_to(mat_count, &mut apply_matrix, search_limit);
         return LargestEigenvalue {
             lambda: largest.theta + largest.residual,
             bound_method: BoundMethod::Lanczos,

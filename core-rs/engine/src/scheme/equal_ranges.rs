@@ -26,12 +26,12 @@ impl Scheme {
             if (equal_ranges.len() + 1) * MATS_PER_RANGE_MIN > mat_count {
                 return Vec::new();
             }
-            let is_alike_mat = |mat: &usize| {
+            let has_same_coefficients = |mat: &usize| {
                 self.mat_coefficients()
                     .iter()
                     .all(|coefficients| have_same_bits(coefficients[*mat], coefficients[range_start]))
             };
-            let range_end = range_start + (range_start..mat_count).take_while(is_alike_mat).count();
+            let range_end = range_start + (range_start..mat_count).take_while(has_same_coefficients).count();
             equal_ranges.push(EqualRange {
                 mats: range_start..range_end,
                 coefficients: self.mat_coefficients().map(|coefficients| coefficients[range_start]),
@@ -55,8 +55,8 @@ impl Scheme {
             let coefficients = mat_coefficients.iter().zip(equal_range.coefficients);
             equal_range.mats.end <= self.n_mat()
                 && coefficients.into_iter().all(|(coefficients, coefficient)| {
-                    let mut numbers = coefficients[equal_range.mats.clone()].iter();
-                    numbers.all(|&number| have_same_bits(number, coefficient))
+                    let mut range_coefficients = coefficients[equal_range.mats.clone()].iter();
+                    range_coefficients.all(|&range_coefficient| have_same_bits(range_coefficient, coefficient))
                 })
         })
     }
@@ -99,11 +99,11 @@ mod tests {
 
     #[test]
     fn equal_ranges_below_the_least_length_are_dropped() {
-        for n_kinds in 1..9 {
-            let mass_kinds: Vec<_> = (1..=n_kinds)
-                .map(|kind| (MATS_PER_RANGE_MIN, 1e-3 * kind as f64))
+        for group_count in 1..9 {
+            let mass_groups: Vec<_> = (1..=group_count)
+                .map(|group_number| (MATS_PER_RANGE_MIN, 1e-3 * group_number as f64))
                 .collect();
-            assert_eq!(scheme(&mass_kinds).equal_ranges.len(), n_kinds);
+            assert_eq!(scheme(&mass_groups).equal_ranges.len(), group_count);
         }
         assert!(
             scheme(&[(MATS_PER_RANGE_MIN, 1e-3), (MATS_PER_RANGE_MIN - 1, 2e-3)])
@@ -115,13 +115,18 @@ mod tests {
 
     #[test]
     fn equal_ranges_differ_by_any_number() {
-        let (ground, tuned_tie) = (0.0, |f| Tie::Tuned { f, t60: None });
-        for ties in [[(200.0, ground), (300.0, ground)], [(200.0, ground), (200.0, 0.1)]] {
+        let (ground_damping, tuned_tie) = (0.0, |f| Tie::Tuned { f, t60: None });
+        for ties in [
+            [(200.0, ground_damping), (300.0, ground_damping)],
+            [(200.0, ground_damping), (200.0, 0.1)],
+        ] {
             let mut network = Network::new();
-            for (f, ground) in ties {
+            for (f, ground_damping) in ties {
                 for _ in 0..MATS_PER_RANGE_MIN {
                     let cell_name = format!("m{}", network.n_mat());
-                    network.cel(&cell_name, 1e-3, tuned_tie(f), ground, 0.0, 0.0).unwrap();
+                    network
+                        .cel(&cell_name, 1e-3, tuned_tie(f), ground_damping, 0.0, 0.0)
+                        .unwrap();
                 }
             }
             let mut scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();

@@ -156,7 +156,7 @@ impl Group {
             } else {
                 1
             };
-            let new_fault = ThreadTeam::with(thread_count, |team| {
+            let new_fault = ThreadTeam::with_threads(thread_count, |team| {
                 (0..n_frames).step_by(UNIT_BLOCK_FRAMES).find_map(|first_frame| {
                     interrupt::poll();
                     let n_frames = UNIT_BLOCK_FRAMES.min(n_frames - first_frame);

@@ -89,7 +89,7 @@ pub struct MotionLook {
     /// Contacts.
     pub contacts: Vec<VisibleContact>,
     /// LIAs of the network that may break, rising.
-    pub breakable: Vec<usize>,
+    pub breakable_links: Vec<usize>,
     plan: Arc<Plan>,
     n_modes: usize,
     sources: Vec<(usize, TrackSource)>,
@@ -98,8 +98,8 @@ pub struct MotionLook {
     /// Units in which written gestures play, each with the map from its MATs to those of the network (`None`: the
     /// same).
     gestures_by_unit: Vec<(usize, Option<Vec<u32>>)>,
-    /// By unit: the LIAs of the island that may break, each with its index in `breakable`.
-    breakable_by_unit: Vec<(usize, Vec<(u32, u32)>)>,
+    /// By unit: the LIAs of the island that may break, each with its index in `breakable_links`.
+    breakable_links_by_unit: Vec<(usize, Vec<(u32, u32)>)>,
 }
 
 /// Where numbers come from: index in the source, track, and rest position [m]; banks need no rest position.
@@ -287,9 +287,9 @@ impl Simulation {
         }
     }
 
-    /// Calls `report` for each computed link of [`MotionLook::breakable`]: its index, and whether it is broken.
+    /// Calls `report` for each computed link of [`MotionLook::breakable_links`]: its index, and whether it is broken.
     fn for_each_breakable(&self, look: &MotionLook, mut report: impl FnMut(usize, bool)) {
-        for (unit, links) in &look.breakable_by_unit {
+        for (unit, links) in &look.breakable_links_by_unit {
             if let RunningUnit::Island(island) = self.running_unit(*unit) {
                 for &(island_link, link) in links {
                     report(link as usize, island.is_broken(island_link as usize));

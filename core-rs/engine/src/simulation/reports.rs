@@ -27,8 +27,8 @@ impl Simulation {
     pub fn take_ergons(&mut self) -> Vec<ErgonRecord> {
         let mut framed_ergons = Vec::new();
         let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
-        for (running, unit) in running_units.zip(&self.plan.units) {
-            let (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) = (running, unit) else {
+        for (running_unit, unit) in running_units.zip(&self.plan.units) {
+            let (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) = (running_unit, unit) else {
                 continue;
             };
             let island_ergons = island.take_ergons().into_iter();

@@ -114,7 +114,7 @@ impl ReachableNetwork {
         // The path begins at 0: the hand is at rest before its displacement.
         let hand_path = [0.0, DISPLACEMENT_METRES, 0.0];
         timeline
-            .hand(network, self.mat, tick_frames, HandInterpolation::Line, &hand_path)
+            .add_hand(network, self.mat, tick_frames, HandInterpolation::Line, &hand_path)
             .map_err(|error| self.refusal(error))?;
         Ok(timeline)
     }

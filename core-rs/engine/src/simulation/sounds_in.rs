@@ -71,7 +71,7 @@ impl Simulation {
     /// All islands.
     fn islands_mut(&mut self) -> impl Iterator<Item = &mut Island> {
         let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
-        running_units.filter_map(|running| match running {
+        running_units.filter_map(|running_unit| match running_unit {
             RunningUnit::Island(island) => Some(&mut **island),
             RunningUnit::Bank(_) => None,
         })
@@ -80,7 +80,7 @@ impl Simulation {
     /// Gives the sound card's samples for the frames that are computed next: full scale 1, at the rate of the score,
     /// (n_frames, n_channels), at most 4096 frames. A missing channel is silent. Frames without samples are heard from
     /// the timeline before the first call, and are silent after it.
-    pub fn sound_in(&mut self, frames: &[f32], n_channels: usize) {
+    pub fn feed_input_samples(&mut self, frames: &[f32], n_channels: usize) {
         let n_channels = n_channels.max(1);
         let frame_count = (frames.len() / n_channels).min(INPUT_FRAMES_MAX);
         let first_frame = self.frame;
@@ -95,10 +95,10 @@ impl Simulation {
             let last_input = conditioner.last_value();
             for (value, frame) in input_values.iter_mut().zip(frames.chunks_exact(n_channels)) {
                 let input_sample = frame.get(channel).copied().unwrap_or(0.0);
-                *value = conditioner.next(f64::from(input_sample));
+                *value = conditioner.condition_next(f64::from(input_sample));
             }
-            for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-                if let RunningUnit::Island(island) = running {
+            for running_unit in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+                if let RunningUnit::Island(island) = running_unit {
                     island.receive_samples(index, first_frame, last_input, &input_values[..frame_count]);
                 }
             }

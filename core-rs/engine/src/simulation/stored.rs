@@ -29,14 +29,14 @@ impl Simulation {
     /// The islands that are heard and whose stretches can be stored; none if ledgers or streams of ergons are kept.
     pub fn storable(&self) -> Vec<StorableIsland> {
         let indexed_units = self.units().enumerate();
-        let islands = indexed_units.filter_map(|(unit, pair)| match pair {
+        let islands = indexed_units.filter_map(|(unit, unit_and_plan)| match unit_and_plan {
             (RunningUnit::Island(island), ComputationUnit::IslandPlan(_))
                 if unit < self.plan.n_heard_units && island.is_storable() =>
             {
                 Some(StorableIsland {
                     unit,
                     n_out: island.n_out(),
-                    cost: pair.1.cost(),
+                    cost: unit_and_plan.1.cost(),
                 })
             }
             _ => None,
@@ -97,10 +97,10 @@ impl Simulation {
             return Ok(Vec::new());
         };
         let n_outputs = running_island.n_out();
-        let team = if running_island.can_share_work() { n_threads } else { 1 };
+        let thread_count = if running_island.can_share_work() { n_threads } else { 1 };
         let mut island_sound = vec![0.0; n_outputs * n_frames];
         with_denormals_flushed(|| {
-            ThreadTeam::with(team, |team| {
+            ThreadTeam::with_threads(thread_count, |team| {
                 (0..n_frames).step_by(UNIT_BLOCK_FRAMES).try_for_each(|first_frame| {
                     interrupt::poll();
                     let n_frames = UNIT_BLOCK_FRAMES.min(n_frames - first_frame);

@@ -17,21 +17,21 @@ const QL_ITERATIONS_MAX: usize = 60;
 pub(crate) fn all_eigenvalues(mut matrix: Vec<f64>, vectors: &[Vec<f64>]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
     let dimension = matrix.len().isqrt();
     let mut reduced_vectors = vectors.to_vec();
-    let (mut diagonal, mut off_diagonal) = reduce(&mut matrix, dimension, &mut reduced_vectors);
+    let (mut diagonal, mut off_diagonal) = reduce_to_tridiagonal(&mut matrix, dimension, &mut reduced_vectors);
     drop(matrix);
     // One row for each coordinate, so that a rotation combines two adjacent rows.
     let vector_count = reduced_vectors.len();
-    let mut rotated: Vec<f64> = (0..dimension * vector_count)
-        .map(|at| reduced_vectors[at % vector_count][at / vector_count])
+    let mut rotated_rows: Vec<f64> = (0..dimension * vector_count)
+        .map(|index| reduced_vectors[index % vector_count][index / vector_count])
         .collect();
-    iterate(&mut diagonal, &mut off_diagonal, &mut rotated, vector_count)?;
+    iterate_ql(&mut diagonal, &mut off_diagonal, &mut rotated_rows, vector_count)?;
     let mut rising_order: Vec<usize> = (0..dimension).collect();
     rising_order.sort_by(|&i, &j| diagonal[i].total_cmp(&diagonal[j]));
     let eigenvalues = rising_order.iter().map(|&i| diagonal[i]).collect();
     let coordinates = |vector: usize| {
         rising_order
             .iter()
-            .map(|&i| rotated[i * vector_count + vector])
+            .map(|&i| rotated_rows[i * vector_count + vector])
             .collect()
     };
     Some((eigenvalues, (0..vector_count).map(coordinates).collect()))
@@ -39,30 +39,30 @@ pub(crate) fn all_eigenvalues(mut matrix: Vec<f64>, vectors: &[Vec<f64>]) -> Opt
 
 wide! {
     /// row −= f·w + g·v; returns the product of the new row with u.
-    fn update(row: &mut [f64], f: f64, w: &[f64], g: f64, v: &[f64], u: &[f64]) -> f64 {
+    fn update_row(row: &mut [f64], f: f64, w: &[f64], g: f64, v: &[f64], u: &[f64]) -> f64 {
         let n = row.len();
         let (w, v, u) = (&w[..n], &v[..n], &u[..n]);
         let mut lanes = [0.0; 8];
-        let whole = n / 8 * 8;
-        for at in (0..whole).step_by(8) {
+        let lanes_end = n / 8 * 8;
+        for index in (0..lanes_end).step_by(8) {
             for (lane, sum) in lanes.iter_mut().enumerate() {
-                let i = at + lane;
+                let i = index + lane;
                 row[i] -= f * w[i] + g * v[i];
                 *sum += row[i] * u[i];
             }
         }
-        let mut tail = 0.0;
-        for i in whole..n {
+        let mut tail_sum = 0.0;
+        for i in lanes_end..n {
             row[i] -= f * w[i] + g * v[i];
-            tail += row[i] * u[i];
+            tail_sum += row[i] * u[i];
         }
         let [s0, s1, s2, s3, s4, s5, s6, s7] = lanes;
-        ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + tail
+        ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + tail_sum
     }
 }
 
-/// Reduces to tridiagonal form: the diagonal and the off-diagonal (n), with the reflections applied to `seen`.
-fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
+/// Reduces to tridiagonal form: the diagonal and the off-diagonal (n), with the reflections applied to `vectors`.
+fn reduce_to_tridiagonal(matrix: &mut [f64], n: usize, vectors: &mut [Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
     let (mut diagonal, mut off_diagonal) = (vec![0.0; n], vec![0.0; n]);
     // Vectors of the last reflection: its update is applied when the next step reads the rows anyway.
     let (mut v, mut w, mut reflector, mut scaled_image) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
@@ -70,7 +70,7 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
     for k in 0..n {
         interrupt::spend((n - k) * (n - k));
         let matrix_row = &mut matrix[k * n..(k + 1) * n];
-        update(&mut matrix_row[k..], v[k], &w[k..], w[k], &v[k..], &zero_vector[k..]);
+        update_row(&mut matrix_row[k..], v[k], &w[k..], w[k], &v[k..], &zero_vector[k..]);
         diagonal[k] = matrix_row[k];
         if k + 1 == n {
             break;
@@ -95,8 +95,8 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
             for i in k + 1..n {
                 let matrix_row = &mut matrix[i * n + k + 1..(i + 1) * n];
                 let (v, w) = (&v[..], &w[..]);
-                scaled_image[i] =
-                    reflection_scale * update(matrix_row, v[i], &w[k + 1..], w[i], &v[k + 1..], &reflector[k + 1..]);
+                scaled_image[i] = reflection_scale
+                    * update_row(matrix_row, v[i], &w[k + 1..], w[i], &v[k + 1..], &reflector[k + 1..]);
             }
         }
         let half_product = 0.5 * reflection_scale * dot(&reflector[k + 1..], &scaled_image[k + 1..]);
@@ -111,17 +111,18 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
             );
         }
         if reflection_scale != 0.0 {
-            for seen in seen.iter_mut() {
-                let projection = reflection_scale * dot(&reflector[k + 1..], &seen[k + 1..]);
-                super::vector::add(-projection, &reflector[k + 1..], &mut seen[k + 1..]);
+            for vectors in vectors.iter_mut() {
+                let projection = reflection_scale * dot(&reflector[k + 1..], &vectors[k + 1..]);
+                super::vector::add_scaled(-projection, &reflector[k + 1..], &mut vectors[k + 1..]);
             }
         }
     }
     (diagonal, off_diagonal)
 }
 
-/// QL with implicit shifts: `d` becomes the eigenvalues; the rotations are applied to the rows of `rotated` (n · k).
-fn iterate(d: &mut [f64], e: &mut [f64], rotated: &mut [f64], k: usize) -> Option<()> {
+/// QL with implicit shifts: `d` becomes the eigenvalues; the rotations are applied to the rows of `rotated_rows` (n ·
+/// k).
+fn iterate_ql(d: &mut [f64], e: &mut [f64], rotated_rows: &mut [f64], k: usize) -> Option<()> {
     let dimension = d.len();
     e.rotate_left(1); // e[i] now couples i and i + 1
     for l in 0..dimension {
@@ -156,12 +157,12 @@ fn iterate(d: &mut [f64], e: &mut [f64], rotated: &mut [f64], k: usize) -> Optio
                     break;
                 }
                 (sine, cosine) = (f / r, g / r);
-                let shifted = d[row_index + 1] - correction;
-                let r = (d[row_index] - shifted) * sine + 2.0 * cosine * b;
+                let shifted_diagonal = d[row_index + 1] - correction;
+                let r = (d[row_index] - shifted_diagonal) * sine + 2.0 * cosine * b;
                 correction = sine * r;
-                d[row_index + 1] = shifted + correction;
+                d[row_index + 1] = shifted_diagonal + correction;
                 g = cosine * r - b;
-                let (low, high) = rotated[row_index * k..(row_index + 2) * k].split_at_mut(k);
+                let (low, high) = rotated_rows[row_index * k..(row_index + 2) * k].split_at_mut(k);
                 for (low, high) in low.iter_mut().zip(high) {
                     (*low, *high) = (cosine * *low - sine * *high, sine * *low + cosine * *high);
                 }

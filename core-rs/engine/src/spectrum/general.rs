@@ -24,7 +24,7 @@ pub(crate) struct Eigensystem {
 /// The eigenvalues and eigenvectors of `matrix` (n, n), row after row.
 ///
 /// `None` if a number is not finite or QR does not converge.
-pub(crate) fn general(mut matrix: Vec<f64>) -> Option<Eigensystem> {
+pub(crate) fn general_eigensystem(mut matrix: Vec<f64>) -> Option<Eigensystem> {
     let dimension = matrix.len().isqrt();
     if !matrix.iter().all(|x| x.is_finite()) {
         return None;

@@ -6,9 +6,9 @@ use crate::maths::sqrt;
 /// Eigenvalues, rising, each with its vector of length 1.
 ///
 /// `matrix` is (n, n), row after row; only its symmetric part counts.
-pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
+pub(super) fn eigenpairs(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
     /// Convergence is quadratic: about eight sweeps for n = 100.
-    const SWEEPS: usize = 40;
+    const SWEEPS_MAX: usize = 40;
     let dimension = matrix.len();
     let transposed: Vec<Vec<f64>> = (0..dimension)
         .map(|j| matrix.iter().map(|row| row[j]).collect())
@@ -22,7 +22,7 @@ pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
     let mut vectors: Vec<Vec<f64>> = (0..dimension)
         .map(|i| (0..dimension).map(|j| f64::from(i == j)).collect())
         .collect();
-    for _ in 0..SWEEPS {
+    for _ in 0..SWEEPS_MAX {
         let mut is_diagonal = true;
         for p in 0..dimension {
             interrupt::spend(4 * dimension * (dimension - p));
@@ -44,8 +44,8 @@ pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
 }
 
 /// The largest eigenvalue and its vector; 0 for an empty matrix.
-pub(super) fn largest(matrix: Vec<Vec<f64>>) -> (f64, Vec<f64>) {
-    eigen(matrix).pop().unwrap_or_default()
+pub(super) fn largest_eigenpair(matrix: Vec<Vec<f64>>) -> (f64, Vec<f64>) {
+    eigenpairs(matrix).pop().unwrap_or_default()
 }
 
 /// Rotate the plane (p, q) so that element (p, q) vanishes; false if the element is negligible already.
@@ -62,8 +62,8 @@ fn rotate(matrix: &mut [Vec<f64>], vectors: &mut [Vec<f64>], p: usize, q: usize)
     let tangent = if tau < 0.0 { -1.0 / cotangent } else { 1.0 / cotangent };
     let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
     let sine = tangent * cosine;
-    turn(matrix, p, q, cosine, sine);
-    turn(vectors, p, q, cosine, sine);
+    rotate_rows(matrix, p, q, cosine, sine);
+    rotate_rows(vectors, p, q, cosine, sine);
     for row in matrix.iter_mut() {
         (row[p], row[q]) = (cosine * row[p] - sine * row[q], sine * row[p] + cosine * row[q]);
     }
@@ -73,7 +73,7 @@ fn rotate(matrix: &mut [Vec<f64>], vectors: &mut [Vec<f64>], p: usize, q: usize)
     true
 }
 
-fn turn(rows: &mut [Vec<f64>], p: usize, q: usize, cosine: f64, sine: f64) {
+fn rotate_rows(rows: &mut [Vec<f64>], p: usize, q: usize, cosine: f64, sine: f64) {
     let (upper_rows, lower_rows) = rows.split_at_mut(q);
     for (a, b) in upper_rows[p].iter_mut().zip(&mut lower_rows[0]) {
         (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);

@@ -1,6 +1,6 @@
 //! The largest eigenvalue, with bounds: Lanczos with full reorthogonalisation.
 
-use super::vector::{add, dot, normalise, orthogonalise, start_vector};
+use super::vector::{add_scaled, dot, normalise, orthogonalise, start_vector};
 use super::{Apply, jacobi};
 use crate::interrupt;
 
@@ -15,13 +15,13 @@ const CONVERGED_RESIDUAL: f64 = 1e-10;
 
 /// The upper end of a spectrum.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Largest {
+pub(crate) struct LargestRitz {
     /// The largest Ritz value: a lower bound of λmax.
     pub(crate) theta: f64,
     /// |β_k s_k|: an eigenvalue lies within this of `theta`.
     pub(crate) residual: f64,
     /// θ + |β_k|: in practice always an upper bound of λmax (Zhou & Li 2011), loose before convergence.
-    pub(crate) safe: f64,
+    pub(crate) upper_bound: f64,
     /// Steps taken, k.
     pub(crate) steps: usize,
     /// The Ritz vector (n,), of length 1.
@@ -29,12 +29,12 @@ pub(crate) struct Largest {
 }
 
 /// The largest eigenvalue of the symmetric operator `apply` on vectors of `n` >= 1 numbers.
-pub(crate) fn largest(n: usize, apply: Apply<'_>) -> Largest {
-    largest_up_to(n, apply, f64::INFINITY)
+pub(crate) fn largest_eigenvalue(n: usize, apply: Apply<'_>) -> LargestRitz {
+    largest_eigenvalue_up_to(n, apply, f64::INFINITY)
 }
 
-/// As [`largest`], but stops as soon as the largest eigenvalue is known to be at least `beyond`.
-pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest {
+/// As [`largest_eigenvalue`], but stops as soon as the largest eigenvalue is known to be at least `enough`.
+pub(crate) fn largest_eigenvalue_up_to(n: usize, apply: Apply<'_>, enough: f64) -> LargestRitz {
     let steps_max = STEPS_MAX.min(n).min((STORED_MAX / n.max(1)).max(8));
     let mut next_vector = start_vector(n, 0);
     normalise(&mut next_vector);
@@ -50,23 +50,23 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
         orthogonalise(&mut image, &basis);
         let beta = normalise(&mut image);
         let steps = basis.len();
-        // Only rounding is left: the Krylov space of the start vector is is_exhausted.
+        // Only rounding is left: the Krylov space of the start vector is exhausted.
         let is_exhausted = steps == n || beta <= 1e-14 * (alpha.abs() + betas.last().unwrap_or(&0.0));
         let is_last = is_exhausted || steps == steps_max;
         if is_last || steps.is_multiple_of(CHECK_EVERY) {
             let beta = if is_exhausted { 0.0 } else { beta };
-            let (theta, ritz_weights) = jacobi::largest(tridiagonal(&alphas, &betas));
+            let (theta, ritz_weights) = jacobi::largest_eigenpair(tridiagonal(&alphas, &betas));
             let residual = (beta * ritz_weights[steps - 1]).abs();
-            if is_last || residual <= CONVERGED_RESIDUAL * theta.abs() || theta >= beyond {
+            if is_last || residual <= CONVERGED_RESIDUAL * theta.abs() || theta >= enough {
                 let mut vector = vec![0.0; n];
                 for (weight, direction) in ritz_weights.iter().zip(&basis) {
                     interrupt::poll_for(n);
-                    add(*weight, direction, &mut vector);
+                    add_scaled(*weight, direction, &mut vector);
                 }
-                return Largest {
+                return LargestRitz {
                     theta,
                     residual,
-                    safe: theta + beta,
+                    upper_bound: theta + beta,
                     steps,
                     vector,
                 };

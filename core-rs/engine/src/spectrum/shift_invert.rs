@@ -7,7 +7,7 @@
 
 use super::sparse::Factor;
 use super::springs::Springs;
-use super::vector::{add, dot, norm, normalise, orthogonalise, orthogonalise_once, start_vector, units};
+use super::vector::{add_scaled, dot, norm, normalise, orthogonalise, orthogonalise_once, start_vector, unit_vectors};
 use super::{Mode, all_eigenvalues};
 use crate::interrupt;
 
@@ -17,7 +17,7 @@ const MODES_PER_SHIFT: usize = 64;
 /// its square.
 const CONVERGED_RESIDUAL: f64 = 1e-11;
 /// A pair this much smaller than the largest of its run is lost in the rounding of that; another run finds it.
-const RANGE: f64 = 1e-6;
+const RELATIVE_EIGENVALUE_MIN: f64 = 1e-6;
 /// Number of steps between two diagonalisations of the small matrix.
 const CHECK_EVERY: usize = 12;
 /// Smallest relative gap between two modes in which a border may lie: rounding does not move a mode across it.
@@ -30,7 +30,7 @@ const FRUITLESS_RUNS_MAX: usize = 3;
 
 /// Modes by rising λ, and whether the inertia of the matrix confirms that none is missing among them.
 #[derive(Debug)]
-pub(crate) struct LowestModes {
+pub(crate) struct CertifiedModes {
     pub(crate) modes: Vec<Mode>,
     pub(crate) is_certified: bool,
 }
@@ -42,24 +42,24 @@ pub(crate) fn n_below(springs: &Springs, bound: f64) -> usize {
 }
 
 /// The `count` modes of the smallest λ; fewer if there are not so many.
-pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> LowestModes {
-    let dimension = springs.n();
+pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> CertifiedModes {
+    let dimension = springs.dimension();
     let count = count.min(dimension);
     // A shift below all eigenvalues: slightly below 0, or below the Gershgorin bound if the matrix has negative
     // eigenvalues.
-    let mut shift = -1e-9 * springs.scale();
+    let mut shift = -1e-9 * springs.mean_diagonal();
     let mut factor = springs.factor(&mut shift);
     if factor.n_below() > 0 {
-        shift = 1.001 * springs.bottom() - 1e-9 * springs.scale();
+        shift = 1.001 * springs.eigenvalue_lower_bound() - 1e-9 * springs.mean_diagonal();
         factor = springs.factor(&mut shift);
     }
     let mut modes: Vec<Mode> = Vec::new();
-    let (mut known_count, mut fruitless, mut run_number) = (0, 0, 0);
-    while known_count < count && modes.len() < dimension && fruitless < FRUITLESS_RUNS_MAX {
+    let (mut certified_count, mut fruitless_runs, mut run_number) = (0, 0, 0);
+    while certified_count < count && modes.len() < dimension && fruitless_runs < FRUITLESS_RUNS_MAX {
         run_number += 1;
-        let modes_wanted = (count - known_count).min(MODES_PER_SHIFT) + 2;
+        let modes_wanted = (count - certified_count).min(MODES_PER_SHIFT) + 2;
         let new_modes = lanczos(springs, &factor, &modes, modes_wanted, run_number);
-        fruitless = if new_modes.is_empty() { fruitless + 1 } else { 0 };
+        fruitless_runs = if new_modes.is_empty() { fruitless_runs + 1 } else { 0 };
         modes.extend(new_modes);
         sort(&mut modes);
         if modes.len() == dimension {
@@ -73,32 +73,32 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> LowestModes {
         let count_below = modes.iter().filter(|mode| mode.lambda < next_shift).count();
         // If the numbers differ, modes of a multiple eigenvalue are missing: the same shift finds them in another run.
         if next_factor.n_below() == count_below {
-            known_count = count_below;
+            certified_count = count_below;
             factor = next_factor;
         }
     }
-    let is_counted = known_count >= count || modes.len() == dimension;
+    let is_counted = certified_count >= count || modes.len() == dimension;
     modes.truncate(count);
-    LowestModes {
-        is_certified: is_counted && are_modes(springs, &modes),
+    CertifiedModes {
+        is_certified: is_counted && are_distinct_modes(springs, &modes),
         modes,
     }
 }
 
 /// The `count` modes whose λ lies nearest to `centre`.
-pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> LowestModes {
-    let dimension = springs.n();
+pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> CertifiedModes {
+    let dimension = springs.dimension();
     let count = count.min(dimension);
     let mut shift = centre;
     let factor = springs.factor(&mut shift);
     let mut modes: Vec<Mode> = Vec::new();
-    let (mut is_counted, mut fruitless, mut run_number) = (count == 0, 0, 0);
+    let (mut is_counted, mut fruitless_runs, mut run_number) = (count == 0, 0, 0);
     let distance = |mode: &Mode| (mode.lambda - shift).abs();
-    while !is_counted && fruitless < FRUITLESS_RUNS_MAX {
+    while !is_counted && fruitless_runs < FRUITLESS_RUNS_MAX {
         run_number += 1;
         let modes_wanted = (count + 2).saturating_sub(modes.len()).max(4);
         let new_modes = lanczos(springs, &factor, &modes, modes_wanted, run_number);
-        fruitless = if new_modes.is_empty() { fruitless + 1 } else { 0 };
+        fruitless_runs = if new_modes.is_empty() { fruitless_runs + 1 } else { 0 };
         modes.extend(new_modes);
         modes.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
         if modes.len() == dimension {
@@ -117,24 +117,24 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Lowe
     }
     modes.truncate(count);
     sort(&mut modes);
-    LowestModes {
-        is_certified: is_counted && are_modes(springs, &modes),
+    CertifiedModes {
+        is_certified: is_counted && are_distinct_modes(springs, &modes),
         modes,
     }
 }
 
 /// Whether each vector is a mode, and no two neighbours (by rising λ) are the same one: counting eigenvalues cannot
 /// tell.
-pub(crate) fn are_modes(springs: &Springs, modes: &[Mode]) -> bool {
-    let stiffest = springs.values.diagonal.iter();
-    let stiffest = stiffest.fold(0.0_f64, |largest_yet, x| largest_yet.max(x.abs()));
+pub(crate) fn are_distinct_modes(springs: &Springs, modes: &[Mode]) -> bool {
+    let largest_diagonal = springs.values.diagonal.iter();
+    let largest_diagonal = largest_diagonal.fold(0.0_f64, |largest_yet, x| largest_yet.max(x.abs()));
     let is_eigenpair = |mode: &Mode| {
-        let mut residual = springs.times(&mode.vector);
-        add(-mode.lambda, &mode.vector, &mut residual);
-        norm(&residual) <= MODE_TOLERANCE * stiffest
+        let mut residual = springs.multiply(&mode.vector);
+        add_scaled(-mode.lambda, &mode.vector, &mut residual);
+        norm(&residual) <= MODE_TOLERANCE * largest_diagonal
     };
-    let is_other = |pair: &[Mode]| dot(&pair[0].vector, &pair[1].vector).abs() <= MODE_TOLERANCE;
-    modes.iter().all(is_eigenpair) && modes.windows(2).all(is_other)
+    let are_orthogonal = |pair: &[Mode]| dot(&pair[0].vector, &pair[1].vector).abs() <= MODE_TOLERANCE;
+    modes.iter().all(is_eigenpair) && modes.windows(2).all(are_orthogonal)
 }
 
 fn sort(modes: &mut [Mode]) {
@@ -164,7 +164,7 @@ fn lanczos(
     mode_count: usize,
     run: usize,
 ) -> Vec<Mode> {
-    let dimension = springs.n();
+    let dimension = springs.dimension();
     let free_dimension = dimension - modes_known.len();
     let steps_max = (4 * mode_count + 80).min(free_dimension);
     let mut basis: Vec<Vec<f64>> = Vec::new();
@@ -172,7 +172,7 @@ fn lanczos(
     let project_out = |x: &mut [f64]| {
         for mode in modes_known {
             let projection = dot(&mode.vector, x);
-            add(-projection, &mode.vector, x);
+            add_scaled(-projection, &mode.vector, x);
         }
     };
     let mut next_vector = start_vector(dimension, run);
@@ -184,10 +184,10 @@ fn lanczos(
         interrupt::poll();
         let mut image = factor.solve(&next_vector);
         if let (Some(previous_vector), Some(beta)) = (basis.last(), betas.last()) {
-            add(-beta, previous_vector, &mut image);
+            add_scaled(-beta, previous_vector, &mut image);
         }
         let alpha = dot(&next_vector, &image);
-        add(-alpha, &next_vector, &mut image);
+        add_scaled(-alpha, &next_vector, &mut image);
         // This must come last: the recurrence would amplify any part along the found modes with each step.
         project_out(&mut image);
         let norm_before = norm(&image);
@@ -201,11 +201,15 @@ fn lanczos(
         let beta = normalise(&mut image);
         operator_scale = operator_scale.max(alpha.abs() + beta);
         let step_count = basis.len();
-        let is_whole = step_count == free_dimension || beta <= 1e-14 * operator_scale;
-        if is_whole || step_count == steps_max || (step_count >= mode_count && step_count.is_multiple_of(CHECK_EVERY)) {
+        let is_space_exhausted = step_count == free_dimension || beta <= 1e-14 * operator_scale;
+        if is_space_exhausted
+            || step_count == steps_max
+            || (step_count >= mode_count && step_count.is_multiple_of(CHECK_EVERY))
+        {
             let beta = if step_count == free_dimension { 0.0 } else { beta };
-            let (ritz_weights, is_limited) = converged_pairs(&alphas, &betas, beta);
-            if is_whole || is_limited || step_count == steps_max || ritz_weights.len() >= mode_count {
+            let (ritz_weights, is_ended_by_rounding) = converged_pairs(&alphas, &betas, beta);
+            if is_space_exhausted || is_ended_by_rounding || step_count == steps_max || ritz_weights.len() >= mode_count
+            {
                 break ritz_weights;
             }
         }
@@ -216,7 +220,7 @@ fn lanczos(
         interrupt::poll();
         let mut vector = vec![0.0; dimension];
         for (weight, direction) in weights.iter().zip(&basis) {
-            add(*weight, direction, &mut vector);
+            add_scaled(*weight, direction, &mut vector);
         }
         project_out(&mut vector);
         normalise(&mut vector);
@@ -239,12 +243,12 @@ fn converged_pairs(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, 
             tridiagonal[(i + 1) * dimension + i] = betas[i];
         }
     }
-    let Some((eigenvalues, components)) = all_eigenvalues(tridiagonal, &units(dimension)) else {
+    let Some((eigenvalues, components)) = all_eigenvalues(tridiagonal, &unit_vectors(dimension)) else {
         return (Vec::new(), false);
     };
     let mut falling_order: Vec<usize> = (0..dimension).collect();
     falling_order.sort_by(|&i, &j| eigenvalues[j].abs().total_cmp(&eigenvalues[i].abs()));
-    let range_limit = RANGE * eigenvalues[falling_order[0]].abs();
+    let range_limit = RELATIVE_EIGENVALUE_MIN * eigenvalues[falling_order[0]].abs();
     let mut converged = Vec::new();
     for i in falling_order {
         if eigenvalues[i].abs() <= range_limit {

@@ -23,14 +23,14 @@ impl<T> Scalar for T where
 #[derive(Debug)]
 pub(crate) struct Pattern {
     /// Where each row begins in `columns`   (n + 1)
-    first: Vec<usize>,
+    row_starts: Vec<usize>,
     /// Columns off the diagonal, rising in each row
     columns: Vec<u32>,
     /// The elimination order (n), and its inverse
     order: Vec<u32>,
     position: Vec<u32>,
     /// Parent of each column in the elimination tree   (n)
-    parent: Vec<Option<u32>>,
+    parents: Vec<Option<u32>>,
     /// Where each column of L begins   (n + 1)
     column_starts: Vec<usize>,
 }
@@ -45,57 +45,57 @@ impl Pattern {
                 row_columns[b].push(a as u32);
             }
         }
-        let (mut first, mut columns) = (vec![0], Vec::new());
+        let (mut row_starts, mut columns) = (vec![0], Vec::new());
         for mut row in row_columns {
             row.sort_unstable();
             row.dedup();
             columns.extend(row);
-            first.push(columns.len());
+            row_starts.push(columns.len());
         }
-        let order = ordering::order(&first, &columns);
+        let order = ordering::elimination_order(&row_starts, &columns);
         let mut position = vec![0; n];
         for (k, &i) in order.iter().enumerate() {
             position[i as usize] = k as u32;
         }
         let mut pattern = Self {
-            first,
+            row_starts,
             columns,
             order,
             position,
-            parent: vec![None; n],
+            parents: vec![None; n],
             column_starts: Vec::new(),
         };
         pattern.build_elimination_tree();
         pattern
     }
 
-    pub(crate) fn n(&self) -> usize {
+    pub(crate) fn dimension(&self) -> usize {
         self.order.len()
     }
 
     /// Number of entries of L.
-    pub(crate) fn fill(&self) -> usize {
-        self.column_starts[self.n()]
+    pub(crate) fn fill_count(&self) -> usize {
+        self.column_starts[self.dimension()]
     }
 
     /// Index of an off-diagonal entry in `columns` and in the values.
     fn slot(&self, a: usize, b: usize) -> usize {
-        let row_columns = &self.columns[self.first[a]..self.first[a + 1]];
-        self.first[a] + row_columns.partition_point(|&column| (column as usize) < b)
+        let row_columns = &self.columns[self.row_starts[a]..self.row_starts[a + 1]];
+        self.row_starts[a] + row_columns.partition_point(|&column| (column as usize) < b)
     }
 
     fn build_elimination_tree(&mut self) {
-        let dimension = self.n();
+        let dimension = self.dimension();
         let (mut column_fill, mut last_visit) = (vec![0; dimension], vec![0; dimension]);
         for k in 0..dimension {
             last_visit[k] = k as u32; // so that the entries of earlier columns are below k until visited
             let original_row = self.order[k] as usize;
-            for &j in &self.columns[self.first[original_row]..self.first[original_row + 1]] {
+            for &j in &self.columns[self.row_starts[original_row]..self.row_starts[original_row + 1]] {
                 let mut ancestor = self.position[j as usize] as usize;
                 while ancestor < k && last_visit[ancestor] != k as u32 {
                     last_visit[ancestor] = k as u32;
                     column_fill[ancestor] += 1;
-                    ancestor = *self.parent[ancestor].get_or_insert(k as u32) as usize;
+                    ancestor = *self.parents[ancestor].get_or_insert(k as u32) as usize;
                 }
             }
         }
@@ -119,7 +119,7 @@ pub(crate) struct Values<T> {
 impl Values<f64> {
     pub(crate) fn new(pattern: &Pattern) -> Self {
         Self {
-            diagonal: vec![0.0; pattern.n()],
+            diagonal: vec![0.0; pattern.dimension()],
             off_diagonal: vec![0.0; pattern.columns.len()],
         }
     }
@@ -132,14 +132,15 @@ impl Values<f64> {
 }
 
 impl<T: Scalar> Values<T> {
-    /// Combines two matrices of one pattern element by element with `make`, and adds `diagonal_shift` to the diagonal.
+    /// Combines two matrices of one pattern element by element with `combine_entries`, and adds `diagonal_shift` to the
+    /// diagonal.
     pub(crate) fn combine<U: Copy>(
         first: &Values<U>,
         other: &Values<U>,
         diagonal_shift: T,
-        make: impl Fn(U, U) -> T,
+        combine_entries: impl Fn(U, U) -> T,
     ) -> Self {
-        let pairwise = |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| make(*a, *b)).collect() };
+        let pairwise = |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| combine_entries(*a, *b)).collect() };
         let mut diagonal = pairwise(&first.diagonal, &other.diagonal);
         diagonal.iter_mut().for_each(|x| *x = *x + diagonal_shift);
         Self {
@@ -149,11 +150,11 @@ impl<T: Scalar> Values<T> {
     }
 
     /// y = A x.
-    pub(crate) fn times(&self, pattern: &Pattern, x: &[T], y: &mut [T]) {
+    pub(crate) fn multiply(&self, pattern: &Pattern, x: &[T], y: &mut [T]) {
         for (i, y) in y.iter_mut().enumerate() {
             let mut row_sum = self.diagonal[i] * x[i];
-            for at in pattern.first[i]..pattern.first[i + 1] {
-                row_sum = row_sum + self.off_diagonal[at] * x[pattern.columns[at] as usize];
+            for entry in pattern.row_starts[i]..pattern.row_starts[i + 1] {
+                row_sum = row_sum + self.off_diagonal[entry] * x[pattern.columns[entry] as usize];
             }
             *y = row_sum;
         }
@@ -172,21 +173,21 @@ impl<'a, T: Scalar> Factor<'a, T> {
     /// Factors A − `shift`·1; `None` if a pivot is 0.
     pub(crate) fn new(pattern: &'a Pattern, matrix: &Values<T>, shift: T) -> Option<Self> {
         let zero = T::from(0.0);
-        let dimension = pattern.n();
-        let (mut rows, mut values) = (vec![0; pattern.fill()], vec![zero; pattern.fill()]);
+        let dimension = pattern.dimension();
+        let (mut rows, mut values) = (vec![0; pattern.fill_count()], vec![zero; pattern.fill_count()]);
         let mut pivots = vec![zero; dimension];
         let mut column_ends = pattern.column_starts.clone();
         let (mut dense_row, mut last_visit) = (vec![zero; dimension], vec![0; dimension]);
         let (mut tree_path, mut row_reach) = (Vec::new(), Vec::new());
-        let mut visited = 0;
+        let mut visited_count = 0;
         for k in 0..dimension {
             if k % 256 == 0 {
-                interrupt::spend(std::mem::take(&mut visited));
+                interrupt::spend(std::mem::take(&mut visited_count));
             }
             last_visit[k] = k as u32;
             row_reach.clear();
-            let original = pattern.order[k] as usize;
-            for entry in pattern.first[original]..pattern.first[original + 1] {
+            let original_row = pattern.order[k] as usize;
+            for entry in pattern.row_starts[original_row]..pattern.row_starts[original_row + 1] {
                 let start_column = pattern.position[pattern.columns[entry] as usize] as usize;
                 if start_column >= k {
                     continue;
@@ -196,7 +197,7 @@ impl<'a, T: Scalar> Factor<'a, T> {
                 while last_visit[column_index] != k as u32 {
                     last_visit[column_index] = k as u32;
                     tree_path.push(column_index as u32);
-                    let Some(parent) = pattern.parent[column_index] else {
+                    let Some(parent) = pattern.parents[column_index] else {
                         break;
                     };
                     column_index = parent as usize;
@@ -204,13 +205,13 @@ impl<'a, T: Scalar> Factor<'a, T> {
                 // Nearest to the root first. Read from the end, each column comes before those that it changes.
                 row_reach.extend(tree_path.drain(..).rev());
             }
-            let mut pivot = matrix.diagonal[original] - shift;
+            let mut pivot = matrix.diagonal[original_row] - shift;
             for &column_index in row_reach.iter().rev() {
                 let column_index = column_index as usize;
                 let row_entry = dense_row[column_index];
                 dense_row[column_index] = zero;
                 let column_range = pattern.column_starts[column_index]..column_ends[column_index];
-                visited += column_range.len() + 8;
+                visited_count += column_range.len() + 8;
                 for (&j, &l) in rows[column_range.clone()].iter().zip(&values[column_range]) {
                     dense_row[j as usize] = dense_row[j as usize] - l * row_entry;
                 }
@@ -233,11 +234,11 @@ impl<'a, T: Scalar> Factor<'a, T> {
         })
     }
 
-    /// x of (A − shift·1) x = `right`.
-    pub(crate) fn solve(&self, right: &[T]) -> Vec<T> {
+    /// x of (A − shift·1) x = `right_side`.
+    pub(crate) fn solve(&self, right_side: &[T]) -> Vec<T> {
         let pattern = self.pattern;
-        interrupt::spend(2 * (self.values.len() + pattern.n()));
-        let mut solution: Vec<T> = pattern.order.iter().map(|&i| right[i as usize]).collect();
+        interrupt::spend(2 * (self.values.len() + pattern.dimension()));
+        let mut solution: Vec<T> = pattern.order.iter().map(|&i| right_side[i as usize]).collect();
         for k in 0..solution.len() {
             let column_range = pattern.column_starts[k]..pattern.column_starts[k + 1];
             let component = solution[k];

@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 
 /// The sparse matrix of springs between masses of 1.
 fn matrix(n: usize, springs: &Springs) -> springs::Springs {
-    let lever_springs = springs.iter();
-    let lever_springs = lever_springs.map(|&(a, b, k)| ((a, 1.0), b.map(|b| (b, 1.0)), k));
-    springs::Springs::new(n, lever_springs.collect())
+    let unit_springs = springs.iter();
+    let unit_springs = unit_springs.map(|&(a, b, k)| ((a, 1.0), b.map(|b| (b, 1.0)), k));
+    springs::Springs::new(n, unit_springs.collect())
 }
 
 /// The lowest modes; the inertia of the matrix confirms that none is missing.
@@ -67,7 +67,7 @@ fn from_sine(angle: f64) -> f64 {
 fn residual(springs: &Springs, mode: &Mode) -> f64 {
     let mut image = vec![0.0; mode.vector.len()];
     operator(springs)(&mode.vector, &mut image);
-    vector::add(-mode.lambda, &mode.vector, &mut image);
+    vector::add_scaled(-mode.lambda, &mode.vector, &mut image);
     vector::norm(&image)
 }
 
@@ -76,7 +76,7 @@ fn lowest_mode_of_strings_matches_closed_form() {
     for n in [1, 2, 3, 7, 60, 1_000, 5_000] {
         let double_span = 2.0 * (n as f64 + 1.0);
         let fixed_string = string(n, true);
-        let mode = lowest(n, &mut operator(&fixed_string), &[]).expect("fixed");
+        let mode = lowest_mode(n, &mut operator(&fixed_string), &[]).expect("fixed");
         let closed_form = from_sine(PI / double_span);
         assert!(
             close(mode.lambda, closed_form, 1e-13),
@@ -84,7 +84,7 @@ fn lowest_mode_of_strings_matches_closed_form() {
             mode.lambda
         );
         let free_string = string(n, false);
-        let mode = lowest(n, &mut operator(&free_string), &[vec![1.0; n]]);
+        let mode = lowest_mode(n, &mut operator(&free_string), &[vec![1.0; n]]);
         assert_eq!(mode.is_none(), n == 1);
         if let Some(mode) = mode {
             let closed_form = from_sine(PI / (2.0 * n as f64));
@@ -96,12 +96,15 @@ fn lowest_mode_of_strings_matches_closed_form() {
             assert!(residual(&free_string, &mode) <= 1e-7 * closed_form);
         }
         if n > 1 {
-            let Largest {
-                theta, residual, safe, ..
-            } = largest(n, &mut operator(&fixed_string));
+            let LargestRitz {
+                theta,
+                residual,
+                upper_bound,
+                ..
+            } = largest_eigenvalue(n, &mut operator(&fixed_string));
             let closed_form = from_sine(PI / 2.0 * n as f64 / (n as f64 + 1.0));
             assert!(
-                theta <= closed_form * (1.0 + 1e-14) && safe >= closed_form * (1.0 - 1e-14),
+                theta <= closed_form * (1.0 + 1e-14) && upper_bound >= closed_form * (1.0 - 1e-14),
                 "{n}"
             );
             assert!(
@@ -149,7 +152,7 @@ fn modes_of_a_string_and_of_a_membrane() {
         assert!(close(mode.lambda, *closed_form, 1e-12), "{} {closed_form}", mode.lambda);
         assert!(residual(&springs, mode) < 1e-7 * closed_form);
     }
-    let lowest_mode = lowest(side_count * side_count, &mut operator(&springs), &null_vectors).expect("mode");
+    let lowest_mode = lowest_mode(side_count * side_count, &mut operator(&springs), &null_vectors).expect("mode");
     assert!(close(lowest_mode.lambda, closed_form[1], 1e-13));
 }
 
@@ -161,7 +164,7 @@ fn modes_of_nearly_tuned_bodies_are_separated() {
     let second_string: Springs = string(mass_count, true);
     let shifted = |(a, b, k): &(usize, Option<usize>, f64)| (a + mass_count, b.map(|b| b + mass_count), k * 1.0001);
     springs.extend(second_string.iter().map(shifted));
-    let mode = lowest(2 * mass_count, &mut operator(&springs), &[]).expect("mode");
+    let mode = lowest_mode(2 * mass_count, &mut operator(&springs), &[]).expect("mode");
     let closed_form = from_sine(PI / (2.0 * (mass_count as f64 + 1.0)));
     assert!(close(mode.lambda, closed_form, 1e-13), "{} {closed_form}", mode.lambda);
     assert!(vector::norm(&mode.vector[mass_count..]) < 1e-3);
@@ -174,8 +177,8 @@ fn modes_of_nearly_tuned_bodies_are_separated() {
 #[test]
 fn modes_without_links_have_zero_frequency() {
     let mut nothing = |_: &[f64], y: &mut [f64]| y.fill(0.0);
-    assert_eq!(largest(5, &mut nothing).theta, 0.0);
-    assert_eq!(lowest(5, &mut nothing, &[]).expect("mode").lambda, 0.0);
+    assert_eq!(largest_eigenvalue(5, &mut nothing).theta, 0.0);
+    assert_eq!(lowest_mode(5, &mut nothing, &[]).expect("mode").lambda, 0.0);
     let zero_modes = certified(5, &Vec::new(), 3);
     assert!(zero_modes.len() == 3 && zero_modes.iter().all(|mode| mode.lambda == 0.0));
 }
@@ -213,12 +216,12 @@ proptest! {
         let rigid = usize::from(!grounded);
         let null = if grounded { Vec::new() } else { vec![vec![1.0; n]] };
         let top = values[n - 1];
-        let Largest { theta, residual, safe, .. } = largest(n, &mut operator(&springs));
+        let LargestRitz { theta, residual, upper_bound, .. } = largest_eigenvalue(n, &mut operator(&springs));
         prop_assert!(close(theta, top, 1e-9) && residual <= 1e-9 * top, "{theta} {top}");
-        prop_assert!(safe >= top * (1.0 - 1e-12));
-        // The error of the dense values is some units of rounding of the largest value.
+        prop_assert!(upper_bound >= top * (1.0 - 1e-12));
+        // The error of the dense values is some unit_vectors of rounding of the largest value.
         let rounding = 1e-13 * top;
-        let low = lowest(n, &mut operator(&springs), &null).expect("mode").lambda;
+        let low = lowest_mode(n, &mut operator(&springs), &null).expect("mode").lambda;
         prop_assert!((low - values[rigid]).abs() <= 1e-12 * low + rounding, "{low} {values:?}");
         let sparse = matrix(n, &springs);
         let found = lowest_modes(&sparse, 6);
@@ -253,8 +256,8 @@ fn largest_up_to_a_bound_ends_early() {
             y[i] = 2.0 * v[i] - left_neighbour - right_neighbour;
         }
     };
-    let complete = largest(mass_count, &mut apply_string);
-    let bounded = largest_up_to(mass_count, &mut apply_string, 3.0);
+    let complete = largest_eigenvalue(mass_count, &mut apply_string);
+    let bounded = largest_eigenvalue_up_to(mass_count, &mut apply_string, 3.0);
     assert!(bounded.theta >= 3.0 && bounded.theta <= complete.theta);
     assert!(
         bounded.steps <= 5 && complete.steps > 50,
@@ -263,7 +266,7 @@ fn largest_up_to_a_bound_ends_early() {
         complete.steps
     );
     // If the bound is not reached, the eigenvalue is found as exactly as without it.
-    assert_eq!(largest_up_to(mass_count, &mut apply_string, 4.0), complete);
+    assert_eq!(largest_eigenvalue_up_to(mass_count, &mut apply_string, 4.0), complete);
 }
 
 /// Eigenvalues, and squares of coordinates, against nalgebra's; one matrix has equal eigenvalues.
@@ -336,11 +339,11 @@ fn are_modes_rejects_repeated_and_false_modes() {
     let lone_springs: Springs = (0..5).map(|i| (i, None, 1.0 + i as f64)).collect();
     let springs = matrix(5, &lone_springs);
     let true_modes = lowest_modes(&springs, 4).modes;
-    assert!(are_modes(&springs, &true_modes));
+    assert!(are_distinct_modes(&springs, &true_modes));
     let mut repeated_modes = true_modes.clone();
     repeated_modes[2] = repeated_modes[1].clone();
-    assert!(!are_modes(&springs, &repeated_modes));
+    assert!(!are_distinct_modes(&springs, &repeated_modes));
     let mut false_modes = true_modes;
     false_modes[2].vector = false_modes[3].vector.clone();
-    assert!(!are_modes(&springs, &false_modes));
+    assert!(!are_distinct_modes(&springs, &false_modes));
 }

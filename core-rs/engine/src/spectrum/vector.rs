@@ -11,21 +11,21 @@ wide! {
     pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
         let mut sums = [0.0; LANES];
         let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-        let tail = a_chunks.remainder().iter().zip(b_chunks.remainder());
-        let tail = tail.fold(0.0, |sum, (a, b)| sum + a * b);
+        let tail_sum = a_chunks.remainder().iter().zip(b_chunks.remainder());
+        let tail_sum = tail_sum.fold(0.0, |sum, (a, b)| sum + a * b);
         for (a, b) in a_chunks.zip(b_chunks) {
             for lane in 0..LANES {
                 sums[lane] += a[lane] * b[lane];
             }
         }
         let [s0, s1, s2, s3, s4, s5, s6, s7] = sums;
-        ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + tail
+        ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + tail_sum
     }
 }
 
 wide! {
     /// y += factor·x.
-    pub(crate) fn add(factor: f64, x: &[f64], y: &mut [f64]) {
+    pub(crate) fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
         for (y, x) in y.iter_mut().zip(x) {
             *y += factor * x;
         }
@@ -42,8 +42,8 @@ wide! {
 }
 
 wide! {
-    fn divide(x: &mut [f64], by: f64) {
-        x.iter_mut().for_each(|x| *x /= by);
+    fn divide(x: &mut [f64], divisor: f64) {
+        x.iter_mut().for_each(|x| *x /= divisor);
     }
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn norm(x: &[f64]) -> f64 {
     sqrt(dot(x, x))
 }
 
-/// Bring to length 1; says the length it had. A zero vector stays.
+/// Bring to length 1; returns the length it had. A zero vector stays.
 pub(crate) fn normalise(x: &mut [f64]) -> f64 {
     let vector_norm = norm(x);
     if vector_norm > 0.0 {
@@ -71,12 +71,12 @@ pub(crate) fn orthogonalise(x: &mut [f64], basis: &[Vec<f64>]) {
 pub(super) fn orthogonalise_once(x: &mut [f64], basis: &[Vec<f64>]) {
     for direction in basis {
         let projection = dot(direction, x);
-        add(-projection, direction, x);
+        add_scaled(-projection, direction, x);
     }
 }
 
 /// The vectors (n) of length 1 along each axis.
-pub(crate) fn units(n: usize) -> Vec<Vec<f64>> {
+pub(crate) fn unit_vectors(n: usize) -> Vec<Vec<f64>> {
     let unit_vector = |i: usize| (0..n).map(|j| f64::from(u8::from(i == j))).collect();
     (0..n).map(unit_vector).collect()
 }

@@ -1,4 +1,4 @@
-//! A timeline whose events end at a frame: for a piece that is hushed or stopped while it plays.
+//! A timeline whose events end at a frame: for a piece that is silenced or stopped while it plays.
 
 use super::pulse::PARTS_PER_SECOND;
 use super::{GRID_FRAMES, Gate, Glide, Lead, Strike, Timeline};
@@ -9,12 +9,12 @@ const SAME_INSTANT_SECONDS: f64 = 1e-9;
 const NEVER_SECONDS: f64 = 1e9;
 
 impl Timeline {
-    /// The timeline without what begins at `frame` or later; of its gestures it keeps those of these indices, which
-    /// rise. If it `stops`, couplings stay as they are at the frame.
+    /// The timeline without what begins at `frame` or later. It keeps the gestures with the given indices, which must
+    /// be in rising order. If it `freezes_couplings`, couplings stay as they are at the frame.
     ///
     /// Strikes and ergons at the instant of the frame are left out, and so are strikes and glides that are over by
     /// then. Glides of typed values continue to their end. Keys, drives, inputs and automation stay: see
-    /// [`Timeline::release`].
+    /// [`Timeline::remove_glides`].
     ///
     /// ```
     /// use ergon_engine::{Network, Rate, Timeline};
@@ -28,17 +28,17 @@ impl Timeline {
     /// assert_eq!(cut.strikes_on(m), [(0.9999, 1e-3)]);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn cut(&self, frame: u64, gestures: &[usize], stops: bool) -> Self {
+    pub fn cut(&self, frame: u64, gestures: &[usize], freezes_couplings: bool) -> Self {
         let frame_rate = self.rate.hertz();
         let instant = frame as f64 / frame_rate;
         let is_before = |t: f64| t < instant - SAME_INSTANT_SECONDS;
         // A strike acts as long as it lasts, and a frame or a step of a part that is stepped less often.
-        let acts_since = |strike: &Strike| {
+        let earliest_acting_instant = |strike: &Strike| {
             let duration = f64::from(strike.n_parts) / PARTS_PER_SECOND;
             frame.saturating_sub(GRID_FRAMES) as f64 / frame_rate - duration
         };
         let gestures = gestures.iter().filter_map(|&index| self.gestures.get(index));
-        let former_gates = self.gates.iter();
+        let gates = self.gates.iter();
         let running_glides = self.glides.iter().filter(|glide| !glide.is_over(frame));
         let running_leads = self.leads.iter().filter(|lead| !lead.is_over(frame));
         let strikes = self.strikes.iter();
@@ -50,12 +50,12 @@ impl Timeline {
             keys: self.keys.clone(),
             gestures: gestures.cloned().collect(),
             strikes: strikes
-                .filter(|strike| strike.instant >= acts_since(strike) && is_before(strike.instant))
+                .filter(|strike| strike.instant >= earliest_acting_instant(strike) && is_before(strike.instant))
                 .copied()
                 .collect(),
             ergons: past_ergons.copied().collect(),
-            gates: former_gates
-                .filter_map(|gate| self.gate_after(gate, frame, stops))
+            gates: gates
+                .filter_map(|gate| self.gate_after(gate, frame, freezes_couplings))
                 .collect(),
             drives: self.drives.clone(),
             sounds_in: self.sounds_in.clone(),
@@ -69,7 +69,7 @@ impl Timeline {
     }
 
     /// Remove the glides of the parameters of these MATs and links; rows of (first, number).
-    pub fn release(&mut self, mats: &[(usize, usize)], links: &[(usize, usize)]) {
+    pub fn remove_glides(&mut self, mats: &[(usize, usize)], links: &[(usize, usize)]) {
         let is_released = |row_ranges: &[(usize, usize)], index: usize| {
             let mut row_ranges = row_ranges.iter();
             row_ranges.any(|&(first, n)| (first..first.saturating_add(n)).contains(&index))
@@ -80,10 +80,10 @@ impl Timeline {
 
     /// A gate from `frame` on; `None` if it was a glide that is over. The gate of a coupling stays, because the plan
     /// depends on it.
-    fn gate_after(&self, gate: &Gate, frame: u64, stops: bool) -> Option<Gate> {
+    fn gate_after(&self, gate: &Gate, frame: u64, freezes_couplings: bool) -> Option<Gate> {
         let is_coupling = !gate.is_ramp() || !gate.has_ramp();
         let mut gate = *gate;
-        if stops {
+        if freezes_couplings {
             gate.start = gate.start.map(|start| {
                 if start > frame {
                     self.on_grid(NEVER_SECONDS)

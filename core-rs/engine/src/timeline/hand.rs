@@ -64,7 +64,7 @@ impl Timeline {
     /// let mut network = Network::new();
     /// let key = network.mas("key", 0.4, 0.0, 0.0)?;
     /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// let hand = timeline.hand(&network, key, 44, HandInterpolation::Line, &[0.0, 1e-3, 2e-3])?;
+    /// let hand = timeline.add_hand(&network, key, 44, HandInterpolation::Line, &[0.0, 1e-3, 2e-3])?;
     /// assert_eq!(hand, 0);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -72,12 +72,12 @@ impl Timeline {
     /// # Errors
     /// [`StrikeError`] if the MAT cannot be imposed, the tick is not of 1 to 4096 frames or differs from that of other
     /// hands, or a position is not finite.
-    pub fn hand(
+    pub fn add_hand(
         &mut self,
         network: &Network,
         mat: usize,
         tick_frames: u32,
-        mode: HandInterpolation,
+        interpolation: HandInterpolation,
         positions: &[f64],
     ) -> Result<usize, StrikeError> {
         super::check_movable(network, mat)?;
@@ -99,7 +99,7 @@ impl Timeline {
         let hand = Hand {
             index,
             tick_frames,
-            interpolation: mode,
+            interpolation,
             positions,
         };
         self.drive(mat, DriveKind::Position, DriveSource::Hand(hand), false)?;

@@ -138,7 +138,9 @@ pub(crate) fn with_first_factors(network: &Network, leads: &[Lead]) -> Result<Ne
 pub(crate) fn next_change<T: PartialEq>(points: &[(u64, T)], n: u64) -> u64 {
     let point_pairs = points.windows(2);
     let mut later_changes = point_pairs.filter(|point_pair| point_pair[1].0 > n && point_pair[0].1 != point_pair[1].1);
-    later_changes.next().map_or(u64::MAX, |way| way[0].0.max(n))
+    later_changes
+        .next()
+        .map_or(u64::MAX, |point_pair| point_pair[0].0.max(n))
 }
 
 /// Points (frames, rising) at the rate divided by `rate_divisor`; of points that fall on one frame the last is kept.

@@ -75,13 +75,13 @@ impl Conditioner {
     }
 
     /// The value of the next sample [m or N]; a sample that is not finite counts as silence.
-    pub fn next(&mut self, sample: f64) -> f64 {
+    pub fn condition_next(&mut self, sample: f64) -> f64 {
         let finite_sample = if sample.is_finite() { sample } else { 0.0 };
-        let filtered = match &mut self.section {
+        let filtered_sample = match &mut self.section {
             Some(section) => section.next(finite_sample).high,
             None => finite_sample,
         };
-        self.last_value = self.settings.gained_and_clamped(filtered);
+        self.last_value = self.settings.gained_and_clamped(filtered_sample);
         self.last_value
     }
 
@@ -134,8 +134,9 @@ impl SoundIn {
 
 impl fmt::Debug for SoundIn {
     /// Shows the digest instead of the values, because timelines are hashed by their debug output.
-    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        to.debug_struct("SoundIn")
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("SoundIn")
             .field("index", &self.index)
             .field("settings", &self.settings)
             .field("digest", &self.digest)
@@ -151,7 +152,7 @@ impl Timeline {
     ///
     /// # Errors
     /// [`StrikeError`] if a setting is not finite or out of range, or there are more than 64 inputs.
-    pub fn sound_in(&mut self, settings: SoundInSettings, samples: &[f64]) -> Result<usize, StrikeError> {
+    pub fn add_sound_input(&mut self, settings: SoundInSettings, samples: &[f64]) -> Result<usize, StrikeError> {
         let frame_rate = self.rate.hertz();
         let index = self.sounds_in.len();
         let refusal = |quantity, requirement, value| Err(StrikeError::Value(quantity, requirement, value));
@@ -181,7 +182,7 @@ impl Timeline {
             return refusal("the high-pass of an input", requirement, cutoff);
         }
         let mut conditioner = Conditioner::new(settings, frame_rate);
-        let values: Arc<[f64]> = samples.iter().map(|&x| conditioner.next(x)).collect();
+        let values: Arc<[f64]> = samples.iter().map(|&x| conditioner.condition_next(x)).collect();
         let mut sound_hash = Sha256::new();
         for value in &*values {
             sound_hash.update(value.to_le_bytes());

@@ -139,7 +139,7 @@ fn events_after_the_last_frame_never_begin() {
     timeline.couple(&network(), 0, 1e300, None).unwrap();
     assert_eq!(timeline.gates[0].opening(1 << 40), 0.0);
     timeline.strike(&network(), 0, 1e300, 1.0, Some(0.0), 0).unwrap();
-    timeline.ergon(&network(), 0, 1e300, 1e-3, 1.0, 0).unwrap();
+    timeline.add_ergon(&network(), 0, 1e300, 1e-3, 1.0, 0).unwrap();
     let pushes = strike_forces(&network(), &timeline, |_| true);
     assert!(pushes.iter().all(|push| push.frame > 1 << 40));
     assert_eq!(frame(f64::INFINITY, 8_000.0), 1 << 53);
@@ -215,7 +215,7 @@ fn strike_on_keys_and_ca_parts_is_undivided() {
     let discrete = network.mas("m", 1.0, 0.0, 0.0).unwrap();
     let mut timeline = timeline(1_000.0);
     timeline.strike(&network, discrete, 0.4e-3, 1.0, Some(0.0), 0).unwrap();
-    timeline.key("k", 2);
+    timeline.add_key("k", 2);
     timeline.strike(&network, 2, 0.6e-3, 1.0, Some(0.0), 0).unwrap();
     let frame_forces: Vec<_> = strike_forces(&network, &timeline, |_| true)
         .iter()
@@ -233,18 +233,18 @@ fn strike_with_wrong_values_is_refused() {
             timeline.strike(&network, 0, position, 1.0, Some(0.0), 0),
             Err(StrikeError::Before(_))
         ));
-        assert!(timeline.ergon(&network, 0, position, 1.0, 1.0, 0).is_err());
+        assert!(timeline.add_ergon(&network, 0, position, 1.0, 1.0, 0).is_err());
     }
     assert!(timeline.strike(&network, 0, 0.0, f64::NAN, Some(0.0), 0).is_err());
     for (mass, speed) in [(0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
-        assert!(timeline.ergon(&network, 0, 0.0, mass, speed, 0).is_err());
+        assert!(timeline.add_ergon(&network, 0, 0.0, mass, speed, 0).is_err());
     }
     let fixed_error = StrikeError::Fixed("p.d".to_owned());
     assert_eq!(
         timeline.strike(&network, 3, 0.0, 1.0, Some(0.0), 0),
         Err(fixed_error.clone())
     );
-    assert_eq!(timeline.ergon(&network, 3, 0.0, 1.0, 1.0, 0), Err(fixed_error));
+    assert_eq!(timeline.add_ergon(&network, 3, 0.0, 1.0, 1.0, 0), Err(fixed_error));
     assert!(
         timeline
             .drive(3, DriveKind::Position, DriveSource::Constant(f64::NAN), true)
@@ -411,21 +411,21 @@ fn cut_drops_events_from_its_frame() {
     let instants = [0.2, 0.999, 1.0 - 1e-12, 1.0, 1.5];
     for t in instants {
         timeline.strike(&network, 0, t, 1.0, Some(0.0), 7).unwrap();
-        timeline.ergon(&network, 1, t, 1.0, 1.0, 7).unwrap();
+        timeline.add_ergon(&network, 1, t, 1.0, 1.0, 7).unwrap();
     }
-    let key_index = timeline.key("p", 2);
+    let key_index = timeline.add_key("p", 2);
     for start in [0.1, 0.8, 0.5] {
-        timeline.gesture(gesture(start, 3.0)).unwrap();
+        timeline.add_gesture(gesture(start, 3.0)).unwrap();
     }
-    for stops in [false, true] {
-        let cut_timeline = timeline.cut(8_000, &[1, 2, 3], stops);
+    for freezes_couplings in [false, true] {
+        let cut_timeline = timeline.cut(8_000, &[1, 2, 3], freezes_couplings);
         assert_eq!(cut_timeline.strikes_on(0), [(0.999, 1.0)]);
         assert_eq!(cut_timeline.strikes_on(1), [(0.2, 1.0), (0.999, 1.0)]); // ergons
         let gesture_starts: Vec<f64> = cut_timeline.gestures.iter().map(|gesture| gesture.start).collect();
         assert_eq!(gesture_starts, [0.8, 0.5]);
         assert!(cut_timeline.is_open);
         assert_eq!(cut_timeline.keys[key_index].struck_mat, 2);
-        assert!(timeline.cut(8_000, &[], stops).gestures.is_empty());
+        assert!(timeline.cut(8_000, &[], freezes_couplings).gestures.is_empty());
     }
 }
 
@@ -467,15 +467,15 @@ fn cut_keeps_running_glides() {
         timeline
             .glide_through(&network, 2, &[(0.1, path_tie), (stop, path_tie)])
             .unwrap();
-        for stops in [false, true] {
-            let mut cut_timeline = timeline.cut(8_000, &[], stops);
+        for freezes_couplings in [false, true] {
+            let mut cut_timeline = timeline.cut(8_000, &[], freezes_couplings);
             assert_eq!(cut_timeline.gates == timeline.gates, is_kept);
             assert_eq!(cut_timeline.gates.is_empty(), !is_kept);
             // Points that a MAT goes through are automation, whose last values hold.
             let gliding_mats =
                 |cut_timeline: &Timeline| cut_timeline.glides.iter().map(|glide| glide.mat).collect::<Vec<_>>();
             assert_eq!(gliding_mats(&cut_timeline), if is_kept { vec![0, 2] } else { vec![2] });
-            cut_timeline.release(&[(1, 2)], &[]);
+            cut_timeline.remove_glides(&[(1, 2)], &[]);
             assert_eq!(gliding_mats(&cut_timeline), if is_kept { vec![0] } else { vec![] });
         }
     }
@@ -484,6 +484,6 @@ fn cut_keeps_running_glides() {
     timeline.lead(&network, (0, 1), &lead_points).unwrap();
     assert_eq!(timeline.cut(1_000, &[], true).leads, timeline.leads);
     assert!(timeline.cut(8_000, &[], true).leads.is_empty());
-    timeline.release(&[], &[(0, 1)]);
+    timeline.remove_glides(&[], &[(0, 1)]);
     assert!(timeline.leads.is_empty());
 }

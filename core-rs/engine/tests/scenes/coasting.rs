@@ -153,7 +153,7 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
         weight: 1.0,
     });
     network.listen("harp", terms.to_vec()).unwrap();
-    let single = timeline.key("k", key);
+    let single = timeline.add_key("k", key);
     for (position, touch, ergons) in [
         (0.05, Touch::Open, ErgonKind::Event),
         (0.2, Touch::Tracked, ErgonKind::Event),
@@ -172,7 +172,7 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
             ..Manner::OPEN
         };
         let gesture = Gesture::from_points(single, &written, manner).unwrap();
-        timeline.gesture(gesture).unwrap();
+        timeline.add_gesture(gesture).unwrap();
     }
     for (mat, position, impulse) in [(reeds[1], 0.3, 2e-3), (hammer, 0.6, 4e-3)] {
         timeline.strike(&network, mat, position, impulse, None, 0).unwrap();

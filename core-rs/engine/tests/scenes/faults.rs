@@ -103,8 +103,8 @@ fn mute_of_a_key_drops_its_gestures() {
             network.part("sick", None);
             let tie = Tie::Tuned { f: 8.0, t60: Some(0.6) };
             let struck = network.cel("key", 0.08, tie, 0.0, 0.0, 0.0).unwrap();
-            timeline.key("key", struck);
-            timeline.gesture(gesture(touch, t)).unwrap();
+            timeline.add_key("key", struck);
+            timeline.add_gesture(gesture(touch, t)).unwrap();
             let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
             play(&mut simulation, 22_050);
             assert_eq!(simulation.muted_parts().len(), 1);
@@ -132,7 +132,7 @@ fn mute_of_a_part_ignores_strikes_and_drives() {
         .unwrap();
     for position in [0.05, 0.15, 0.25] {
         timeline.strike(&network, mass, position, 1.0, Some(0.0), 0).unwrap();
-        timeline.ergon(&network, mass, position, 1e-3, 1e3, 0).unwrap();
+        timeline.add_ergon(&network, mass, position, 1e-3, 1e3, 0).unwrap();
     }
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     play(&mut simulation, 6_000);

@@ -306,7 +306,7 @@ fn take_over_of_a_slow_key() {
 /// A key without gestures.
 fn key() -> Timeline {
     let mut timeline = begin();
-    timeline.key("key", 0);
+    timeline.add_key("key", 0);
     timeline
 }
 

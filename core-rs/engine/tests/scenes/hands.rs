@@ -35,7 +35,7 @@ impl Keyboard {
             .listen("m", vec![Term::Position { first, len, weight }])
             .unwrap();
         let mut timeline = Timeline::new(Rate::new(hertz).unwrap());
-        timeline.key("key", first);
+        timeline.add_key("key", first);
         Self { network, timeline }
     }
 
@@ -50,7 +50,7 @@ impl Keyboard {
             sources: &[],
         };
         let gesture = Gesture::from_points(0, &written, manner)?;
-        self.timeline.gesture(gesture)
+        self.timeline.add_gesture(gesture)
     }
 
     fn play(&mut self, points: Points<'_>, manner: Manner) {
@@ -228,7 +228,7 @@ fn gesture_with_non_finite_points_is_refused() {
         sources: &[],
     };
     let elsewhere = Gesture::from_points(1, &written, Manner::OPEN).unwrap();
-    assert_eq!(keys.timeline.gesture(elsewhere), Err(GestureError::NoKey(1)));
+    assert_eq!(keys.timeline.add_gesture(elsewhere), Err(GestureError::NoKey(1)));
 }
 
 /// The last grain is shortened to the time that is left; the end of the gesture is still met.

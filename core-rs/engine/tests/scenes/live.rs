@@ -75,7 +75,8 @@ fn recording_renders_to_the_played_samples() {
         Budget::Method(ergon_engine::plan::Method::Ca),
     ] {
         let mut open = Timeline::new(rate());
-        open.hand(&network, KEY, every, HandInterpolation::Line, &[]).unwrap();
+        open.add_hand(&network, KEY, every, HandInterpolation::Line, &[])
+            .unwrap();
         let mut live = planned(&network, &open, &budget);
         let (mut played, mut forces) = (Vec::new(), Vec::new());
         for &x in &ticks {
@@ -89,7 +90,7 @@ fn recording_renders_to_the_played_samples() {
         assert!(played.iter().any(|x| x.abs() > 1e-5), "the string is heard");
         let mut known = Timeline::new(rate());
         known
-            .hand(&network, KEY, every, HandInterpolation::Line, &ticks)
+            .add_hand(&network, KEY, every, HandInterpolation::Line, &ticks)
             .unwrap();
         for block in [1, 44, 997] {
             let mut again = planned(&network, &known, &budget);
@@ -115,7 +116,7 @@ fn key_in_another_simulation_equals_key_in_scene() {
     let mut complete = Simulation::new(network.clone(), &first, plain()).unwrap();
     // The scene without the key, and the key alone.
     let mut open = Timeline::new(rate());
-    open.hand(&network, KEY, 1, HandInterpolation::Line, &[]).unwrap();
+    open.add_hand(&network, KEY, 1, HandInterpolation::Line, &[]).unwrap();
     let mut apart = Simulation::new(network.clone(), &open, plain()).unwrap();
     let ratios = Cell::new(0.4, 60.0, 1.2).ratios(rate());
     let w = rate().step() * rate().step() / 0.4;
@@ -144,7 +145,7 @@ fn key_in_another_simulation_equals_key_in_scene() {
 fn structural_latency_is_one_sample() {
     let network = Arc::new(scene(Side::Below));
     let mut open = Timeline::new(rate());
-    open.hand(&network, KEY, 1, HandInterpolation::Line, &[]).unwrap();
+    open.add_hand(&network, KEY, 1, HandInterpolation::Line, &[]).unwrap();
     let mut scene = Simulation::new(network, &open, plain()).unwrap();
     let mut x = vec![0.0; 1];
     scene.process(&mut x).unwrap();
@@ -168,7 +169,9 @@ fn hands_feel_each_other_through_a_spring() {
     let network = Arc::new(network);
     let mut timeline = Timeline::new(rate());
     for mat in [0, 1] {
-        timeline.hand(&network, mat, 44, HandInterpolation::Hold, &[]).unwrap();
+        timeline
+            .add_hand(&network, mat, 44, HandInterpolation::Hold, &[])
+            .unwrap();
     }
     let mut duet = planned(&network, &timeline, &Budget::default());
     duet.set_hand_position(0, 10e-3, None);

@@ -98,7 +98,7 @@ fn mat(network: &Network, name: &str) -> usize {
 fn timeline(network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     let position = |name: &str| mat(network, name);
-    timeline.key("key", position("key.m"));
+    timeline.add_key("key", position("key.m"));
     let begins = BEGINS as f64;
     for (start, layer) in [(begins, false), (begins + 900.5, true)] {
         let start = seconds(start);
@@ -113,7 +113,7 @@ fn timeline(network: &Network) -> Timeline {
             ..Manner::OPEN
         };
         let gesture = Gesture::from_points(0, &written, manner).unwrap();
-        timeline.gesture(gesture).unwrap();
+        timeline.add_gesture(gesture).unwrap();
     }
     let gong = mat(network, "gong.") + 12;
     for frame in [begins + 256.0, begins + 512.0 - 1.0, begins + 768.5] {
@@ -126,7 +126,7 @@ fn timeline(network: &Network) -> Timeline {
         .strike(network, chain, seconds(begins + 0.5), 1e-4, Some(0.0), 0)
         .unwrap();
     timeline
-        .ergon(network, chain, seconds(begins + 700.0), 1e-4, 1.0, 0)
+        .add_ergon(network, chain, seconds(begins + 700.0), 1e-4, 1.0, 0)
         .unwrap();
     let lever = position("lever.m");
     timeline
@@ -238,7 +238,7 @@ fn live_strike_wakes_resting_parts_in_its_frame() {
     let mut open = Timeline::new(Rate::new(RATE).unwrap());
     open.open();
     let gong = mat(&network, "gong.") + 12;
-    open.strike_point(&network, gong, GONG, Some(0.0)).unwrap();
+    open.add_strike_point(&network, gong, GONG, Some(0.0)).unwrap();
     for budget in [Budget::Error(-70.0), Budget::Method(Method::Ca)] {
         let plan = Arc::new(Plan::new(network.clone(), &open, &budget, None).unwrap());
         for frame in [4_096, 4_097, 5_000] {
@@ -331,7 +331,7 @@ fn take_over_from_a_resting_version() {
         if is_written {
             single = timeline(&network);
         } else {
-            single.key("key", mat(&network, "key.m"));
+            single.add_key("key", mat(&network, "key.m"));
             let press = DriveSource::Constant(1e-3);
             let rail = mat(&network, "rail.r");
             single.drive(rail, DriveKind::Position, press, true).unwrap();

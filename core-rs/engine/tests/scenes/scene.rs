@@ -222,7 +222,7 @@ impl Scene {
         let kind = self.pick(LINKS);
         self.network.part("joint", None);
         self.link(kind, struck, 0);
-        self.timeline.key("key", struck)
+        self.timeline.add_key("key", struck)
     }
 
     fn strikes(&mut self, bells: &[usize]) {
@@ -234,7 +234,7 @@ impl Scene {
                 .strike(network, bell, position, speed * 1e-7, Some(0.0), i as u32)
                 .unwrap();
             timeline
-                .ergon(network, bell, position + 0.01, 1e-7, speed, i as u32)
+                .add_ergon(network, bell, position + 0.01, 1e-7, speed, i as u32)
                 .unwrap();
         }
         let rain = Rain {
@@ -287,6 +287,6 @@ impl Scene {
             is_layer: touch == Touch::Open && self.pick(3) == 0,
         };
         let gesture = Gesture::from_points(key, &written, manner).unwrap();
-        self.timeline.gesture(gesture).unwrap();
+        self.timeline.add_gesture(gesture).unwrap();
     }
 }

@@ -162,7 +162,7 @@ fn sleep_ends_with_a_live_strike() {
     let (network, hammer) = drum(1e9);
     let mut open = Timeline::new(Rate::new(RATE).unwrap());
     open.open();
-    open.strike_point(&network, hammer, SKIN, Some(0.0)).unwrap();
+    open.add_strike_point(&network, hammer, SKIN, Some(0.0)).unwrap();
     let mut asleep = simulation(&network, &open);
     assert!(asleep.strike(SKIN, 0.01));
     play(&mut asleep, N, &[128]);

@@ -84,7 +84,7 @@ fn timeline(recorded: Option<&[f32]>) -> (Arc<Network>, Timeline) {
         (PLACE, 0, 1, DriveKind::Position),
         (PUSH, 1, 3, DriveKind::Force),
     ] {
-        let index = timeline.sound_in(settings, &samples(position)).unwrap();
+        let index = timeline.add_sound_input(settings, &samples(position)).unwrap();
         timeline.drive_by_sound(mat, kind, index, 1.0).unwrap();
     }
     (network, timeline)
@@ -100,7 +100,7 @@ fn played(simulation: &mut Simulation, frames: &[f32], block: usize) -> Vec<f64>
     let mut sound = Vec::new();
     for frames in frames.chunks(2 * block) {
         let mut out = vec![0.0; frames.len() / 2 * 3];
-        simulation.sound_in(frames, 2);
+        simulation.feed_input_samples(frames, 2);
         simulation.process(&mut out).unwrap();
         sound.extend(out);
     }
@@ -248,9 +248,9 @@ fn input_with_wrong_settings_is_refused() {
         value_input(1, f64::NAN),
         value_input(1, 61.0),
     ] {
-        assert!(timeline.sound_in(wrong, &[]).is_err(), "{wrong:?}");
+        assert!(timeline.add_sound_input(wrong, &[]).is_err(), "{wrong:?}");
     }
-    let index = timeline.sound_in(PUSH, &[f64::NAN, 1.0]).unwrap();
+    let index = timeline.add_sound_input(PUSH, &[f64::NAN, 1.0]).unwrap();
     assert!(timeline.drive_by_sound(0, DriveKind::Force, index + 1, 1.0).is_err());
     assert!(timeline.drive_by_sound(0, DriveKind::Force, index, f64::NAN).is_err());
     assert!(timeline.drive_by_sound(1, DriveKind::Position, index, 1.0).is_err());
@@ -286,7 +286,7 @@ fn value_timeline() -> (Arc<Network>, Timeline) {
         (value_input(8, GLIDE), 0, DriveKind::Force),
         (value_input(9, 0.0), 1, DriveKind::Position),
     ] {
-        let index = timeline.sound_in(settings, &BEFORE).unwrap();
+        let index = timeline.add_sound_input(settings, &BEFORE).unwrap();
         timeline.drive_by_sound(mat, kind, index, 1.0).unwrap();
     }
     (network, timeline)

@@ -46,7 +46,7 @@ fn played(method: Approach, manner: Manner) -> Simulation {
     };
     network.listen("both", vec![term]).unwrap();
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    let key = timeline.key("key", struck);
+    let key = timeline.add_key("key", struck);
     let written = WrittenPoints {
         t: &[0.01, 0.05, 0.13],
         x: &[0.0, 4e-3, 0.0],
@@ -54,7 +54,7 @@ fn played(method: Approach, manner: Manner) -> Simulation {
         sources: &[3, 4, 5],
     };
     let gesture = Gesture::from_points(key, &written, manner).unwrap();
-    timeline.gesture(gesture).unwrap();
+    timeline.add_gesture(gesture).unwrap();
     simulation(network, &timeline)
 }
 

@@ -140,9 +140,9 @@ fn gesture_to(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
 fn begin(network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
-    timeline.key("lever", mat(network, "lever.m"));
+    timeline.add_key("lever", mat(network, "lever.m"));
     timeline
-        .hand(network, mat(network, "key.m"), TICK, HandInterpolation::Line, &[])
+        .add_hand(network, mat(network, "key.m"), TICK, HandInterpolation::Line, &[])
         .unwrap();
     timeline
 }
@@ -153,12 +153,12 @@ fn timeline(network: &Network, until: f64) -> Timeline {
     let other = |t: f64| if t < until { 1.0 } else { -0.7 };
     for t in [0.01, 0.11, 0.22, 0.31] {
         timeline
-            .gesture(gesture_to(t, 3e-3 * other(t), Touch::Open, false))
+            .add_gesture(gesture_to(t, 3e-3 * other(t), Touch::Open, false))
             .unwrap();
     }
     for t in [0.05, 0.27] {
         timeline
-            .gesture(gesture_to(t, 1e-3 * other(t), Touch::Open, true))
+            .add_gesture(gesture_to(t, 1e-3 * other(t), Touch::Open, true))
             .unwrap();
     }
     for (i, t) in [0.004, 0.0501, 0.1203, 0.19, 0.2507, 0.33].into_iter().enumerate() {
@@ -170,7 +170,7 @@ fn timeline(network: &Network, until: f64) -> Timeline {
                 .unwrap();
         }
         let cell = mat(network, "sky.c11");
-        timeline.ergon(network, cell, t, 1e-6, 30.0 * other(t), 0).unwrap();
+        timeline.add_ergon(network, cell, t, 1e-6, 30.0 * other(t), 0).unwrap();
     }
     let couple = link(network, "joints.couple");
     timeline.couple(network, couple, 0.06, Some(0.3)).unwrap();
@@ -318,7 +318,7 @@ fn plan_of_a_session_ignores_written_events() {
         .couple(&network, link(&network, "joints.couple"), 5.0, None)
         .unwrap();
     let ergon = mat(&network, "sky.c11");
-    empty.ergon(&network, ergon, 9.0, 1e-6, 1.0, 0).unwrap();
+    empty.add_ergon(&network, ergon, 9.0, 1e-6, 1.0, 0).unwrap();
     let (first, other) = (plan(&full, None), plan(&empty, None));
     let again = plan(&full, Some(&other));
     for plan in [&other, &again] {
@@ -384,9 +384,9 @@ fn take_over_without_a_running_gesture_ends_it() {
     let plan = |gestures: &[Gesture]| {
         let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
         timeline.open();
-        timeline.key("key", 0);
+        timeline.add_key("key", 0);
         for gesture in gestures {
-            timeline.gesture(gesture.clone()).unwrap();
+            timeline.add_gesture(gesture.clone()).unwrap();
         }
         Arc::new(Plan::new(network.clone(), &timeline, &Budget::default(), None).unwrap())
     };

@@ -22,9 +22,9 @@ pub(super) fn connect(
         Backend::Pulse => pulse::open(spec, channels)?,
         Backend::System => system::open(spec, rate, channels)?,
         Backend::File(path) => file::open(path, rate, channels, None)?,
-        Backend::Clock(path) => file::open(path, rate, channels, Some(spec.block))?,
-        Backend::Null => null::open_paced(rate, spec.block),
-        Backend::Fast => null::open_unpaced(rate, spec.block),
+        Backend::RealTimeFile(path) => file::open(path, rate, channels, Some(spec.block))?,
+        Backend::NullRealTime => null::open_paced(rate, spec.block),
+        Backend::NullUnpaced => null::open_unpaced(rate, spec.block),
     };
     Ok((opened_output, spec.clone()))
 }
@@ -36,7 +36,7 @@ fn first_available(
     stream_state: &Arc<StreamState>,
 ) -> Result<(OpenedOutput, AudioSpec), AudioError> {
     let mut failures = Vec::new();
-    let mut backends = vec![Backend::Jack, Backend::Pulse, Backend::System, Backend::Null];
+    let mut backends = vec![Backend::Jack, Backend::Pulse, Backend::System, Backend::NullRealTime];
     // Where there is no system backend, its absence is not worth a remark.
     backends.retain(|backend| HAS_SYSTEM_BACKEND || *backend != Backend::System);
     for backend in backends {

@@ -238,7 +238,7 @@ impl InputState {
     fn add_event(&self, sentence: String) {
         let event = AudioEvent {
             time: self.opened_at.elapsed().as_secs_f64(),
-            frame: self.stream_state.played(),
+            frame: self.stream_state.played_frames(),
             sentence,
         };
         self.report().1.push(event);

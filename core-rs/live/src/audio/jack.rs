@@ -35,7 +35,7 @@ fn connect(
     preposition: &str,
 ) -> Result<(Client, Vec<String>, String), AudioError> {
     let client = Client::open(name, stream_state.clone())?;
-    let targets = target_ports(&client, spec.device.as_deref(), direction);
+    let targets = target_ports(&client, spec.target.as_deref(), direction);
     let device = match targets.first() {
         Some(first) => format!("client {}, {preposition} {first} and on", client.name()),
         None => format!("client {}, not connected", client.name()),
@@ -61,7 +61,7 @@ pub(super) fn open(
         ));
     }
     let (rate, block) = (client.rate(), client.block());
-    let pattern = spec.device.clone();
+    let pattern = spec.target.clone();
     Ok(OpenedOutput {
         backend: "jack",
         device,

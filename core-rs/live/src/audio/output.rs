@@ -275,7 +275,7 @@ impl OutputState {
     fn add_event(&self, sentence: String) {
         let event = AudioEvent {
             time: self.opened_at.elapsed().as_secs_f64(),
-            frame: self.stream_state.played(),
+            frame: self.stream_state.played_frames(),
             sentence,
         };
         self.report().events.push(event);

@@ -41,7 +41,7 @@ pub(super) fn convert_rate(
     let (ring_writer, mut converted_reader) = ring::ring_with_state(channels, 2 * frames_ahead, stream_state.clone());
     ring_writer.set_prefill(frames_ahead);
     converted_reader.set_rate(output_rate);
-    converted_reader.start_counting(stream_state.played(), input_rate, output_rate);
+    converted_reader.start_counting(stream_state.played_frames(), input_rate, output_rate);
     inner_reader.set_feeds_device(false);
     let latency = frames_ahead + filter.delay;
     let ring_thread = RingThread::start("ergon rate", inner_reader, move |inner_reader, stop| {
@@ -197,7 +197,7 @@ mod tests {
         }
         let source_reader = converter.stop().expect("the drain comes back");
         assert!(source_reader.has_ended());
-        assert_eq!(source_reader.stream_state().played(), u64::from(from));
+        assert_eq!(source_reader.stream_state().played_frames(), u64::from(from));
         all_samples
     }
 

@@ -161,7 +161,7 @@ impl RingWriter {
     /// Push frames; those without room are dropped, and counted if any frame was played before.
     pub(super) fn push_or_discard(&mut self, frames: &[f32]) {
         let frames_lost = frames.len() / self.channels - self.push(frames);
-        if self.stream_state.played() > 0 {
+        if self.stream_state.played_frames() > 0 {
             self.stream_state.add_discarded(frames_lost as u64);
         }
     }
@@ -212,7 +212,7 @@ impl RingReader {
     /// Say whether this reader feeds the loudspeakers; if not, it stands before another ring and reports nothing.
     pub(super) fn set_feeds_device(&mut self, feeds_device: bool) {
         self.feeds_device = feeds_device;
-        self.start_counting(self.stream_state.played(), 1, 1);
+        self.start_counting(self.stream_state.played_frames(), 1, 1);
     }
 
     /// Count frames from now on as `card_rate`, of a score at `score_rate` of which `frames_before` frames were played.
@@ -371,7 +371,7 @@ impl RingReader {
 
     fn report_edge(&self, is_silence_start: bool) {
         if self.feeds_device {
-            let edge_frame = self.frame_counts.score_frames() + self.stream_state.skipped();
+            let edge_frame = self.frame_counts.score_frames() + self.stream_state.skipped_frames();
             self.stream_state.add_edge(edge_frame, is_silence_start);
         }
     }

@@ -20,11 +20,11 @@ pub enum Backend {
     /// A WAVE file, as fast as the frames come.
     File(PathBuf),
     /// A WAVE file by the clock, as a card would take the frames.
-    Clock(PathBuf),
+    RealTimeFile(PathBuf),
     /// No sound, by the clock.
-    Null,
+    NullRealTime,
     /// No sound, as fast as the frames come.
-    Fast,
+    NullUnpaced,
 }
 
 /// A backend and its options.
@@ -33,7 +33,7 @@ pub enum Backend {
 /// use ergon_live::audio::AudioSpec;
 ///
 /// let spec: AudioSpec = "jack:system:playback_*,channels=4".parse()?;
-/// assert_eq!((spec.device.as_deref(), spec.channels), (Some("system:playback_*"), Some(4)));
+/// assert_eq!((spec.target.as_deref(), spec.channels), (Some("system:playback_*"), Some(4)));
 /// assert!("jackal".parse::<AudioSpec>().is_err());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -43,7 +43,7 @@ pub struct AudioSpec {
     pub backend: Backend,
     /// Pulse: the name of the sink. JACK: a pattern for the names of the ports to connect to, or `none`. System: the
     /// name of the device.
-    pub device: Option<String>,
+    pub target: Option<String>,
     /// Frames per block, if the backend can set it.
     pub block: Option<u32>,
     /// Number of channels to play, if it differs from the score's.
@@ -57,10 +57,10 @@ pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], system[:DEVICE] (macO
 impl AudioSpec {
     /// A backend without options.
     #[must_use]
-    pub fn plain(backend: Backend) -> Self {
+    pub fn without_options(backend: Backend) -> Self {
         Self {
             backend,
-            device: None,
+            target: None,
             block: None,
             channels: None,
         }
@@ -71,48 +71,48 @@ impl FromStr for AudioSpec {
     type Err = AudioError;
 
     fn from_str(text: &str) -> Result<Self, AudioError> {
-        let mut new_spec = Self::plain(Backend::Auto);
+        let mut new_spec = Self::without_options(Backend::Auto);
         let mut spec_head = text.trim();
         // A path may contain commas: only known options are split off at its end.
         while let Some((text_before, option)) = spec_head.rsplit_once(',') {
-            let Some((name, value)) = option.split_once('=') else {
+            let Some((option_name, value)) = option.split_once('=') else {
                 break;
             };
             let number = || match value.trim().parse() {
                 Ok(number @ 1..=1_048_576) => Ok(number),
                 _ => Err(spec_error(
                     text,
-                    format!("{name}={value} is not a number of frames or channels"),
+                    format!("{option_name}={value} is not a number of frames or channels"),
                 )),
             };
-            match name.trim() {
+            match option_name.trim() {
                 "block" => new_spec.block = Some(number()?),
                 "channels" => new_spec.channels = Some(number()? as usize),
                 _ => break,
             }
             spec_head = text_before;
         }
-        let (name, device) = match spec_head.split_once(':') {
-            Some((name, device)) => (name, Some(device)),
+        let (word, target) = match spec_head.split_once(':') {
+            Some((word, target)) => (word, Some(target)),
             None => (spec_head, None),
         };
-        let device = device.filter(|device| !device.is_empty());
-        new_spec.backend = match (name, device) {
+        let target = target.filter(|target| !target.is_empty());
+        new_spec.backend = match (word, target) {
             ("auto", None) => Backend::Auto,
             ("jack", _) => Backend::Jack,
             ("pulse", _) => Backend::Pulse,
             ("system", _) => Backend::System,
-            ("null", None) => Backend::Null,
-            ("null", Some("fast")) => Backend::Fast,
+            ("null", None) => Backend::NullRealTime,
+            ("null", Some("fast")) => Backend::NullUnpaced,
             ("file", Some(path)) => Backend::File(path.into()),
-            ("clock", Some(path)) => Backend::Clock(path.into()),
+            ("clock", Some(path)) => Backend::RealTimeFile(path.into()),
             ("file", None) => {
                 return Err(spec_error(text, "a file needs a path: file:PATH".into()));
             }
             _ => return Err(spec_error(text, "no such output".into())),
         };
         if matches!(new_spec.backend, Backend::Jack | Backend::Pulse | Backend::System) {
-            new_spec.device = device.map(str::to_owned);
+            new_spec.target = target.map(str::to_owned);
         }
         Ok(new_spec)
     }
@@ -133,13 +133,13 @@ impl fmt::Display for AudioSpec {
             Backend::Pulse => "pulse",
             Backend::System => "system",
             Backend::File(path) => return write!(formatter, "file:{}", path.display()),
-            Backend::Clock(path) => return write!(formatter, "clock:{}", path.display()),
-            Backend::Null => "null",
-            Backend::Fast => "null:fast",
+            Backend::RealTimeFile(path) => return write!(formatter, "clock:{}", path.display()),
+            Backend::NullRealTime => "null",
+            Backend::NullUnpaced => "null:fast",
         };
         formatter.write_str(backend_name)?;
-        match &self.device {
-            Some(device) => write!(formatter, ":{device}"),
+        match &self.target {
+            Some(target) => write!(formatter, ":{target}"),
             None => Ok(()),
         }
     }
@@ -153,10 +153,10 @@ mod tests {
     fn spec_with_device_and_options() {
         let spec: AudioSpec = "pulse:dome,block=512,channels=24".parse().expect("is one");
         assert_eq!(spec.backend, Backend::Pulse);
-        assert_eq!(spec.device.as_deref(), Some("dome"));
+        assert_eq!(spec.target.as_deref(), Some("dome"));
         assert_eq!((spec.block, spec.channels), (Some(512), Some(24)));
         let spec: AudioSpec = "jack:system:playback_".parse().expect("is one");
-        assert_eq!(spec.device.as_deref(), Some("system:playback_"));
+        assert_eq!(spec.target.as_deref(), Some("system:playback_"));
     }
 
     #[test]

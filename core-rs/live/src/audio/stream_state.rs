@@ -29,7 +29,7 @@ pub struct StreamState {
     panic: AtomicBool,
     alive: AtomicBool,
     freewheel: AtomicBool,
-    finished: AtomicBool,
+    is_finished: AtomicBool,
     underruns: AtomicU64,
     missing_frames: AtomicU64,
     played_frames: AtomicU64,
@@ -52,7 +52,7 @@ impl Default for StreamState {
             panic: AtomicBool::default(),
             alive: AtomicBool::default(),
             freewheel: AtomicBool::default(),
-            finished: AtomicBool::default(),
+            is_finished: AtomicBool::default(),
             underruns: AtomicU64::default(),
             missing_frames: AtomicU64::default(),
             played_frames: AtomicU64::default(),
@@ -123,11 +123,11 @@ impl StreamState {
     /// Whether the ring writer was closed and its last frame went to the card.
     #[must_use]
     pub fn has_finished(&self) -> bool {
-        self.finished.load(Ordering::Acquire)
+        self.is_finished.load(Ordering::Acquire)
     }
 
     pub(super) fn set_finished(&self) {
-        self.finished.store(true, Ordering::Release);
+        self.is_finished.store(true, Ordering::Release);
     }
 
     count! {
@@ -149,7 +149,7 @@ impl StreamState {
 
     /// Frames of the score that went to the card.
     #[must_use]
-    pub fn played(&self) -> u64 {
+    pub fn played_frames(&self) -> u64 {
         self.played_frames.load(Ordering::Acquire)
     }
 
@@ -180,7 +180,7 @@ impl StreamState {
         self.skipped_frames.fetch_add(frames, Ordering::Relaxed);
     }
 
-    pub(super) fn skipped(&self) -> u64 {
+    pub(super) fn skipped_frames(&self) -> u64 {
         self.skipped_frames.load(Ordering::Relaxed)
     }
 

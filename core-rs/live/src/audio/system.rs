@@ -25,7 +25,7 @@ fn unavailable_error(reason: impl ToString) -> AudioError {
 
 /// Opens the named device, or the default one.
 pub(super) fn open(spec: &AudioSpec, rate: u32, channels: usize) -> Result<OpenedOutput, AudioError> {
-    let device = find(spec.device.as_deref())?;
+    let device = find(spec.target.as_deref())?;
     let rate = playable_rate(&device, rate, channels)?;
     let block = spec.block;
     let config = StreamConfig {

@@ -27,7 +27,7 @@ pub struct AxisCalibration {
 
 impl AxisCalibration {
     /// An axis without corrections.
-    pub fn plain(spec: &DeviceSpec) -> Self {
+    pub fn without_corrections(spec: &DeviceSpec) -> Self {
         Self {
             sign: 1.0,
             offset: 0.0,
@@ -66,7 +66,7 @@ impl<D: Device> CalibratedDevice<D> {
     /// Apply `axes`; axes beyond them are not corrected.
     pub fn new(device: D, mut axes: Vec<AxisCalibration>) -> Self {
         let mut spec = device.spec().clone();
-        axes.resize(spec.dof.min(MAX_AXES), AxisCalibration::plain(&spec));
+        axes.resize(spec.dof.min(MAX_AXES), AxisCalibration::without_corrections(&spec));
         let mut signs = [1.0; MAX_AXES];
         for (sign, axis) in signs.iter_mut().zip(&axes) {
             *sign = axis.sign.signum() * axis.gain.signum();
@@ -90,7 +90,7 @@ pub fn with_calibration(device: Box<dyn Device>, calibrations: &[(usize, AxisCal
     if calibrations.is_empty() {
         return device;
     }
-    let mut all_axes = vec![AxisCalibration::plain(device.spec()); device.spec().dof];
+    let mut all_axes = vec![AxisCalibration::without_corrections(device.spec()); device.spec().dof];
     for &(number, axis) in calibrations {
         if let Some(axis_slot) = all_axes.get_mut(number) {
             *axis_slot = axis;

@@ -35,8 +35,8 @@ fn spec() -> DeviceSpec {
     DeviceSpec {
         dof: 2,
         unit: Unit::Metre,
-        pos_lsb: wire::POS_LSB,
-        pos_range: [-128.0 * wire::POS_LSB, 126.0 * wire::POS_LSB],
+        pos_lsb: wire::POSITION_STEP,
+        pos_range: [-128.0 * wire::POSITION_STEP, 126.0 * wire::POSITION_STEP],
         // No figure for continuous force is published; at two thirds of the peak the coil produces less than half the
         // heat.
         force_max_continuous: wire::FORCE_MAX * 2.0 / 3.0,

@@ -67,7 +67,7 @@ enum AllowedRange {
 /// # Errors
 /// A sentence that names the first number that is impossible.
 fn spec(info: &wire::DeviceInfo) -> Result<DeviceSpec, String> {
-    let numbers = info.spec_numbers.map(f64::from);
+    let numbers = info.spec_values.map(f64::from);
     for (&number, (name, unit, allowed_range)) in numbers.iter().zip(REPORTED_NUMBERS) {
         let rule = match allowed_range {
             _ if !number.is_finite() => "it has to be a finite number",
@@ -103,7 +103,7 @@ fn spec(info: &wire::DeviceInfo) -> Result<DeviceSpec, String> {
         } else {
             Unit::Radian
         },
-        pos_lsb: known_value(pos_lsb).unwrap_or(wire::POS_LSB),
+        pos_lsb: known_value(pos_lsb).unwrap_or(wire::POSITION_STEP),
         pos_range: [lower_limit, upper_limit],
         force_max_continuous: known_value(continuous_force).unwrap_or(peak_force).min(peak_force),
         force_max_peak: peak_force,
@@ -223,7 +223,7 @@ impl OpenFrameDevice {
                     && sent_requests.note_reply(reply.seq, read_instant, stats)
                     && last.as_ref().is_none_or(is_newer)
                 {
-                    stats.drift_ppm = drift.add(read_instant, reply.t_us).or(stats.drift_ppm);
+                    stats.drift_ppm = drift.add(read_instant, reply.clock_us).or(stats.drift_ppm);
                     *let_go |= reply.status & status::LET_GO != 0;
                     (*last, is_fresh) = (Some(reply), true);
                 }
@@ -333,7 +333,7 @@ impl Device for OpenFrameDevice {
             sample.is_hot = reply.status & status::HOT != 0;
             sample.seq = u32::from(reply.seq);
             sample.requests_behind = self.last_request.wrapping_sub(reply.seq);
-            sample.t_dev_us = Some(reply.t_us);
+            sample.t_dev_us = Some(reply.clock_us);
         }
         Ok(sample.is_fresh)
     }
@@ -378,7 +378,7 @@ mod tests {
             seq: 0,
             axis_count: 1,
             trait_flags: 0,
-            spec_numbers: numbers,
+            spec_values: numbers,
         })
     }
 

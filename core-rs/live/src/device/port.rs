@@ -48,7 +48,7 @@ pub(crate) trait InProcessPort: Send {
     ///
     /// # Errors
     /// [`DeviceLoss`] when there is no board.
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, DeviceLoss>;
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, DeviceLoss>;
 }
 
 impl Port {

@@ -300,7 +300,7 @@ impl Firmware {
             (motors_enabled, status::ENABLED),
             (had_let_go, status::LET_GO),
         ];
-        let t_us = if self.board.lockstep {
+        let clock_us = if self.board.lockstep {
             self.keys.time_us()
         } else {
             // The time at which the positions were read; forces act from then on.
@@ -308,7 +308,7 @@ impl Firmware {
         };
         frame::FrameReply {
             seq: packet.seq,
-            t_us,
+            clock_us,
             axis_count: n_keys,
             is_wide: packet.is_wide,
             status: status_bits.iter().filter(|bit| bit.0).map(|bit| bit.1).sum(),
@@ -320,7 +320,7 @@ impl Firmware {
         let [inertia, damping] = self.board.reported_constants;
         let [lower_limit, upper_limit] = self.board.range;
         let force_max = self.board.force_max;
-        let position_step = self.board.resolution.max(frame::POS_LSB);
+        let position_step = self.board.resolution.max(frame::POSITION_STEP);
         let board_rate = self.keys.rate().hertz();
         let gate_flag = if self.board.touch_gate {
             trait_flag::TOUCH_GATED
@@ -332,7 +332,7 @@ impl Firmware {
             seq,
             axis_count: self.keys.n_keys(),
             trait_flags: gate_flag | lockstep_flag | trait_flag::WIDE,
-            spec_numbers: [
+            spec_values: [
                 force_max,
                 force_max,
                 position_step,

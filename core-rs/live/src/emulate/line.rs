@@ -145,7 +145,7 @@ pub(super) struct WebSocketLine {
 }
 
 impl WebSocketLine {
-    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
+    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         let Some(host_socket) = &mut self.host else {
             return self.accept(wait);
         };
@@ -153,8 +153,8 @@ impl WebSocketLine {
             .get_ref()
             .set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
         match host_socket.read() {
-            Ok(Message::Text(text)) if text.len() <= into.len() => {
-                into[..text.len()].copy_from_slice(text.as_bytes());
+            Ok(Message::Text(text)) if text.len() <= buffer.len() => {
+                buffer[..text.len()].copy_from_slice(text.as_bytes());
                 Ok(LineEvent::Bytes(text.len()))
             }
             Ok(Message::Close(_)) => {

@@ -257,7 +257,7 @@ fn run_fault(requested_force: RequestedForce, fault: Fault, device: DefectiveDev
         Fault::SensorOffset => set_defect(&mut host, |defect| defect.position_offset = 0.02),
         Fault::WrongTravel => host.requested_force = RequestedForce::Force(f64::MAX),
         Fault::SharedLine => set_line_fault(&host, |trouble| trouble.another_program = true),
-        Fault::Unplugged => set_line_fault(&host, |trouble| trouble.unplugged = true),
+        Fault::Unplugged => set_line_fault(&host, |trouble| trouble.is_unplugged = true),
         Fault::GarbageReplies => set_line_fault(&host, |trouble| trouble.replies_random = true),
         Fault::GarbageRequests => set_line_fault(&host, |trouble| trouble.requests_random = true),
         Fault::Uncalibrated | Fault::OpenedTwice => unreachable!("made without a performance"),

@@ -17,7 +17,7 @@ const FOREIGN_REQUEST: u16 = 40_000;
 /// Faults of the line or the board.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LineFaults {
-    pub(super) unplugged: bool,
+    pub(super) is_unplugged: bool,
     pub(super) replies_lost: bool,
     pub(super) replies_random: bool,
     pub(super) requests_random: bool,
@@ -168,7 +168,7 @@ impl SimulatedWorld {
 
     /// Deliver a packet of the host, or of its guardian, to the board.
     pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), DeviceLoss> {
-        if self.line_faults.unplugged {
+        if self.line_faults.is_unplugged {
             return Err(DeviceLoss::Closed);
         }
         let packet = if self.line_faults.requests_random {
@@ -224,7 +224,7 @@ impl SimulatedWorld {
 
     /// Read the bytes that have arrived at the host.
     pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, DeviceLoss> {
-        if self.line_faults.unplugged {
+        if self.line_faults.is_unplugged {
             return Err(DeviceLoss::Closed);
         }
         let byte_count = buffer.len().min(self.to_host.len());
@@ -310,6 +310,6 @@ fn take_arrived(packets_in_transit: &mut Vec<(Duration, Vec<u8>)>, now: Duration
     let mut packets: Vec<_> = packets_in_transit
         .extract_if(.., |(arrival_time, _)| *arrival_time <= now)
         .collect();
-    packets.sort_by_key(|(at, _)| *at);
+    packets.sort_by_key(|(arrival_time, _)| *arrival_time);
     packets
 }

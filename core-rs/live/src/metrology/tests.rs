@@ -98,7 +98,7 @@ fn pushed(forces: &[f64]) -> Excitation<'_> {
         guide: Guide {
             centre: 0.0,
             half_travel: HALF,
-            guide: SpringDamper {
+            spring: SpringDamper {
                 stiffness: 50.0,
                 damping: 7.0,
             },

@@ -60,12 +60,12 @@ impl TickClock {
         self.period
     }
 
-    /// Wait for the next tick; `filled`: frames in the ring; `is_playing`: whether the card is taking them.
-    pub(super) fn tick(&mut self, filled: usize, is_playing: bool) -> TickStart {
+    /// Wait for the next tick; `filled_frames`: frames in the ring; `is_playing`: whether the card is taking them.
+    pub(super) fn tick(&mut self, filled_frames: usize, is_playing: bool) -> TickStart {
         if !self.is_paced_by_keys {
             return TickStart::default();
         }
-        let stretched_period = self.period * (1.0 + self.steer(filled, is_playing));
+        let stretched_period = self.period * (1.0 + self.steer(filled_frames, is_playing));
         let due_instant = match self.next_due {
             Some(due_instant) => due_instant + Duration::from_secs_f64(stretched_period),
             None => Instant::now(),
@@ -77,7 +77,7 @@ impl TickClock {
     }
 
     /// Relative change of the next tick's length: longer if the ring is above its wanted level.
-    fn steer(&mut self, filled: usize, is_playing: bool) -> f64 {
+    fn steer(&mut self, filled_frames: usize, is_playing: bool) -> f64 {
         if !self.is_steered {
             return 0.0;
         }
@@ -85,7 +85,7 @@ impl TickClock {
             // Until the card takes frames the ring only fills: ticks are as short as allowed.
             return -STRETCH_MAX;
         }
-        let fill_error = ((filled as f64 - self.fill_target) / self.fill_target).clamp(-1.0, 1.0);
+        let fill_error = ((filled_frames as f64 - self.fill_target) / self.fill_target).clamp(-1.0, 1.0);
         let integral_max = STRETCH_MAX / INTEGRAL_GAIN;
         self.error_integral = (self.error_integral + fill_error * self.period).clamp(-integral_max, integral_max);
         (PROPORTIONAL_GAIN * fill_error + INTEGRAL_GAIN * self.error_integral).clamp(-STRETCH_MAX, STRETCH_MAX)

@@ -23,12 +23,12 @@ pub(super) struct SharedFlags {
     /// Request to let tripped axes push again; the physics thread clears it.
     pub(super) release: AtomicBool,
     /// Whether the last frame was computed.
-    pub(super) done: AtomicBool,
+    pub(super) is_done: AtomicBool,
     /// Ends the waits for each device.
     cancellers: Vec<WaitCanceller>,
     /// What the system granted the physics thread: [`MEMORY_LOCKED`], [`GRANT_KNOWN`], and from
     /// [`PRIORITY_SHIFT`] on priority + 1. 0: not known.
-    granted: AtomicU64,
+    granted_scheduling: AtomicU64,
 }
 
 impl SharedFlags {
@@ -39,15 +39,15 @@ impl SharedFlags {
         }
     }
 
-    pub(super) fn set_granted(&self, granted: GrantedScheduling) {
-        let priority = granted.fifo_priority.map_or(0, |fifo| fifo as u64 + 1);
+    pub(super) fn set_granted(&self, scheduling: GrantedScheduling) {
+        let priority = scheduling.fifo_priority.map_or(0, |fifo| fifo as u64 + 1);
         let packed_grant =
-            GRANT_KNOWN | priority << PRIORITY_SHIFT | if granted.is_memory_locked { MEMORY_LOCKED } else { 0 };
-        self.granted.store(packed_grant, Ordering::Release);
+            GRANT_KNOWN | priority << PRIORITY_SHIFT | if scheduling.is_memory_locked { MEMORY_LOCKED } else { 0 };
+        self.granted_scheduling.store(packed_grant, Ordering::Release);
     }
 
-    pub(super) fn granted(&self) -> Option<GrantedScheduling> {
-        let packed_grant = self.granted.load(Ordering::Acquire);
+    pub(super) fn granted_scheduling(&self) -> Option<GrantedScheduling> {
+        let packed_grant = self.granted_scheduling.load(Ordering::Acquire);
         (packed_grant != 0).then(|| GrantedScheduling {
             fifo_priority: (packed_grant >> PRIORITY_SHIFT).checked_sub(1).map(|fifo| fifo as i32),
             is_memory_locked: packed_grant & MEMORY_LOCKED != 0,
@@ -90,11 +90,11 @@ impl Control {
     }
 }
 
-/// Sets the flag `done` when it is dropped, also if the physics thread panics.
+/// Sets the flag `is_done` when it is dropped, also if the physics thread panics.
 pub(super) struct DoneOnDrop(pub(super) Arc<SharedFlags>);
 
 impl Drop for DoneOnDrop {
     fn drop(&mut self) {
-        self.0.done.store(true, Ordering::Release);
+        self.0.is_done.store(true, Ordering::Release);
     }
 }

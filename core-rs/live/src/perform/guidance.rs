@@ -186,7 +186,7 @@ impl GuidanceState {
         }
         if self.fade_progress < 1.0 {
             self.fade_progress = (self.fade_progress + self.fade_step).min(1.0);
-            let fade_progress = smooth(self.fade_progress);
+            let fade_progress = smooth_step(self.fade_progress);
             self.remaining_offset = self.offset * (1.0 - fade_progress);
             self.share = if self.fade_progress < 1.0 {
                 self.fade_start.interpolated(self.fade_target, fade_progress)
@@ -198,22 +198,22 @@ impl GuidanceState {
 
     /// The force [N] on a hand at `x` [m] that moves at `v` [m/s]. Later stages multiply all forces by `scale`; that of
     /// the part is in no loop, so it is not to become weaker.
-    pub(super) fn force(&self, written: WrittenMotion, x: f64, v: f64, scale: f64) -> f64 {
+    pub(super) fn force(&self, written_motion: WrittenMotion, x: f64, v: f64, scale: f64) -> f64 {
         let Some(guidance) = self.guidance else {
             return 0.0;
         };
-        let guidance_force = self.share.k * guidance.k * (written.x + self.remaining_offset - x)
-            - self.share.z * guidance.z * (v - written.v);
-        if written.force == 0.0 || scale <= 0.0 {
+        let guidance_force = self.share.k * guidance.k * (written_motion.x + self.remaining_offset - x)
+            - self.share.z * guidance.z * (v - written_motion.v);
+        if written_motion.force == 0.0 || scale <= 0.0 {
             return guidance_force;
         }
-        guidance_force + self.share.k * written.force / scale
+        guidance_force + self.share.k * written_motion.force / scale
     }
 }
 
 /// A quintic step from 0 to 1: its first and second derivatives are zero at both ends, so velocity and acceleration do
 /// not jump.
-pub(super) fn smooth(t: f64) -> f64 {
+pub(super) fn smooth_step(t: f64) -> f64 {
     t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
 

@@ -1,13 +1,13 @@
 //! A hand while it plays, moved by a person or by its stand-in, and the transition between them.
 
-use super::guidance::{Guidance, WrittenMotion, smooth};
+use super::guidance::{Guidance, WrittenMotion, smooth_step};
 use super::hand_limit::MeasuredKey;
 
 /// Largest motion of the key in one tick of a transition [m].
 const STEP_METRES_MAX: f64 = 5e-5;
 /// Least and greatest number of ticks of a transition.
 const TICKS_RANGE: (f64, f64) = (20.0, 4_000.0);
-/// Greatest slope of `smooth`, the transition from 0 to 1 over a length of 1.
+/// Greatest slope of [`smooth_step`], the transition from 0 to 1 over a length of 1.
 const SMOOTH_SLOPE_MAX: f64 = 1.875;
 
 /// A hand of the piece.
@@ -102,7 +102,7 @@ impl HandSource {
     /// Progress of the transition, 0 to 1; a person feels this share of the force.
     pub(super) fn progress(&self) -> f64 {
         if self.transition_progress < self.transition_ticks {
-            smooth(self.transition_progress / self.transition_ticks)
+            smooth_step(self.transition_progress / self.transition_ticks)
         } else {
             1.0
         }

@@ -79,30 +79,37 @@ const DELAY_TOLERANCE: f64 = 0.05;
 
 /// The key of a device without hand or piece, in ticks of `period` [s].
 ///
-/// If both the device and `measured` give a value, the less stable one counts (smaller mass and damping, longer
+/// If both the device and `measured_key` give a value, the less stable one counts (smaller mass and damping, longer
 /// delay): a calibration cannot make a key look safer than its device reports.
 pub(super) fn bare_key(
     spec: &crate::device::DeviceSpec,
-    measured: Option<MeasuredKey>,
+    measured_key: Option<MeasuredKey>,
     lockstep: bool,
     period: f64,
 ) -> stiffness::HapticLoop {
-    let least_stable_value = |reported: Option<f64>, measured: Option<f64>, default_value: f64| {
-        let known_values = [reported, measured].into_iter().flatten().filter(|value| *value > 0.0);
+    let least_stable_value = |reported: Option<f64>, measured_key: Option<f64>, default_value: f64| {
+        let known_values = [reported, measured_key]
+            .into_iter()
+            .flatten()
+            .filter(|value| *value > 0.0);
         known_values.reduce(f64::min).unwrap_or(default_value)
     };
     let reported_delay = spec.loop_delay_s.map(|delay_seconds| (delay_seconds / period).ceil());
-    let measured_delay = measured.and_then(|key| key.delay);
+    let measured_delay = measured_key.and_then(|key| key.delay);
     let measured_delay = measured_delay.map(|delay_seconds| (delay_seconds / period - DELAY_TOLERANCE).ceil());
     let delay_ticks = [reported_delay, measured_delay]
         .into_iter()
         .flatten()
         .fold(0.0, f64::max) as usize;
     stiffness::HapticLoop {
-        mass: least_stable_value(spec.inertia, measured.map(|key| key.mass), DEFAULT_MASS_AND_DAMPING.0),
+        mass: least_stable_value(
+            spec.inertia,
+            measured_key.map(|key| key.mass),
+            DEFAULT_MASS_AND_DAMPING.0,
+        ),
         damping: least_stable_value(
             spec.damping,
-            measured.map(|key| key.damping),
+            measured_key.map(|key| key.damping),
             DEFAULT_MASS_AND_DAMPING.1,
         ),
         tick_period: period,

@@ -113,8 +113,8 @@ impl Keyboard {
     }
 
     /// The key of the device, without hand or piece.
-    pub(super) fn haptic_loop(&self, measured: Option<MeasuredKey>) -> stiffness::HapticLoop {
-        self.config.key(&self.guarded_device, measured)
+    pub(super) fn haptic_loop(&self, measured_key: Option<MeasuredKey>) -> stiffness::HapticLoop {
+        self.config.key(&self.guarded_device, measured_key)
     }
 
     /// Pairs of device axis and hand of the piece.
@@ -185,9 +185,9 @@ impl DeviceConfig {
         Ok(opened_device)
     }
 
-    fn key(&self, guarded_device: &GuardedDevice, measured: Option<MeasuredKey>) -> stiffness::HapticLoop {
+    fn key(&self, guarded_device: &GuardedDevice, measured_key: Option<MeasuredKey>) -> stiffness::HapticLoop {
         let lockstep = guarded_device.in_lockstep();
-        hand_limit::bare_key(guarded_device.spec(), measured, lockstep, self.period)
+        hand_limit::bare_key(guarded_device.spec(), measured_key, lockstep, self.period)
     }
 
     fn guard(&self, device: Box<dyn Device>) -> Box<GuardedDevice> {
@@ -216,7 +216,7 @@ impl KeyboardSlot {
     pub(super) fn trip_cause(&self, axis: usize) -> Option<TripCause> {
         self.guarded_device
             .as_ref()
-            .and_then(|guarded_device| guarded_device.tripped(axis))
+            .and_then(|guarded_device| guarded_device.trip_cause(axis))
     }
 
     /// How often the board reported that it let go, and how often forces ended because the host was stopped.
@@ -245,7 +245,7 @@ impl KeyboardSlot {
     /// Stop the forces, or let them return.
     pub(super) fn set_stopped(&mut self, is_stopped: bool) {
         if let Some(guarded_device) = &mut self.guarded_device {
-            guarded_device.stop(is_stopped);
+            guarded_device.set_stopped(is_stopped);
         }
     }
 

@@ -142,8 +142,8 @@ impl Performance {
     }
 
     /// What the system granted the physics thread; `None` until it runs.
-    pub fn granted(&self) -> Option<GrantedScheduling> {
-        self.flags.granted()
+    pub fn granted_scheduling(&self) -> Option<GrantedScheduling> {
+        self.flags.granted_scheduling()
     }
 
     /// A handle that stops the performance from any thread.
@@ -224,7 +224,7 @@ impl Performance {
     /// # Errors
     /// [`ChangeError`]: nothing was scheduled.
     pub fn change(&mut self, due_frame: u64, mut change: Change) -> Result<u64, ChangeError> {
-        self.free();
+        self.free_garbage();
         if !due_frame.is_multiple_of(self.tick_frames as u64) {
             return Err(ChangeError::Frame(due_frame, self.tick_frames));
         }
@@ -282,13 +282,13 @@ impl Performance {
 
     /// Open a window, now or as soon as its simulation plays; false if too many commands wait. A window that still
     /// waits is replaced.
-    pub fn open(&mut self, window: DisplayWindow) -> bool {
-        self.free();
+    pub fn open_window(&mut self, window: DisplayWindow) -> bool {
+        self.free_garbage();
         self.command(Command::Window(Box::new(window)))
     }
 
     /// Free boxes that the physics thread sent back.
-    fn free(&mut self) {
+    fn free_garbage(&mut self) {
         while self.garbage.pop().is_ok() {}
     }
 
@@ -304,7 +304,7 @@ impl Performance {
 
     /// Whether the last frame has been computed.
     pub fn is_done(&self) -> bool {
-        self.flags.done.load(Ordering::Acquire)
+        self.flags.is_done.load(Ordering::Acquire)
     }
 
     /// Why the recording cannot be written at present, such as a full disk (rows wait in memory for some seconds), or
@@ -320,11 +320,11 @@ impl Performance {
     /// # Errors
     /// The error of the physics thread, of the output, or of a file that was written.
     pub fn close(mut self, patience: Duration) -> Result<Vec<PerformanceEvent>, PlayError> {
-        self.end(patience)?;
+        self.finish(patience)?;
         Ok(std::iter::from_fn(|| self.event()).collect())
     }
 
-    fn end(&mut self, patience: Duration) -> Result<(), PlayError> {
+    fn finish(&mut self, patience: Duration) -> Result<(), PlayError> {
         // Devices first: they send their last zeros when the physics thread returns them.
         let play_result = self
             .physics_thread
@@ -347,6 +347,6 @@ impl Performance {
 impl Drop for Performance {
     fn drop(&mut self) {
         self.stop();
-        let _ = self.end(Duration::from_millis(200));
+        let _ = self.finish(Duration::from_millis(200));
     }
 }

@@ -86,9 +86,9 @@ pub(super) struct Player {
     /// Outputs of a tick                        (tick_frames, n_out)
     pub(super) outputs: Vec<f64>,
     /// Channels of a tick                       (tick_frames, n_channels)
-    mixed: Vec<f64>,
+    mixed_frames: Vec<f64>,
     /// Heard channels of a tick, if there is a fold   (tick_frames, n_heard)
-    folded: Vec<f64>,
+    folded_frames: Vec<f64>,
     output_samples: Vec<f32>,
     /// Frames of the limiter's delay that are still to be skipped at the beginning.
     frames_to_skip: usize,
@@ -146,8 +146,8 @@ impl Player {
             return_ticks: vec![None; slots.len()],
             hand_samples: vec![recording::RecordedSample::default(); hand_count],
             outputs: vec![0.0; tick_frames * n_outputs],
-            mixed: vec![0.0; tick_frames * n_channels],
-            folded: vec![0.0; piece.fold.as_ref().map_or(0, |_| tick_frames * n_heard_channels)],
+            mixed_frames: vec![0.0; tick_frames * n_channels],
+            folded_frames: vec![0.0; piece.fold.as_ref().map_or(0, |_| tick_frames * n_heard_channels)],
             output_samples: vec![0.0; tick_frames * n_heard_channels],
             frames_to_skip: latency,
             tail_frames: piece.n_tail_frames(),
@@ -196,7 +196,7 @@ impl Player {
         if frames_left == 0 && self.tail_frames == 0 {
             return false;
         }
-        let is_playing = self.connections.stream_state.played() > 0;
+        let is_playing = self.connections.stream_state.played_frames() > 0;
         self.wait_for_input();
         let clock_tick = self
             .clock

@@ -71,8 +71,8 @@ pub(super) fn open(
     let block_frames = (output.block as usize).max(tick_frames);
     let input_spec = match (is_required, output.backend.as_str()) {
         (true, _) => Ok(input_spec.clone()),
-        (false, "jack") => Ok(AudioSpec::plain(Backend::Jack)),
-        (false, "pulse") => Ok(AudioSpec::plain(Backend::Pulse)),
+        (false, "jack") => Ok(AudioSpec::without_options(Backend::Jack)),
+        (false, "pulse") => Ok(AudioSpec::without_options(Backend::Pulse)),
         (false, other) => Err(format!("{other} has no inputs")),
     };
     let opened_input = input_spec.and_then(|input_spec| {
@@ -125,7 +125,7 @@ impl SoundInput {
         } else {
             samples.fill(0.0);
         }
-        simulation.sound_in(samples, channels);
+        simulation.feed_input_samples(samples, channels);
         if let Some(sound_tap) = &mut self.tap {
             sound_tap.push(frame, samples, false);
         }

@@ -98,7 +98,7 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
     timeline.open();
     for mat in [0, 1] {
         let hand_way = HandInterpolation::Line;
-        timeline.hand(&network, mat, EVERY as u32, hand_way, &[]).unwrap();
+        timeline.add_hand(&network, mat, EVERY as u32, hand_way, &[]).unwrap();
     }
     for &instant in struck {
         timeline.strike(&network, 2, instant, 1e-3, Some(0.0), 0).unwrap();

@@ -85,8 +85,8 @@ pub struct WindowReader {
     n_skipped: Arc<AtomicU64>,
 }
 
-/// The two ends of a window on a simulation; `look` and `setup` are those of [`Recorder::live`]. To be called outside
-/// real time, because it allocates room for all pictures.
+/// The two ends of a window on a simulation; `look` and `setup` are those of [`Recorder::for_live_pages`]. To be called
+/// outside real time, because it allocates room for all pictures.
 ///
 /// # Errors
 /// A sentence if there is too much to show.
@@ -115,7 +115,7 @@ pub fn window_pair(
         motion_look: look.clone(),
     };
     let reader = WindowReader {
-        recorder: Recorder::live(simulation, look, setup)?,
+        recorder: Recorder::for_live_pages(simulation, look, setup)?,
         display_frames: display_output,
         n_skipped,
     };
@@ -175,7 +175,7 @@ impl WindowReader {
     }
 
     /// Number of pictures that were skipped.
-    fn skipped(&self) -> u64 {
+    fn skipped_count(&self) -> u64 {
         self.n_skipped.load(Ordering::Relaxed)
     }
 }

@@ -165,7 +165,7 @@ impl RowSink {
     }
 
     /// Rows and events that were dropped, mostly for lack of room.
-    pub fn dropped(&self) -> u64 {
+    pub fn dropped_count(&self) -> u64 {
         self.writer_state.n_dropped.load(Ordering::Relaxed)
     }
 
@@ -392,7 +392,7 @@ mod tests {
                 "{tick}"
             );
         }
-        assert_eq!(row_sink.dropped(), 3 + 3);
+        assert_eq!(row_sink.dropped_count(), 3 + 3);
         writer.append_all(true).unwrap();
         assert_eq!(writer.writer_state.n_rows.load(Ordering::Relaxed), ring_rows);
         assert_eq!(read_back(&take_path).dropped, 6);

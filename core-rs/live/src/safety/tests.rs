@@ -258,7 +258,7 @@ fn positions_outside_the_travel_and_jumps_stay_off() {
         // 10 % of the travel beyond its end; the next force is zero.
         let last_forced = sent_forces.iter().rposition(|&force| force != 0.0).unwrap();
         assert_eq!(last_forced, if why == TripCause::Jump { 19 } else { 60 }, "{why:?}");
-        assert_eq!(guarded_device.tripped(0), Some(why));
+        assert_eq!(guarded_device.trip_cause(0), Some(why));
         // It stays off for longer than any trip that ends by itself.
         assert!(
             play(&mut guarded_device, still(0.5, 5_000))
@@ -266,7 +266,7 @@ fn positions_outside_the_travel_and_jumps_stay_off() {
                 .all(|&force| force == 0.0)
         );
         guarded_device.release();
-        assert_eq!(guarded_device.tripped(0), None);
+        assert_eq!(guarded_device.trip_cause(0), None);
         assert_eq!(play(&mut guarded_device, still(0.5, 1_000)).last(), Some(&0.5));
     }
 }
@@ -296,7 +296,7 @@ fn third_trip_within_a_minute_persists() {
                 } else {
                     TripCause::Speed
                 };
-                assert_eq!(guarded_device.tripped(0), Some(trip_cause), "trip {trip}");
+                assert_eq!(guarded_device.trip_cause(0), Some(trip_cause), "trip {trip}");
                 let sent_forces = play(&mut guarded_device, still(0.5, pause));
                 let is_off = sent_forces.last() == Some(&0.0);
                 assert_eq!(is_off, stays && trip == 3, "trip {trip}, pause {pause}");
@@ -313,7 +313,7 @@ fn persistent_trip_survives_a_reconnection() {
     let mut first_bench = Bench::new();
     let mut lost_guarded = GuardedDevice::new(&mut first_bench, open(), PERIOD);
     play(&mut lost_guarded, (0..100).map(|i| (0.5, Some(1e-2 * f64::from(i)))));
-    assert!(lost_guarded.tripped(0).is_some());
+    assert!(lost_guarded.trip_cause(0).is_some());
     let mut second_bench = Bench::new();
     let mut guarded_device = GuardedDevice::new(&mut second_bench, open(), PERIOD);
     guarded_device.restore_memory(&lost_guarded.memory());
@@ -322,7 +322,7 @@ fn persistent_trip_survives_a_reconnection() {
             .iter()
             .all(|&force| force == 0.0)
     );
-    assert_eq!(guarded_device.tripped(0), lost_guarded.tripped(0));
+    assert_eq!(guarded_device.trip_cause(0), lost_guarded.trip_cause(0));
 }
 
 #[test]
@@ -409,9 +409,9 @@ fn stop_by_the_player_ends_force() {
     };
     let mut guarded_device = GuardedDevice::new(&mut bench, limits, PERIOD);
     assert_eq!(play(&mut guarded_device, still(1.0, 200))[150], 1.0);
-    guarded_device.stop(true);
+    guarded_device.set_stopped(true);
     assert_eq!(play(&mut guarded_device, still(1.0, 50)), [0.0; 50]);
-    guarded_device.stop(false);
+    guarded_device.set_stopped(false);
     let sent_forces = play(&mut guarded_device, still(1.0, 120));
     assert!(
         sent_forces[0] < 0.02 && sent_forces[119] == 1.0,

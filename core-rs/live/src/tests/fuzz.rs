@@ -215,7 +215,7 @@ fn law_text(dice: &mut Dice) {
         .max(damping.chars().count())
         .max(force_points.len());
     let law_reach = edge_numbers[dice.below(edge_numbers.len())];
-    match Law::new(&law).and_then(|law| law.through(law_reach)) {
+    match Law::new(&law).and_then(|law| law.behind_lever(law_reach)) {
         Err(error) => {
             assert!(!error.message.is_empty());
             assert!(

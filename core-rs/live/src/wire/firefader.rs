@@ -10,7 +10,7 @@ pub const FORCE_MAX: f64 = 1.56;
 /// Step of a force byte [N].
 pub const FORCE_LSB: f64 = FORCE_MAX / 127.0;
 /// Step of a position byte [m].
-pub const POS_LSB: f64 = 0.000_39;
+pub const POSITION_STEP: f64 = 0.000_39;
 /// Position byte at the middle of the travel.
 const MIDDLE_BYTE: f64 = 128.0;
 /// Capacitance above which a finger touches.
@@ -43,11 +43,11 @@ pub fn parse_request(bytes: &[u8]) -> Parsed<[f64; 2]> {
     match *bytes {
         [] | [REQUEST_START] => Parsed::Incomplete,
         // A first byte in the place of data: that packet was cut.
-        [REQUEST_START, REQUEST_START, ..] => Parsed::Garbage(1),
+        [REQUEST_START, REQUEST_START, ..] => Parsed::Skip(1),
         [REQUEST_START, _] => Parsed::Incomplete,
-        [REQUEST_START, _, REQUEST_START, ..] => Parsed::Garbage(2),
+        [REQUEST_START, _, REQUEST_START, ..] => Parsed::Skip(2),
         [REQUEST_START, a, b, ..] => Parsed::Packet([force_of(a), force_of(b)], 3),
-        _ => Parsed::Garbage(1),
+        _ => Parsed::Skip(1),
     }
 }
 
@@ -65,7 +65,7 @@ pub struct FaderReply {
 impl FaderReply {
     /// Position of a fader [m].
     pub fn metres(&self, axis: usize) -> f64 {
-        (f64::from(self.position[axis]) - MIDDLE_BYTE) * POS_LSB
+        (f64::from(self.position[axis]) - MIDDLE_BYTE) * POSITION_STEP
     }
 
     /// The bytes of the packet; data bytes are limited so that none equals the first byte.
@@ -86,7 +86,7 @@ impl FaderReply {
 
 /// The position byte of a fader at x [m].
 pub fn position_byte(x: f64) -> u8 {
-    (x / POS_LSB + MIDDLE_BYTE).round().clamp(0.0, 254.0) as u8
+    (x / POSITION_STEP + MIDDLE_BYTE).round().clamp(0.0, 254.0) as u8
 }
 
 /// Parse a reply at the beginning of some bytes.
@@ -95,12 +95,12 @@ pub fn parse_reply(bytes: &[u8]) -> Parsed<FaderReply> {
         let next_start = bytes.iter().position(|&byte| byte == REPLY_START);
         return match (bytes.is_empty(), next_start) {
             (true, _) => Parsed::Incomplete,
-            (false, next_start) => Parsed::Garbage(next_start.unwrap_or(bytes.len())),
+            (false, next_start) => Parsed::Skip(next_start.unwrap_or(bytes.len())),
         };
     }
     let data_bytes = &bytes[1..bytes.len().min(REPLY_BYTES)];
     if let Some(cut_offset) = data_bytes.iter().position(|&byte| byte == REPLY_START) {
-        return Parsed::Garbage(1 + cut_offset);
+        return Parsed::Skip(1 + cut_offset);
     }
     match *data_bytes {
         [a, b, c, d, e, f] => Parsed::Packet(

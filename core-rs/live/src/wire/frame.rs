@@ -11,7 +11,7 @@ use crate::wire::MAX_AXES;
 const SYNC: [u8; 2] = [0xA5, 0x5A];
 const SYNC_INFO: [u8; 2] = [0xA5, 0x5D];
 /// Step of a position in a narrow frame [m or rad].
-pub const POS_LSB: f64 = 1e-8;
+pub const POSITION_STEP: f64 = 1e-8;
 /// Number of steps of the greatest force in a narrow frame.
 pub const FORCE_STEPS: f64 = 32767.0;
 const WIDE_FLAG: u8 = 0x80;
@@ -71,7 +71,7 @@ pub struct FrameReply {
     /// Number of the request.
     pub seq: u16,
     /// The device's clock [µs].
-    pub t_us: u32,
+    pub clock_us: u32,
     /// Number of axes.
     pub axis_count: usize,
     /// Whether positions are f64.
@@ -92,7 +92,7 @@ pub struct DeviceInfo {
     /// Bits of [`trait_flag`].
     pub trait_flags: u8,
     /// Continuous and peak force, position step, least and greatest position, rate, inertia, damping.
-    pub spec_numbers: [f32; 8],
+    pub spec_values: [f32; 8],
 }
 
 /// CRC-16/CCITT-FALSE.
@@ -184,13 +184,13 @@ impl FrameReply {
         let mut reply_frame = FrameBytes { bytes, n_bytes: 0 };
         reply_frame.append(&SYNC);
         reply_frame.append(&self.seq.to_le_bytes());
-        reply_frame.append(&self.t_us.to_le_bytes());
+        reply_frame.append(&self.clock_us.to_le_bytes());
         reply_frame.append(&[count_byte(self.axis_count, self.is_wide)]);
         for position in &self.position[..self.axis_count] {
             if self.is_wide {
                 reply_frame.append(&position.to_le_bytes());
             } else {
-                reply_frame.append(&((position / POS_LSB).round() as i32).to_le_bytes());
+                reply_frame.append(&((position / POSITION_STEP).round() as i32).to_le_bytes());
             }
         }
         reply_frame.append(&[self.status]);
@@ -205,13 +205,13 @@ impl FrameReply {
                 *position = if wide {
                     f64::from_le_bytes(bytes_at(body, 7 + 8 * axis))
                 } else {
-                    f64::from(i32::from_le_bytes(bytes_at(body, 7 + 4 * axis))) * POS_LSB
+                    f64::from(i32::from_le_bytes(bytes_at(body, 7 + 4 * axis))) * POSITION_STEP
                 };
             }
             let are_finite = position.iter().all(|position| position.is_finite());
             are_finite.then(|| Self {
                 seq: u16::from_le_bytes(bytes_at(body, 0)),
-                t_us: u32::from_le_bytes(bytes_at(body, 2)),
+                clock_us: u32::from_le_bytes(bytes_at(body, 2)),
                 axis_count: n,
                 is_wide: wide,
                 status: body[body.len() - 1],
@@ -228,7 +228,7 @@ impl DeviceInfo {
         info_frame.append(&SYNC_INFO);
         info_frame.append(&self.seq.to_le_bytes());
         info_frame.append(&[self.axis_count as u8, self.trait_flags]);
-        for number in self.spec_numbers {
+        for number in self.spec_values {
             info_frame.append(&number.to_le_bytes());
         }
         info_frame.append_crc()
@@ -245,7 +245,7 @@ impl DeviceInfo {
                 seq: u16::from_le_bytes(bytes_at(body, 0)),
                 axis_count: n,
                 trait_flags: body[3],
-                spec_numbers: numbers,
+                spec_values: numbers,
             })
         })
     }
@@ -268,7 +268,7 @@ fn parse_frame<T>(
         [] => return Parsed::Incomplete,
         _ => {
             let next_sync = bytes[1..].iter().position(|&byte| byte == sync[0]);
-            return Parsed::Garbage(next_sync.map_or(bytes.len(), |next_sync| next_sync + 1));
+            return Parsed::Skip(next_sync.map_or(bytes.len(), |next_sync| next_sync + 1));
         }
     }
     let Some(&count_byte) = bytes.get(2 + bytes_before) else {
@@ -276,7 +276,7 @@ fn parse_frame<T>(
     };
     let (axis_count, is_wide) = (usize::from(count_byte & !WIDE_FLAG), count_byte & WIDE_FLAG != 0);
     if axis_count > MAX_AXES {
-        return Parsed::Garbage(2);
+        return Parsed::Skip(2);
     }
     let crc_offset = 2 + bytes_before + 1 + axis_count * axis_sizes[usize::from(is_wide)] + bytes_after;
     let Some(crc_bytes) = bytes.get(crc_offset..crc_offset + 2) else {
@@ -285,9 +285,9 @@ fn parse_frame<T>(
     let body_bytes = &bytes[2..crc_offset];
     if crc(body_bytes).to_le_bytes() != crc_bytes {
         // Only the sync bytes are skipped: a valid frame may begin inside the bytes after them.
-        return Parsed::Garbage(2);
+        return Parsed::Skip(2);
     }
-    read_body(body_bytes, axis_count, is_wide).map_or(Parsed::Garbage(crc_offset + 2), |frame| {
+    read_body(body_bytes, axis_count, is_wide).map_or(Parsed::Skip(crc_offset + 2), |frame| {
         Parsed::Packet(frame, crc_offset + 2)
     })
 }

@@ -82,7 +82,7 @@ fn frame_bytes_of_a_request() {
     assert_eq!(forces(12).write(2.0, &mut frame_buffer), 32);
     let long_reply = frame::FrameReply {
         seq: 7,
-        t_us: 1_000_000,
+        clock_us: 1_000_000,
         axis_count: 12,
         ..frame::FrameReply::default()
     };
@@ -210,10 +210,10 @@ proptest! {
                 let mut position = [0.0; MAX_AXES];
                 for (to, from) in position.iter_mut().zip(&positions) {
                     // Round the position to a narrow frame's step.
-                    *to = if is_wide { *from } else { (from / frame::POS_LSB).round() * frame::POS_LSB };
+                    *to = if is_wide { *from } else { (from / frame::POSITION_STEP).round() * frame::POSITION_STEP };
                 }
                 let n = positions.len();
-                let reply = frame::FrameReply { seq: i as u16, t_us: 9, axis_count: n, is_wide, status, position };
+                let reply = frame::FrameReply { seq: i as u16, clock_us: 9, axis_count: n, is_wide, status, position };
                 let mut bytes = [0; frame::FRAME_BYTES_MAX];
                 let len = reply.write(&mut bytes);
                 (bytes[..len].to_vec(), reply)
@@ -247,6 +247,6 @@ proptest! {
         request.force[axis] = if infinite { f64::INFINITY } else { f64::NAN };
         let mut bytes = [0; frame::FRAME_BYTES_MAX];
         let len = request.write(2.0, &mut bytes);
-        prop_assert_eq!(frame::FrameRequest::parse(&bytes[..len], 2.0), Parsed::Garbage(len));
+        prop_assert_eq!(frame::FrameRequest::parse(&bytes[..len], 2.0), Parsed::Skip(len));
     }
 }

@@ -90,14 +90,14 @@ fn drawn_links(look: &MotionLook, network: &Network) -> Vec<(usize, u32, u32)> {
 
 /// Index, among the links that are drawn, of the first pair of each breakable link   (n_breakable)
 pub(super) fn breakable_numbers(look: &MotionLook, network: &Network) -> Vec<Option<u32>> {
-    if look.breakable.is_empty() {
+    if look.breakable_links.is_empty() {
         return Vec::new();
     }
     let mut first_pairs: HashMap<usize, u32> = HashMap::new();
     for ((link, ..), number) in drawn_links(look, network).into_iter().zip(0..) {
         first_pairs.entry(link).or_insert(number);
     }
-    let link_numbers = look.breakable.iter();
+    let link_numbers = look.breakable_links.iter();
     link_numbers.map(|link| first_pairs.get(link).copied()).collect()
 }
 

@@ -20,7 +20,7 @@ pub(super) enum RefusalStatus {
 }
 
 impl RefusalStatus {
-    fn line(self) -> &'static str {
+    fn status_line(self) -> &'static str {
         match self {
             Self::Malformed => "400 Bad Request",
             Self::WrongOrigin => "403 Forbidden",
@@ -46,7 +46,7 @@ const SECURITY_HEADERS: &str = "Content-Security-Policy: default-src 'self'; med
     Connection: close\r\n";
 
 pub(super) fn refuse(out: &mut impl Write, status: RefusalStatus) -> io::Result<()> {
-    let status_line = status.line();
+    let status_line = status.status_line();
     let allow_header = if status == RefusalStatus::NotGet {
         "Allow: GET\r\n"
     } else {

@@ -18,7 +18,7 @@ const DRAIN_BYTES_MAX: usize = 64 << 10;
 
 /// Serves a connection. It keeps the `pending_place` of a stranger until it is admitted, also while a refusal is sent.
 pub(super) fn serve_connection(stream: &TcpStream, pending_place: PendingPlace, state: &ServerState) {
-    let admission = match request::read(stream, state.options.limits.head_timeout) {
+    let admission = match request::read_request(stream, state.options.limits.head_timeout) {
         Ok(request) => admit(request, state),
         Err(RequestError::Refused(status)) => Err(status.into()),
         Err(RequestError::Closed) if pending_place.is_evicted() => Err(RefusalStatus::Full.into()),

@@ -33,7 +33,7 @@ pub(super) enum RequestError {
 }
 
 /// Reads the head of a request within a time.
-pub(super) fn read(mut stream: &TcpStream, time_limit: Duration) -> Result<Request, RequestError> {
+pub(super) fn read_request(mut stream: &TcpStream, time_limit: Duration) -> Result<Request, RequestError> {
     let deadline = Instant::now() + time_limit;
     let mut head_bytes = [0; HEAD_BYTES_MAX];
     let mut bytes_read = 0;
@@ -75,19 +75,21 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, RefusalStatus> {
     }
     let request_target = request_head.path.unwrap_or_default();
     let single_header = |name: &str| -> Result<Option<&str>, RefusalStatus> {
-        let mut header_lines = request_head
+        let mut matching_headers = request_head
             .headers
             .iter()
-            .filter(|h| h.name.eq_ignore_ascii_case(name));
-        let header_text = header_lines.next().map(|h| str::from_utf8(h.value));
-        match (header_text, header_lines.next()) {
+            .filter(|header| header.name.eq_ignore_ascii_case(name));
+        let header_text = matching_headers.next().map(|header| str::from_utf8(header.value));
+        match (header_text, matching_headers.next()) {
             (None, _) => Ok(None),
             (Some(Ok(header_text)), None) => Ok(Some(header_text.trim())),
             _ => Err(RefusalStatus::Malformed),
         }
     };
     // A GET has no body: it could be taken for a second request.
-    if single_header("content-length")?.is_some_and(|n| n != "0") || single_header("transfer-encoding")?.is_some() {
+    if single_header("content-length")?.is_some_and(|length_text| length_text != "0")
+        || single_header("transfer-encoding")?.is_some()
+    {
         return Err(RefusalStatus::Malformed);
     }
     Ok(Some(Request {

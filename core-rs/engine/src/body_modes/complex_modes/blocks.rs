@@ -3,12 +3,12 @@
 use super::{Complex, ComplexModes, Coordinates, Pole};
 use crate::body_modes::constants::{COUPLED_MODES_MAX, COUPLING_ERROR_MAX, COUPLING_NONE, COUPLING_ROUNDING};
 use crate::body_modes::linear::NoModes;
-use crate::spectrum::{Eigensystem, general, inverse};
+use crate::spectrum::{Eigensystem, general_eigensystem, inverse};
 
 /// Sets of undamped modes that `damping` (n, n) couples, each in rising order.
-pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
-    let greatest = damping.iter().fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
-    let coupling_floor = (COUPLING_ROUNDING * greatest).max(COUPLING_NONE / n as f64);
+pub(super) fn coupled_sets(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
+    let greatest_coupling = damping.iter().fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
+    let coupling_floor = (COUPLING_ROUNDING * greatest_coupling).max(COUPLING_NONE / n as f64);
     let (mut is_known, mut mode_blocks) = (vec![false; n], Vec::new());
     for first in 0..n {
         if is_known[first] {
@@ -115,7 +115,7 @@ pub(super) fn add(
     };
     let state_size = state.len();
     let state_matrix = state.matrix(damping, coordinates.lambda.len());
-    let eigensystem = general(state_matrix.clone()).ok_or(NoModes::NotFinite)?;
+    let eigensystem = general_eigensystem(state_matrix.clone()).ok_or(NoModes::NotFinite)?;
     let vectors = columns(&eigensystem);
     let left_vectors = inverse(vectors.clone()).ok_or(NoModes::Inexact)?;
     if error(&state_matrix, &eigensystem, [&vectors, &left_vectors]) > COUPLING_ERROR_MAX {
@@ -124,7 +124,7 @@ pub(super) fn add(
     // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
     let project = |row: usize, entry: &dyn Fn(usize) -> f64| -> f64 {
         let left_row = &left_vectors[row * state_size..(row + 1) * state_size];
-        left_row.iter().enumerate().map(|(i, by)| by * entry(i)).sum()
+        left_row.iter().enumerate().map(|(i, a)| a * entry(i)).sum()
     };
     let held_count = state.n_held();
     let initial_state = |row_index: usize| {
@@ -178,11 +178,11 @@ pub(super) fn add(
         let excitation: Vec<Complex> = (0..n_points).map(|point| projection(&impulse_state(point))).collect();
         for (i, rigid_displacement) in rigid_displacement.iter_mut().enumerate() {
             let rigid_share = divide(y(held_count + i), eigenvalue);
-            for (rigid_displacement, by) in rigid_displacement
+            for (rigid_displacement, left_entry) in rigid_displacement
                 .iter_mut()
                 .zip(excitation.iter().chain([&start_amplitude]))
             {
-                *rigid_displacement -= rigid_share[0] * by[0] - rigid_share[1] * by[1];
+                *rigid_displacement -= rigid_share[0] * left_entry[0] - rigid_share[1] * left_entry[1];
             }
         }
         let pole = if is_pole_pair {
@@ -269,11 +269,11 @@ fn error(matrix: &[f64], eigen: &Eigensystem, [vectors, left_vectors]: [&[f64]; 
 }
 
 /// into += factor·row·table.
-fn multiply(row: &[f64], table: &[f64], factor: f64, into: &mut [f64]) {
-    for (row_entry, table) in row.iter().zip(table.chunks_exact(into.len())) {
+fn multiply(row: &[f64], table: &[f64], factor: f64, target: &mut [f64]) {
+    for (row_entry, table) in row.iter().zip(table.chunks_exact(target.len())) {
         if *row_entry != 0.0 {
             let row_entry = factor * row_entry;
-            into.iter_mut().zip(table).for_each(|(sum, x)| *sum += row_entry * x);
+            target.iter_mut().zip(table).for_each(|(sum, x)| *sum += row_entry * x);
         }
     }
 }

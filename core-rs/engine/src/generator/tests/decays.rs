@@ -3,7 +3,7 @@ use super::*;
 /// The decay of every mode of a body, by its own matrices: (f [Hz], t60 [s]).
 fn decays(body: &Topology, losses: &Losses, mass: f64) -> Vec<(f64, f64)> {
     let n_masses = body.n_mat;
-    let mass_root = |i: usize| (mass * body.share(i)).sqrt();
+    let mass_root = |i: usize| (mass * body.mass_share(i)).sqrt();
     let mass_scaled = |matrix: nalgebra::DMatrix<f64>| {
         nalgebra::DMatrix::from_fn(n_masses, n_masses, |i, j| {
             matrix[(i, j)] / (mass_root(i) * mass_root(j))
@@ -15,7 +15,7 @@ fn decays(body: &Topology, losses: &Losses, mass: f64) -> Vec<(f64, f64)> {
     };
     let mut viscous = dense(body) * losses.tuned.z + dense(&dampers);
     for i in 0..n_masses {
-        viscous[(i, i)] += losses.ground * body.share(i);
+        viscous[(i, i)] += losses.ground * body.mass_share(i);
     }
     let (scaled_stiffness, viscous) = (mass_scaled(dense(body) * losses.tuned.k), mass_scaled(viscous));
     let commutator = &scaled_stiffness * &viscous - &viscous * &scaled_stiffness;

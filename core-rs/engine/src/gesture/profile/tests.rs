@@ -7,7 +7,7 @@ fn points(written: &[(f64, f64, Curve)]) -> Vec<Point> {
 }
 
 fn mixed() -> Profile {
-    Profile::through(&points(&[
+    Profile::through_points(&points(&[
         (1.0, 0.0, Line),
         (2.0, 6.0, Smooth),
         (2.5, -1.0, Smooth),
@@ -49,7 +49,7 @@ fn profile_meets_points_and_rests_at_run_ends() {
 
 #[test]
 fn profile_of_a_single_point_is_constant() {
-    let constant_path = Profile::through(&points(&[(1.0, 5.0, Smooth)])).unwrap();
+    let constant_path = Profile::through_points(&points(&[(1.0, 5.0, Smooth)])).unwrap();
     for t in [0.0, 1.0, 2.0] {
         assert_eq!(constant_path.evaluate(t), (5.0, 0.0, 0.0));
     }
@@ -109,7 +109,7 @@ fn range_of_profile_is_its_true_excursion() {
 fn trimmed_profile_follows_the_same_path() {
     let mixed_path = mixed();
     let trimmed_path = mixed_path.trimmed(1.25, 4.5).shifted_earlier(1.25);
-    assert_eq!((trimmed_path.start(), trimmed_path.stop()), (0.0, 3.25));
+    assert_eq!((trimmed_path.start_time(), trimmed_path.stop_time()), (0.0, 3.25));
     for i in 0..=100 {
         let t = 3.25 * f64::from(i) / 100.0;
         let ((x, v, a), (x0, v0, a0)) = (trimmed_path.evaluate(t), mixed_path.evaluate(t + 1.25));
@@ -122,8 +122,8 @@ fn trimmed_profile_follows_the_same_path() {
 
 #[test]
 fn profile_error_names_the_point() {
-    assert_eq!(Profile::through(&[]), Err(PathError::Empty));
-    let late_error = Profile::through(&points(&[(1.0, 0.0, Line), (1.0, 1.0, Line)]));
+    assert_eq!(Profile::through_points(&[]), Err(PathError::Empty));
+    let late_error = Profile::through_points(&points(&[(1.0, 0.0, Line), (1.0, 1.0, Line)]));
     assert_eq!(
         late_error,
         Err(PathError::NotRising {
@@ -132,7 +132,7 @@ fn profile_error_names_the_point() {
             previous_t: 1.0
         })
     );
-    let hold_error = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, 1.0, Hold)]));
+    let hold_error = Profile::through_points(&points(&[(1.0, 0.0, Line), (2.0, 1.0, Hold)]));
     assert_eq!(
         hold_error,
         Err(PathError::HoldMoves {
@@ -141,6 +141,6 @@ fn profile_error_names_the_point() {
             previous_x: 0.0
         })
     );
-    let nan_error = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, f64::NAN, Line)]));
+    let nan_error = Profile::through_points(&points(&[(1.0, 0.0, Line), (2.0, f64::NAN, Line)]));
     assert!(nan_error.unwrap_err().to_string().contains("point 1"));
 }

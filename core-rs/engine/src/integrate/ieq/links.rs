@@ -1,4 +1,4 @@
-//! IEQ, state of each link: ψ, its slope g, and what the link adds to the system matrix.
+//! IEQ, state of each link: ψ, its slope, and what the link adds to the system matrix.
 
 use super::super::mesh::Mesh;
 use super::super::passes;
@@ -23,7 +23,7 @@ pub(super) struct LinkStates {
     psi: Vec<f64>,
     /// dψ/de at the current frame              (n_links)
     psi_slopes: Vec<f64>,
-    /// What the link adds to the system matrix: ½z + βk + ¼g²   (n_links)
+    /// What the link adds to the system matrix: ½z + βk + ¼(dψ/de)²   (n_links)
     pub(super) matrix_terms: Vec<f64>,
 }
 
@@ -128,16 +128,16 @@ impl IeqLinks {
     /// State before frame 0: ψ half a step earlier, at the mean elongation of that step.
     pub(super) fn initial_states(&self, mesh: &Mesh, x: &[f64], d: &[f64]) -> LinkStates {
         let n_links = self.runs.iter().map(|run| run.len).sum();
-        let mut ieq_state = LinkStates {
+        let mut link_states = LinkStates {
             psi: vec![0.0; n_links],
             psi_slopes: vec![0.0; n_links],
             matrix_terms: vec![0.0; n_links],
         };
-        self.set_initial_states(mesh, x, d, &mut ieq_state);
-        ieq_state
+        self.set_initial_states(mesh, x, d, &mut link_states);
+        link_states
     }
 
-    /// Set ψ and the constant part of c from the positions and last steps of the MATs.
+    /// Set ψ and the constant part of the matrix term from the positions and last steps of the MATs.
     pub(super) fn set_initial_states(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &mut LinkStates) {
         let mut run_start = 0;
         for (run_index, run) in self.runs.iter().enumerate() {
@@ -157,25 +157,25 @@ impl IeqLinks {
     /// Returns what the links' elastic parts add to the system matrix at the start (n_links), and adds it to
     /// `diagonal`.
     pub(super) fn elastic_matrix(&self, mesh: &Mesh, motion: [&[f64]; 2], diagonal: &mut [f64]) -> Vec<f64> {
-        let mut start_state = self.initial_states(mesh, motion[0], motion[1]);
+        let mut link_states = self.initial_states(mesh, motion[0], motion[1]);
         let (mut link_forces, mut right_side) = (vec![0.0; self.longest_run()], vec![0.0; diagonal.len()]);
-        let mut unused_side = right_side.clone();
-        let both_sides = [&mut right_side[..], &mut unused_side[..]];
-        self.add_explicit_forces(mesh, motion, &mut start_state, &mut link_forces, both_sides);
+        let mut unused_diagonal = right_side.clone();
+        let side_and_diagonal = [&mut right_side[..], &mut unused_diagonal[..]];
+        self.add_explicit_forces(mesh, motion, &mut link_states, &mut link_forces, side_and_diagonal);
         let mut run_start = 0;
         for run in &self.runs {
-            let c = &mut start_state.matrix_terms[run_start..run_start + run.len];
-            for (c, g) in c.iter_mut().zip(&start_state.psi_slopes[run_start..]) {
-                *c = self.beta * run.k + 0.25 * g * g;
+            let matrix_terms = &mut link_states.matrix_terms[run_start..run_start + run.len];
+            for (matrix_term, psi_slope) in matrix_terms.iter_mut().zip(&link_states.psi_slopes[run_start..]) {
+                *matrix_term = self.beta * run.k + 0.25 * psi_slope * psi_slope;
             }
-            add_at_ends(c, run.a, run.b, diagonal);
+            add_at_ends(matrix_terms, run.a, run.b, diagonal);
             run_start += run.len;
         }
-        start_state.matrix_terms
+        link_states.matrix_terms
     }
 
-    /// Sets g and c of every link for the current frame; adds its explicit force to `right_side`, and c to the diagonal
-    /// at both ends.
+    /// Sets the slope of ψ and the matrix term of every link for the current frame; adds its explicit force to
+    /// `right_side`, and the matrix term to the diagonal at both ends.
     pub(super) fn add_explicit_forces(
         &self,
         mesh: &Mesh,
@@ -188,23 +188,23 @@ impl IeqLinks {
         for (run_index, run) in self.runs.iter().enumerate() {
             let run_span = run_start..run_start + run.len;
             let run_forces = &mut forces[..run.len];
-            let (psi, g) = (&state.psi[run_span.clone()], &mut state.psi_slopes[run_span.clone()]);
-            let c = &mut state.matrix_terms[run_span];
+            let (psi, psi_slopes) = (&state.psi[run_span.clone()], &mut state.psi_slopes[run_span.clone()]);
+            let matrix_terms = &mut state.matrix_terms[run_span];
             match run_index.checked_sub(mesh.springs.len()) {
-                None => set_spring_terms(run, self.beta, [x, d], psi, [g, c, run_forces]),
+                None => set_spring_terms(run, self.beta, [x, d], psi, [psi_slopes, matrix_terms, run_forces]),
                 Some(other) => {
                     let other = &mesh.other_runs[other];
                     for i in 0..run.len {
                         let (e, de) = elongation(run, x, d, i);
                         let (psi_slope, drag_factor, explicit_force) = slope_and_damping(other, e, de, psi[i]);
-                        g[i] = psi_slope;
-                        c[i] = 0.25 * psi_slope * psi_slope + 0.5 * drag_factor;
+                        psi_slopes[i] = psi_slope;
+                        matrix_terms[i] = 0.25 * psi_slope * psi_slope + 0.5 * drag_factor;
                         run_forces[i] = psi_slope * psi[i] + explicit_force;
                     }
                 }
             }
             passes::add_to_ends(run_forces, run.a, run.b, right_side);
-            add_at_ends(c, run.a, run.b, diagonal);
+            add_at_ends(matrix_terms, run.a, run.b, diagonal);
             run_start += run.len;
         }
     }
@@ -238,7 +238,7 @@ impl IeqLinks {
     /// Energy of the non-linear parts of all links [J]: once from ψ, once from their laws as the mean of this frame and
     /// the last.
     pub(super) fn nonlinear_energies(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &LinkStates) -> (f64, f64) {
-        let quadratic = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
+        let psi_energy = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
         let numbered_runs = self.runs.iter().enumerate();
         let law_energies = numbered_runs.flat_map(|(run_index, run)| {
             (0..run.len).map(move |i| {
@@ -250,7 +250,7 @@ impl IeqLinks {
                 0.5 * (potential(e) + potential(e - de))
             })
         });
-        (quadratic, law_energies.sum())
+        (psi_energy, law_energies.sum())
     }
 }
 

@@ -103,7 +103,7 @@ fn thread_team_steps_the_same_bits() {
             integrator.partition(threads);
             assert_eq!(integrator.can_share_work(), threads > 1);
             crate::kernel::thread_team::with_denormals_flushed(|| {
-                ThreadTeam::with(threads, |team| {
+                ThreadTeam::with_threads(threads, |team| {
                     integrator.step(&[(700, 0.02), (1584, 0.03), (1585, -0.01)], team);
                     (0..15).for_each(|_| integrator.step(&[], team));
                 });

@@ -85,9 +85,9 @@ impl Basis {
     }
 }
 
-/// The relative error of n polynomials of e^(λs), |λ| = `reach`: 2(|λ|/4)^n / n!.
-fn relative_error(reach: f64, n: usize) -> f64 {
-    (1..=n).fold(2.0, |error, k| error * 0.25 * reach / k as f64)
+/// The relative error of n polynomials of e^(λs), |λ| = `rate`: 2(|λ|/4)^n / n!.
+fn relative_error(rate: f64, n: usize) -> f64 {
+    (1..=n).fold(2.0, |error, k| error * 0.25 * rate / k as f64)
 }
 
 /// Add rows of polynomials, each times a factor, to a sum of them   (n, n and n; n)

@@ -46,8 +46,8 @@ impl FineLinks {
         let joint_of = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
         let link_joints = links.iter().map(|run| (joint_of(run.a), joint_of(run.b))).collect();
         let n_joints = joints.len();
-        let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
-        let is_crowded = |body_index: usize| crowded.iter().any(|body| body.body_index() == body_index);
+        let many_joint_bodies = crowded_bodies(&links, &joints, bodies, (&basis, rate));
+        let has_many_joints = |body_index: usize| many_joint_bodies.iter().any(|body| body.body_index() == body_index);
         // Number of modes that give the position of a joint; 1 for a mass.
         let mode_count = |joint: &Joint| {
             let body = joint.port.and_then(|(body_index, _)| bodies[body_index].modal());
@@ -61,7 +61,7 @@ impl FineLinks {
             joints.iter().filter(is_same_body).count().max(1) as u64
         };
         let instant_count = n_instants as u64;
-        let has_path_responses = |joint: &&Joint| joint.port.is_none_or(|(body_index, _)| !is_crowded(body_index));
+        let has_path_responses = |joint: &&Joint| joint.port.is_none_or(|(body_index, _)| !has_many_joints(body_index));
         let table_products = |body: &CrowdedBody| {
             let motion_entries = 2 * instant_count * body.n_modes() as u64;
             motion_entries * (RESPONSE_PRODUCTS + instant_count)
@@ -71,16 +71,16 @@ impl FineLinks {
             .filter(has_path_responses)
             .map(|joint| (RESPONSE_PRODUCTS + pair_count(joint)) * mode_count(joint) * instant_count * instant_count)
             .sum::<u64>();
-        let crowded_products: u64 = crowded.iter().map(table_products).sum();
+        let crowded_products: u64 = many_joint_bodies.iter().map(table_products).sum();
         let free_path_products = joints
             .iter()
             .map(|joint| (2 * mode_count(joint) + instant_count) * instant_count)
             .sum();
-        let responses_from = |joint: &Joint| path_responses(joint, &joints, bodies, (&basis, rate), is_crowded);
+        let responses_from = |joint: &Joint| path_responses(joint, &joints, bodies, (&basis, rate), has_many_joints);
         let (path_responses, velocity_jumps): (Vec<_>, _) = joints.iter().flat_map(responses_from).unzip();
         let product_count = |joint_responses: &[Vec<f64>]| joint_responses.iter().map(Vec::len).sum::<usize>() as u64;
         let impulse_products = path_responses.chunks(n_joints.max(1)).map(product_count).collect();
-        let start_responses = start_responses(&path_responses, &joints, &basis);
+        let displacement_responses = displacement_responses(&path_responses, &joints, &basis);
         let mut script = FineScript {
             is_coupled: false,
             steps_min: steps.contact_substeps,
@@ -89,13 +89,13 @@ impl FineLinks {
             basis,
             links,
             link_joints,
-            crowded_rows: CrowdedBody::joint_rows(&crowded, n_joints),
-            crowded_bodies: crowded,
+            crowded_rows: CrowdedBody::joint_rows(&many_joint_bodies, n_joints),
+            crowded_bodies: many_joint_bodies,
             joints,
             path_responses,
             velocity_jumps,
             impulse_products,
-            start_responses,
+            displacement_responses,
             free_path_products,
         };
         script.is_coupled = script.has_coupled_links();
@@ -113,16 +113,16 @@ impl FineLinks {
             steady_forces: vec![0.0; n_joints],
             may_close: vec![false; n_links],
             is_pushing: vec![false; n_links],
-            is_resting: vec![false; n_links],
-            is_located: vec![false; n_links],
+            has_rested: vec![false; n_links],
+            is_instant_known: vec![false; n_links],
             forces: vec![0.0; n_links],
             penetrations: vec![0.0; n_links],
             link_constants: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
             joint_constants: script.joints.iter().map(|joint| joint.constants).collect(),
             has_glided: vec![false; n_joints],
             stepped_points,
-            stages: &[],
-            has_closed: false,
+            step_stages: &[],
+            has_contact_closed: false,
             work: FineWork {
                 evaluations: 0,
                 products: response_products + crowded_products,
@@ -138,7 +138,7 @@ impl FineLinks {
 
 /// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `path_responses`
 /// (n_joints²)
-fn start_responses(path_responses: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
+fn displacement_responses(path_responses: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
     let (n_instants, start_instant) = (basis.n_polynomials(), Instant::new(basis.n_polynomials(), 0.0));
     let response = |(pair, pair_response): (usize, &Vec<f64>)| {
         if joints[pair / joints.len()].port.is_none() || pair_response.is_empty() {

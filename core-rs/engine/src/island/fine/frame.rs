@@ -33,7 +33,7 @@ impl FineLinks {
             modules.link_forces[run.first_link] = 0.0;
         }
         if !has_closable_contact && self.frictions.is_empty() {
-            self.is_resting.fill(false);
+            self.has_rested.fill(false);
         }
         if !has_closable_contact && self.laws.is_empty() && self.frictions.is_empty() {
             return;
@@ -186,7 +186,7 @@ impl FineLinks {
             for (moved_joint, free_path) in self.free_paths.chunks_mut(n_instants).enumerate() {
                 for (x, response) in free_path
                     .iter_mut()
-                    .zip(&script.start_responses[joint_index * n_joints + moved_joint])
+                    .zip(&script.displacement_responses[joint_index * n_joints + moved_joint])
                 {
                     *x += impulse * response;
                 }

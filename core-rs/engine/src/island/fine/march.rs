@@ -52,7 +52,7 @@ impl LinkContact {
     /// this is positive.
     fn pushing_criterion(&self, [g, v]: [f64; 2]) -> f64 {
         if self.releases_early() && g > 0.0 {
-            self.law.unlimited(g, v)
+            self.law.unlimited_force(g, v)
         } else {
             g
         }
@@ -60,7 +60,7 @@ impl LinkContact {
 
     /// What changes its sign where the contact closes or opens: the penetration, or the force that is not clamped.
     fn switch_criterion(&self, [g, v]: [f64; 2], uses_depth: bool) -> f64 {
-        if uses_depth { g } else { self.law.unlimited(g, v) }
+        if uses_depth { g } else { self.law.unlimited_force(g, v) }
     }
 
     /// Whether its force ends before it opens.
@@ -97,7 +97,7 @@ impl LinkContact {
     /// The impulse of a kick that lasts `duration` frames at constant penetration `g`, while `v` changes by the kick
     /// itself [N·s].
     fn kick(&self, [g, v]: [f64; 2], duration: f64, step: f64) -> f64 {
-        let push_force = self.law.unlimited(g, v);
+        let push_force = self.law.unlimited_force(g, v);
         let decay_rate = self.velocity_per_impulse * step * self.law.z;
         if decay_rate == 0.0 {
             return push_force * duration * step;
@@ -112,22 +112,22 @@ impl FineLinks {
         let start_instant = self.set_instant(script, 0.0);
         let mut is_stiff = false;
         for index in 0..script.links.len() {
-            let has_rested = std::mem::take(&mut self.is_resting[index]);
+            let has_rested = std::mem::take(&mut self.has_rested[index]);
             self.is_pushing[index] = false;
             let Some(contact) = self.contact_at(script, gates, (index, 0.0)) else {
                 continue;
             };
             let contact_state = self.contact_state(script, &contact, &start_instant);
             let is_pushing = contact.pushing_criterion(contact_state) > 0.0;
-            (self.is_pushing[index], self.is_resting[index]) = (is_pushing, is_pushing);
+            (self.is_pushing[index], self.has_rested[index]) = (is_pushing, is_pushing);
             if is_pushing {
                 modules.link_forces[script.links[index].first_link] =
-                    contact.side * contact.law.unlimited(contact_state[0], contact_state[1]);
+                    contact.side * contact.law.unlimited_force(contact_state[0], contact_state[1]);
                 is_stiff |= has_rested && contact.rate_bound(contact_state, script.rate.step()) > STEP_PHASE_MAX;
             }
         }
         if is_stiff {
-            self.has_closed = true;
+            self.has_contact_closed = true;
             self.finish_implicitly(script, laws, gates, 0.0);
             return;
         }
@@ -142,7 +142,7 @@ impl FineLinks {
                     None => return,
                 }
             }
-            self.has_closed |= self.is_pushing.contains(&true);
+            self.has_contact_closed |= self.is_pushing.contains(&true);
             if steps_left == 0 {
                 self.finish_implicitly(script, laws, gates, instant_now);
                 return;
@@ -195,7 +195,7 @@ impl FineLinks {
         steps_left: &mut usize,
     ) -> f64 {
         let (stages, step_length) = self.choose_step(script, laws_and_gates.1, s);
-        self.stages = stages;
+        self.step_stages = stages;
         let [saved_paths, saved_sums] = &mut self.saved_paths_and_sums;
         saved_paths.copy_from_slice(&self.paths);
         saved_sums.copy_from_slice(&self.impulse_sums);
@@ -208,15 +208,15 @@ impl FineLinks {
         let (mut length_taken, mut switched_link) = (step_length, None);
         // Each contact is located only once in a step: two that turn at the same instant, to rounding, would alternate
         // for ever.
-        self.is_located.fill(false);
+        self.is_instant_known.fill(false);
         while let Some(link_index) = self.first_switched(script, laws_and_gates.1, s + length_taken) {
             length_taken = self.locate_switch(script, laws_and_gates, (s, length_taken, link_index), steps_left);
-            self.is_located[link_index] = true;
+            self.is_instant_known[link_index] = true;
             switched_link = Some(link_index);
         }
         if let Some(link_index) = switched_link {
             self.is_pushing[link_index] = !self.is_pushing[link_index];
-            self.is_resting[link_index] &= self.is_pushing[link_index];
+            self.has_rested[link_index] &= self.is_pushing[link_index];
         }
         if s + length_taken > 1.0 - CLOSING_TOLERANCE * step_length {
             1.0
@@ -323,7 +323,7 @@ impl FineLinks {
             (&Instant::new(script.basis.n_polynomials(), s), 0.5 * h),
         );
         let mut stage_time = 0.0;
-        let stages = self.stages;
+        let stages = self.step_stages;
         for (stage, [kick, drift]) in stages.iter().enumerate() {
             let is_reversed = 2 * stage > stages.len();
             self.apply_kicks(script, laws_and_gates, (s + stage_time * h, kick * h), is_reversed);
@@ -348,7 +348,7 @@ impl FineLinks {
     ) {
         let instant = self.set_instant(script, s);
         // In a step of one stage the last kick, in reverse order, makes up for the first.
-        if script.is_coupled && self.stages.len() > 1 && self.is_order_sensitive(laws_and_gates.0) {
+        if script.is_coupled && self.step_stages.len() > 1 && self.is_order_sensitive(laws_and_gates.0) {
             self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), false);
             self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), true);
         } else {
@@ -414,7 +414,7 @@ impl FineLinks {
     /// A contact that stops or begins to push at `s`, and was not located in this step.
     fn first_switched(&mut self, script: &FineScript, gates: &[f64], s: f64) -> Option<usize> {
         let instant = self.set_instant(script, s);
-        let unlocated_links = (0..script.links.len()).filter(|&index| !self.is_located[index]);
+        let unlocated_links = (0..script.links.len()).filter(|&index| !self.is_instant_known[index]);
         unlocated_links.into_iter().find(|&index| {
             self.contact_at(script, gates, (index, s)).is_some_and(|contact| {
                 let contact_state = self.contact_state(script, &contact, &instant);
@@ -529,8 +529,8 @@ impl FineLinks {
             }
             let end_instant = self.set_instant(script, instants[2]);
             self.slide_bristles(script, (laws, gates), (&end_instant, 0.5 * step_length));
-            for (is_resting, contact_force) in self.is_resting.iter_mut().zip(&self.forces) {
-                *is_resting &= *contact_force != 0.0;
+            for (has_rested, contact_force) in self.has_rested.iter_mut().zip(&self.forces) {
+                *has_rested &= *contact_force != 0.0;
             }
         }
     }

@@ -37,7 +37,7 @@ pub(super) struct FineScript {
     pub(super) impulse_products: Vec<u64>,
     /// Displacement of one joint at the instants of a frame by an impulse at another at its start; empty but between
     /// ports, and between those of a crowded body   (n_joints²)
-    pub(super) start_responses: Vec<Vec<f64>>,
+    pub(super) displacement_responses: Vec<Vec<f64>>,
     /// Number of products that the free paths of all joints take in each frame.
     pub(super) free_path_products: u64,
 }

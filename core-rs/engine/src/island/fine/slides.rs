@@ -60,7 +60,7 @@ struct FrictionLink {
     /// Velocities at the Gauss points without friction in this step [m/frame].
     free_velocities: StageValues,
     /// Whether the instant of its event in this step is known.
-    is_located: bool,
+    is_instant_known: bool,
     /// Whether it has held since the start of the frame, and the positions of its ends at that time [m].
     has_held: bool,
     start_positions: [f64; 2],
@@ -116,11 +116,11 @@ impl Frictions {
 impl FineLinks {
     /// Compute the frictions of a frame.
     pub(super) fn compute_frictions(&mut self, frame: SlideFrame<'_>, modules: &mut ModuleState) {
-        self.has_closed = true;
+        self.has_contact_closed = true;
         self.begin_frame(frame, modules);
         self.slide_to_end(frame);
         for (slide, &link) in self.frictions.friction_links.iter().zip(&frame.slide_script.links) {
-            self.is_resting[link] = slide.direction == 0.0;
+            self.has_rested[link] = slide.direction == 0.0;
         }
     }
 
@@ -138,11 +138,11 @@ impl FineLinks {
             let mut length_taken = self.even_steps(frame).length(instant_now);
             self.step_frictions(frame, (instant_now, length_taken), &mut steps_left);
             let slides = &mut self.frictions.friction_links;
-            slides.iter_mut().for_each(|slide| slide.is_located = false);
+            slides.iter_mut().for_each(|slide| slide.is_instant_known = false);
             let mut located_link = None;
             while let Some(ended_slide) = self.first_ended_link(frame, instant_now + length_taken) {
                 length_taken = self.locate_end(frame, (instant_now, length_taken, ended_slide), &mut steps_left);
-                self.frictions.friction_links[ended_slide].is_located = true;
+                self.frictions.friction_links[ended_slide].is_instant_known = true;
                 located_link = Some(ended_slide);
             }
             instant_now += length_taken;
@@ -190,7 +190,7 @@ impl FineLinks {
             let (first_joint, second_joint) = script.link_joints[link];
             let velocity_lost =
                 friction.level(0.0) * script.velocity_jump(first_joint, second_joint) * script.rate.step();
-            let still_share = if self.is_resting[link] {
+            let still_share = if self.has_rested[link] {
                 STILL_SHARE_HELD
             } else {
                 STILL_SHARE
@@ -290,7 +290,7 @@ impl FineLinks {
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
     fn first_ended_link(&self, frame: SlideFrame<'_>, s: f64) -> Option<usize> {
         let slides = &self.frictions.friction_links;
-        let mut unlocated_links = (0..slides.len()).filter(|&slide_index| !slides[slide_index].is_located);
+        let mut unlocated_links = (0..slides.len()).filter(|&slide_index| !slides[slide_index].is_instant_known);
         unlocated_links.find(|&slide_index| self.event_margin(frame, (slide_index, s)) < 0.0)
     }
 

@@ -77,16 +77,16 @@ impl RunningModal {
         let Self {
             script,
             row_history,
-            window_end_motions: furthest_motions,
+            window_end_motions,
             port_forces,
             row_positions,
             window_forces,
             has_window_forces,
             present_index,
-            window_end_index: until,
+            window_end_index,
             ..
         } = self;
-        let (window_frame, window_end) = (*present_index, *until);
+        let (window_frame, window_end) = (*present_index, *window_end_index);
         if window_end - window_frame == 1 && !*has_window_forces {
             // The motions are those of the next frame.
             let next_entries = row_history.iter_mut().skip(window_frame + 1).step_by(WINDOW_FRAMES);
@@ -102,7 +102,7 @@ impl RunningModal {
             for (position, history_entry) in row_positions.iter().zip(next_entries) {
                 *history_entry = *position;
             }
-            for (group, motion) in furthest_motions.iter_mut().enumerate() {
+            for (group, motion) in window_end_motions.iter_mut().enumerate() {
                 for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
                         script.push_group(group, motion, port, force);

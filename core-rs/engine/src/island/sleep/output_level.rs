@@ -15,7 +15,7 @@ pub(super) struct OutputLevel {
     highest_value: f64,
     /// Largest difference from frame to frame since the last check [m].
     largest_step: f64,
-    /// The largest range, difference, or difference of differences so far, as `order` says [m].
+    /// The largest range, difference, or difference of differences so far, as `derivative_order` says [m].
     largest_level: f64,
 }
 

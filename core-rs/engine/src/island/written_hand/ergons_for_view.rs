@@ -3,10 +3,10 @@
 
 use crate::island::record::ErgonRecord;
 
-/// Sparks that may be separate between two calls of [`Sparks::take`], before ergons are merged.
+/// Sparks that may be separate between two calls of [`Sparks::take_sparks`], before ergons are merged.
 const SINGLE_SPARKS_MAX: usize = 14;
-/// Most sparks of a voice between two calls of [`Sparks::take`]: the last two merge all ergons that find no other room,
-/// one for each sign.
+/// Most sparks of a voice between two calls of [`Sparks::take_sparks`]: the last two merge all ergons that find no
+/// other room, one for each sign.
 pub(crate) const SPARKS_MAX: usize = SINGLE_SPARKS_MAX + 2;
 /// An ergon of a stream is merged with the last one of its sign that came less than this before it [s].
 const MERGE_SECONDS: f64 = 1e-3;
@@ -106,7 +106,7 @@ impl Sparks {
     }
 
     /// Report each spark, and begin again.
-    pub(crate) fn take(&mut self, report_spark: impl FnMut(ErgonRecord)) {
+    pub(crate) fn take_sparks(&mut self, report_spark: impl FnMut(ErgonRecord)) {
         let spark_count = std::mem::take(&mut self.spark_count);
         let sparks = self.sparks.iter().flat_map(|spark_buffer| &spark_buffer[..spark_count]);
         sparks.map(Spark::merged_ergon).for_each(report_spark);

@@ -283,12 +283,12 @@ impl Voice {
                 bodies.for_each(|body| body.add_velocity(script.struck_mat, release_velocity));
             }
         }
-        if let Some(running) = self
+        if let Some(running_gesture) = self
             .running_gesture
             .as_ref()
-            .filter(|running| running.strike_end_frame == n + 1)
+            .filter(|running_gesture| running_gesture.strike_end_frame == n + 1)
         {
-            self.requested_position = running.strike_target;
+            self.requested_position = running_gesture.strike_target;
         }
         script
             .free_key
@@ -320,7 +320,10 @@ impl Voice {
         script: &VoiceScript,
         reports: &'a mut [GestureReport],
     ) -> Option<&'a mut GestureReport> {
-        let running_gesture = self.running_gesture.as_ref().map(|running| running.gesture_index);
+        let running_gesture = self
+            .running_gesture
+            .as_ref()
+            .map(|running_gesture| running_gesture.gesture_index);
         let last_gesture = || {
             self.begun_count
                 .checked_sub(1)
@@ -365,51 +368,52 @@ impl Voice {
 
     /// The request of the running gesture at frame `n`.
     fn next_request(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Request> {
-        let running = self.running_gesture.as_mut()?;
-        let gesture = &gestures[running.gesture_index];
+        let running_gesture = self.running_gesture.as_mut()?;
+        let gesture = &gestures[running_gesture.gesture_index];
         let target_frame = n + 1;
         let request_time = target_frame as f64 / rate;
-        if let Some(joining) = &running.joining_curve {
+        if let Some(joining) = &running_gesture.joining_curve {
             if request_time < joining.end_time {
                 return Some(Request::Pass(joining.curve.evaluate(request_time).0));
             }
-            running.joining_curve = None;
+            running_gesture.joining_curve = None;
         }
         // The first frame of a gesture that was joined in time still belongs to its entry.
         if target_frame <= gesture.first_frame {
             return Some(Request::Pass(gesture.gesture.entry_at(request_time)));
         }
-        while target_frame > gesture.segments.get(running.segment_index)?.last_frame() {
-            running.segment_index += 1;
-            running.path_cursor = 0;
-            if running.segment_index == gesture.segments.len() {
+        while target_frame > gesture.segments.get(running_gesture.segment_index)?.last_frame() {
+            running_gesture.segment_index += 1;
+            running_gesture.path_cursor = 0;
+            if running_gesture.segment_index == gesture.segments.len() {
                 self.running_gesture = None;
                 return None;
             }
         }
-        match &gesture.segments[running.segment_index] {
+        match &gesture.segments[running_gesture.segment_index] {
             FramedSegment::Path {
                 path,
                 entry_frame,
                 last_frame,
             } => match gesture.gesture.manner.grain {
                 None if target_frame > *entry_frame => Some(Request::Pass(
-                    path.evaluate_from(&mut running.path_cursor, request_time.min(path.stop()))
+                    path.evaluate_from(&mut running_gesture.path_cursor, request_time.min(path.stop_time()))
                         .0,
                 )),
-                _ if n < running.strike_end_frame => None,
+                _ if n < running_gesture.strike_end_frame => None,
                 grain => {
                     let landing_frame = match grain {
                         Some(grain) => gesture.next_knot_frame(n, grain, rate),
                         None => *entry_frame,
                     };
                     let landing_frame = landing_frame.min(*last_frame);
-                    running.strike_end_frame = landing_frame;
-                    let request_time = (landing_frame as f64 / rate).min(path.stop());
-                    running.strike_target = path.evaluate_from(&mut running.path_cursor, request_time).0;
+                    running_gesture.strike_end_frame = landing_frame;
+                    let request_time = (landing_frame as f64 / rate).min(path.stop_time());
+                    running_gesture.strike_target =
+                        path.evaluate_from(&mut running_gesture.path_cursor, request_time).0;
                     Some(Request::Aim {
                         arrival_frame: landing_frame,
-                        x: running.strike_target,
+                        x: running_gesture.strike_target,
                     })
                 }
             },
@@ -417,8 +421,8 @@ impl Voice {
                 strike_frame,
                 landing_frame,
                 x,
-            } if n >= running.strike_end_frame.max(*strike_frame) => {
-                (running.strike_end_frame, running.strike_target) = (*landing_frame, *x);
+            } if n >= running_gesture.strike_end_frame.max(*strike_frame) => {
+                (running_gesture.strike_end_frame, running_gesture.strike_target) = (*landing_frame, *x);
                 Some(Request::Aim {
                     arrival_frame: *landing_frame,
                     x: *x,

@@ -36,7 +36,7 @@ proptest! {
         prop_assert_eq!(bits(&motion, &plain_sums), bits(&wide, &wide_sums));
         let (mut motion, mut plain_sums) = (start.clone(), sums.clone());
         // SAFETY: as above.
-        unsafe { plain::weighted(&coefficients, &mut motion, &weights, n, &mut plain_sums, n) };
+        unsafe { plain::sum_weighted(&coefficients, &mut motion, &weights, n, &mut plain_sums, n) };
         let (mut wide, mut wide_sums) = (start.clone(), sums.clone());
         advance_and_sum_weighted(&coefficients, &mut wide, &weights, n, &mut wide_sums, n);
         prop_assert_eq!(bits(&motion, &plain_sums), bits(&wide, &wide_sums));
@@ -50,7 +50,7 @@ proptest! {
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
             let (mut wide, mut wide_sums) = (start, sums);
             // SAFETY: this processor has both.
-            unsafe { avx2::weighted(&coefficients, &mut wide, &weights, n, &mut wide_sums, n) };
+            unsafe { avx2::sum_weighted(&coefficients, &mut wide, &weights, n, &mut wide_sums, n) };
             prop_assert_eq!(bits(&motion, &plain_sums), bits(&wide, &wide_sums));
         }
     }

@@ -183,15 +183,15 @@ wide! {
 }
 
 wide! {
-    /// Copies the pairs whose squared distance is below `square`, or NaN, to `found`, in their order; returns their
-    /// number.
-    pub(super) fn select_near(x: &[Quad], pairs: &[Pair], square: f64, found: &mut [Pair]) -> usize {
-        let found = &mut found[..pairs.len()];
+    /// Copies the pairs whose squared distance is below `square`, or NaN, to `near_pairs`, in their order; returns
+    /// their number.
+    pub(super) fn select_near(x: &[Quad], pairs: &[Pair], square: f64, near_pairs: &mut [Pair]) -> usize {
+        let near_pairs = &mut near_pairs[..pairs.len()];
         let mut n = 0;
         for &[i, j] in pairs {
             let (first_point, second_point) = (&x[i as usize], &x[j as usize]);
             let [x, y, z] = [second_point[0] - first_point[0], second_point[1] - first_point[1], second_point[2] - first_point[2]];
-            found[n] = [i, j];
+            near_pairs[n] = [i, j];
             let is_far = x * x + y * y + z * z >= square;
             n += usize::from(!is_far);
         }
@@ -263,9 +263,9 @@ wide! {
 
 wide! {
     /// Components of forces along directions, and `sum_share` times each force.
-    fn set_force_components(f: &[f64], along: [&[f64]; AXES_MAX], sum_share: f64, force_parts: &mut [Quad]) {
+    fn set_force_components(f: &[f64], directions: [&[f64]; AXES_MAX], sum_share: f64, force_parts: &mut [Quad]) {
         let n = f.len();
-        let [x, y, z] = along.map(|component| &component[..n]);
+        let [x, y, z] = directions.map(|component| &component[..n]);
         let force_parts = &mut force_parts[..n];
         for i in 0..n {
             force_parts[i] = [f[i] * x[i], f[i] * y[i], f[i] * z[i], sum_share * f[i]];

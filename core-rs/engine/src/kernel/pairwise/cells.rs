@@ -41,12 +41,12 @@ impl Cells {
         }
     }
 
-    /// Set `pairs` to all pairs within `reach` [m] of each other, ordered by their indices: pairs between the first
-    /// `n_first` points and the others, or between all points if there are no others. Returns false if there are too
-    /// many pairs.
+    /// Set `pairs` to all pairs within `search_radius` [m] of each other, ordered by their indices: pairs between the
+    /// first `n_first` points and the others, or between all points if there are no others. Returns false if there are
+    /// too many pairs.
     #[cold]
-    pub(super) fn search(&mut self, x: &[Quad], n_first: usize, reach: f64, pairs: &mut Vec<Pair>) -> bool {
-        self.sort(x, reach);
+    pub(super) fn search(&mut self, x: &[Quad], n_first: usize, search_radius: f64, pairs: &mut Vec<Pair>) -> bool {
+        self.sort(x, search_radius);
         pairs.clear();
         let layer_reach = if self.grid.bits[2] > 0 { 1 } else { 0 };
         for i in 0..n_first {
@@ -60,7 +60,7 @@ impl Cells {
                 for dy in -1..=1 {
                     let neighbour_row = [cell_y.wrapping_add_signed(dy), cell_z.wrapping_add_signed(dz)];
                     for cells in self.grid.three_cells(cell_x, neighbour_row) {
-                        self.append_near((i, x[i]), cells, first_candidate, reach, pairs);
+                        self.append_near((i, x[i]), cells, first_candidate, search_radius, pairs);
                     }
                 }
             }
@@ -70,14 +70,14 @@ impl Cells {
     }
 
     /// Append the pairs of point `i` with those points of a range of cells, from point `first_candidate` on, that are
-    /// within `reach`.
+    /// within `search_radius`.
     #[inline(always)]
     fn append_near(
         &self,
         (i, point_position): (usize, Quad),
         cells: Range<usize>,
         first_candidate: usize,
-        reach: f64,
+        search_radius: f64,
         pairs: &mut Vec<Pair>,
     ) {
         let member_range = self.first_member[cells.start] as usize..self.first_member[cells.end] as usize;
@@ -90,15 +90,15 @@ impl Cells {
                 member_position[1] - point_position[1],
                 member_position[2] - point_position[2],
             ];
-            if member as usize >= first_candidate && distance(x, y, z) <= reach {
+            if member as usize >= first_candidate && distance(x, y, z) <= search_radius {
                 pairs.push([i as u32, member]);
             }
         }
     }
 
-    /// Sort the points into cells as wide as `reach` [m].
-    fn sort(&mut self, x: &[Quad], reach: f64) {
-        let cells_per_metre = 1.0 / reach;
+    /// Sort the points into cells as wide as `search_radius` [m].
+    fn sort(&mut self, x: &[Quad], search_radius: f64) {
+        let cells_per_metre = 1.0 / search_radius;
         self.first_member.fill(0);
         for (cell, x) in self.cells.iter_mut().zip(x) {
             // `as` saturates: all positions that are far away share a cell, and so do those that are NaN.

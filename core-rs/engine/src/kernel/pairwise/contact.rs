@@ -23,12 +23,12 @@ impl TouchingPair {
     /// The friction of the pair, given K and Z of its contact; without a force if the contact only pulls.
     #[inline(always)]
     pub(crate) fn sliding(&self, pairs: &Pairwise, [k, z]: [f64; 2]) -> Sliding {
-        let pressed = pairs
+        let pressing_force = pairs
             .link
             .law
             .stiffness_and_pull(k, self.elongation, self.elastic_force);
         let (normal_force, contact_stiffness) =
-            pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.force).max(0.0), k));
+            pressing_force.map_or((0.0, 1.0), |[k, pull]| ((pull - self.force).max(0.0), k));
         Sliding {
             limit: pairs.friction * normal_force,
             k_and_z: [contact_stiffness, z],

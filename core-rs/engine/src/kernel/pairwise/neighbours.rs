@@ -175,9 +175,11 @@ impl Neighbours {
             )
         {
             let n_first = run.pairs.n_first;
-            let reach = run.rest + skin_width;
+            let search_radius = run.rest + skin_width;
             self.searched_positions.copy_from_slice(&self.positions);
-            self.has_too_many_pairs = !self.cells.search(&self.positions, n_first, reach, &mut self.long_list);
+            self.has_too_many_pairs = !self
+                .cells
+                .search(&self.positions, n_first, search_radius, &mut self.long_list);
             if self.short_list.len() < self.long_list.len() {
                 self.short_list.resize(self.long_list.len(), Pair::default());
             }
@@ -307,8 +309,8 @@ wide! {
         let n = squares.len();
         let (coordinates, earlier_points) = (&coordinates[..n], &earlier_points[..n]);
         for i in 0..n {
-            let moved = coordinates[i] - earlier_points[i][axis];
-            squares[i] += moved * moved;
+            let moved_distance = coordinates[i] - earlier_points[i][axis];
+            squares[i] += moved_distance * moved_distance;
         }
     }
 }

@@ -22,7 +22,7 @@ trait Vector: Copy {
     unsafe fn store(self, numbers: *mut f64);
     unsafe fn store_first(self, numbers: *mut f64, count: usize);
     /// The vector with 0 behind its first numbers.
-    unsafe fn first(self, count: usize) -> Self;
+    unsafe fn first_lanes(self, count: usize) -> Self;
     unsafe fn plus(self, other: Self) -> Self;
     unsafe fn minus(self, other: Self) -> Self;
     unsafe fn times(self, other: Self) -> Self;
@@ -69,7 +69,7 @@ macro_rules! vector {
             }
 
             #[inline(always)]
-            unsafe fn first(self, count: usize) -> Self {
+            unsafe fn first_lanes(self, count: usize) -> Self {
                 // SAFETY: see `splat`.
                 unsafe { $first(self, count) }
             }
@@ -231,7 +231,7 @@ impl<const PART: u8, const HARDENS: bool> ForceFormula<PART, HARDENS> {
                 let positions = [V::load_first(xa.add(i), n_left), V::load_first(xb.add(i), n_left)];
                 let velocities = [V::load_first(va.add(i), n_left), V::load_first(vb.add(i), n_left)];
                 let force = Self::force(&constants, positions, velocities);
-                force.first(n_left).store(forces.add(i));
+                force.first_lanes(n_left).store(forces.add(i));
             }
         }
     }

@@ -12,14 +12,14 @@ half_wide! {
     /// Run every step; d and v are loaded into registers 0 and 1.
     pub(super) fn run(steps: &[Step], registers: &mut [ShortVector]) {
         for (i, step) in steps.iter().enumerate() {
-            let of = |register: usize| registers[register].0;
+            let combine = |register: usize| registers[register].0;
             registers[FIRST_STEP_REGISTER + i].0 = match *step {
                 Step::Constant(_) => continue, // is in place
                 Step::Adjustable(_, value) => [value; SHORT_LANES],
-                Step::Unary(operation, a) => unary(operation, of(a)),
-                Step::WholePower(exponent, a) => integer_powers(exponent, of(a)),
-                Step::Binary(operation, a, b) => binary(operation, of(a), of(b)),
-                Step::Where(c, a, b) => select(of(c), of(a), of(b)),
+                Step::Unary(operation, a) => unary(operation, combine(a)),
+                Step::WholePower(exponent, a) => integer_powers(exponent, combine(a)),
+                Step::Binary(operation, a, b) => binary(operation, combine(a), combine(b)),
+                Step::Where(c, a, b) => select(combine(c), combine(a), combine(b)),
             };
         }
     }
@@ -64,6 +64,6 @@ fn select(c: Values, a: Values, b: Values) -> Values {
 
 /// Not inlined: its loop over lanes would keep the values of all operations in memory.
 #[inline(never)]
-fn by_lane(a: Values, b: Values, of: impl Fn(f64, f64) -> f64) -> Values {
-    std::array::from_fn(|lane| of(a[lane], b[lane]))
+fn by_lane(a: Values, b: Values, combine: impl Fn(f64, f64) -> f64) -> Values {
+    std::array::from_fn(|lane| combine(a[lane], b[lane]))
 }

@@ -326,7 +326,7 @@ impl Route {
     ) {
         for (index, ((y, &x), frame)) in mixed.iter_mut().zip(signal).zip(first..).enumerate() {
             let x = self.entry_glide.map_or(x, |entry| entry.gain_at(frame) * x);
-            let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));
+            let x = self.delay.as_mut().map_or(x, |delay| delay.delay_sample(x));
             let curve = match (gains, &self.curve) {
                 (Some(gains), _) => gains[index],
                 (None, Some(curve)) => curve.gain_at(frame),

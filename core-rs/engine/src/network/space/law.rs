@@ -71,8 +71,8 @@ impl SpaceLaw {
     }
 
     /// Distance − rest after the rest length has yielded. `e` [m] is relative to the original rest length, which had
-    /// grown by `yielded` [m] before; the new growth is `e` minus the result.
-    pub(crate) fn after_yielding(&self, k: f64, e: f64, yielded: f64) -> f64 {
+    /// grown by `yielded_length` [m] before; the new growth is `e` minus the result.
+    pub(crate) fn after_yielding(&self, k: f64, e: f64, yielded_length: f64) -> f64 {
         let Self::Yielding {
             yield_force,
             break_elongation,
@@ -80,10 +80,10 @@ impl SpaceLaw {
         else {
             return e;
         };
-        if e > *break_elongation || yielded.is_infinite() {
+        if e > *break_elongation || yielded_length.is_infinite() {
             return BROKEN;
         }
-        let e = e - yielded;
+        let e = e - yielded_length;
         if (k * e).abs() > *yield_force {
             (yield_force / k).copysign(e)
         } else {

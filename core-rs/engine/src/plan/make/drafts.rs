@@ -20,7 +20,7 @@ impl<'a> PlanBuilder<'a> {
         };
         // Whatever happens when: an island with other strikes goes by the same decision.
         let label = format_args!("choice {:?}", self.budget);
-        let key = IslandContent::new(&subset.network, &island_timeline.timeline, label).fixed();
+        let key = IslandContent::new(&subset.network, &island_timeline.timeline, label).static_hash();
         let stored_choice = store.get(&key).and_then(|record| choice_of_record(&record));
         if let Some(draft_budget) = self.draft_budget {
             return self.plan_drafted(subset, island_timeline, stored_choice, draft_budget);

@@ -62,7 +62,7 @@ impl PlanBuilder<'_> {
             )
         });
         let recorded_result = trial_series.as_ref().and_then(|trial_series| {
-            let (recorded_work, pilot_record) = trial_series.find(&self.allowance)?;
+            let (recorded_work, pilot_record) = trial_series.find_series(&self.allowance)?;
             let assemble = |options: AssemblyOptions<'_>, pin: Option<&SteppedChoice>| {
                 Assembled::new(subset, island_timeline, self.budget, options, pin, &self.mode_cache)
             };

@@ -67,7 +67,7 @@ impl PlanBuilder<'_> {
             gestures: Vec::new(),
         };
         let content_label = format_args!("session {:?}", self.budget);
-        let content = IslandContent::new(&subset.network, &trial_timeline.timeline, content_label).until(0);
+        let content = IslandContent::new(&subset.network, &trial_timeline.timeline, content_label).hash_until(0);
         let earlier_trial = self.earlier_trials.iter().find(|trial| trial.content == content);
         let trial = match earlier_trial {
             Some(earlier_trial) => earlier_trial.clone(),

@@ -83,7 +83,7 @@ impl PlanBuilder<'_> {
         let mut frame_interval = if is_discrete { 1 } else { self.frame_interval };
         while frame_interval > 1 {
             let counts_before = self.counts();
-            let slower_timeline = island_timeline.slower(frame_interval);
+            let slower_timeline = island_timeline.with_lower_rate(frame_interval);
             let is_planned = slower_timeline.is_some_and(|slower_timeline| {
                 self.plan_stepped(
                     &uniform_subset,
@@ -104,7 +104,7 @@ impl PlanBuilder<'_> {
         self.plan_stepped(subset, island_timeline, module_count, None, modes_refusal)?;
         let rate_refusal = if is_discrete {
             "its numbers are those of one rate (`units: ca`)"
-        } else if island_timeline.slower(self.frame_interval).is_none() {
+        } else if island_timeline.with_lower_rate(self.frame_interval).is_none() {
             "it is played live, or a gesture is too fast for a slower one"
         } else {
             "it is not stable at a slower one"

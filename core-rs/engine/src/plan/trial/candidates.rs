@@ -99,12 +99,12 @@ pub(in crate::plan) fn has_fine_links(island: &Assembled) -> bool {
 pub(in crate::plan) struct Candidates<'a, F> {
     assemble: &'a F,
     costed_run: (&'a Candidate, &'a PilotRun),
-    waiting: Vec<Waiting>,
+    waiting_entries: Vec<WaitingEntry>,
     /// Those that had their turn.
-    earlier: Vec<ComputedBy>,
+    returned: Vec<ComputedBy>,
 }
 
-enum Waiting {
+enum WaitingEntry {
     Candidate(Box<Candidate>),
     /// Candidates that are not assembled yet, and a lower bound of their cost [ns].
     Steps(GroupSteps, f64),
@@ -154,36 +154,39 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
                     family,
                     steps: 1,
                 };
-                Waiting::Steps(group_steps, cost_min)
+                WaitingEntry::Steps(group_steps, cost_min)
             })
         };
         Self {
             assemble,
             costed_run,
-            waiting: (other_choices.into_iter().chain(mesh_choices).enumerate())
+            waiting_entries: (other_choices.into_iter().chain(mesh_choices).enumerate())
                 .flat_map(waiting_steps)
                 .collect(),
-            earlier: Vec::new(),
+            returned: Vec::new(),
         }
     }
 
     /// The next candidate, if there is one that costs less than `cost_limit` [ns].
     pub(in crate::plan) fn next_below(&mut self, cost_limit: f64) -> Option<Candidate> {
         loop {
-            let order = |index: usize| self.waiting[index].order();
-            let first = (0..self.waiting.len()).min_by(|&i, &j| {
-                let (left, right) = (order(i), order(j));
-                left.0.total_cmp(&right.0).then(left.1.cmp(&right.1))
+            let turn_order = |index: usize| self.waiting_entries[index].turn_order();
+            let first_index = (0..self.waiting_entries.len()).min_by(|&i, &j| {
+                let (order_of_i, order_of_j) = (turn_order(i), turn_order(j));
+                order_of_i
+                    .0
+                    .total_cmp(&order_of_j.0)
+                    .then(order_of_i.1.cmp(&order_of_j.1))
             })?;
-            if order(first).0 >= cost_limit {
+            if turn_order(first_index).0 >= cost_limit {
                 return None;
             }
-            match self.waiting.swap_remove(first) {
-                Waiting::Steps(group_steps, _) => self.assemble_steps(group_steps),
-                Waiting::Candidate(candidate) => {
+            match self.waiting_entries.swap_remove(first_index) {
+                WaitingEntry::Steps(group_steps, _) => self.assemble_steps(group_steps),
+                WaitingEntry::Candidate(candidate) => {
                     let computed_by = candidate.computed_by();
-                    if !self.earlier.contains(&computed_by) {
-                        self.earlier.push(computed_by);
+                    if !self.returned.contains(&computed_by) {
+                        self.returned.push(computed_by);
                         return Some(*candidate);
                     }
                 }
@@ -205,12 +208,12 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
                 group_index: methods_index * STEP_CHOICES + steps.ilog2() as usize,
                 ..Candidate::new(island.clone(), substeps, Some(self.costed_run))
             });
-            let first_waiting = self.waiting.len();
-            self.waiting
-                .extend(candidates.map(|candidate| Waiting::Candidate(Box::new(candidate))));
+            let first_waiting = self.waiting_entries.len();
+            self.waiting_entries
+                .extend(candidates.map(|candidate| WaitingEntry::Candidate(Box::new(candidate))));
             let is_chosen_by_budget = matches!(family.body_methods, MethodChoice::ByBudget);
             if !is_chosen_by_budget || island.mesh_methods().iter().all(Option::is_none) {
-                cost_min = self.waiting[first_waiting].order().0;
+                cost_min = self.waiting_entries[first_waiting].turn_order().0;
             }
         }
         if 2 * steps <= OVERSAMPLING_MAX {
@@ -218,14 +221,14 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
                 steps: 2 * steps,
                 ..group_steps
             };
-            self.waiting.push(Waiting::Steps(more_steps, cost_min));
+            self.waiting_entries.push(WaitingEntry::Steps(more_steps, cost_min));
         }
     }
 }
 
-impl Waiting {
+impl WaitingEntry {
     /// What decides when its turn is: its cost [ns], and among equal ones the substeps and the position in the table.
-    fn order(&self) -> (f64, [usize; 3]) {
+    fn turn_order(&self) -> (f64, [usize; 3]) {
         match self {
             Self::Steps(_, cost_min) => (*cost_min, [0; 3]),
             Self::Candidate(candidate) => {
@@ -248,22 +251,18 @@ fn substeps_to_try(island: &Assembled) -> Vec<usize> {
 
 impl Candidate {
     /// A candidate whose cost between frames is estimated from the run of another one.
-    pub(in crate::plan) fn new(
-        mut island: Assembled,
-        substeps: usize,
-        played_candidate_and_run: Option<(&Self, &PilotRun)>,
-    ) -> Self {
+    pub(in crate::plan) fn new(mut island: Assembled, substeps: usize, played: Option<(&Self, &PilotRun)>) -> Self {
         let island_plan = &mut island.island_plan;
         island_plan.contact_substeps = substeps;
-        if let Some((played_candidate, played_run)) = played_candidate_and_run.filter(|_| substeps > 1) {
-            let counted = if island_plan.bodies.is_empty() {
+        if let Some((played_candidate, played_run)) = played.filter(|_| substeps > 1) {
+            let counted_ns = if island_plan.bodies.is_empty() {
                 played_run.counted_cost.contacts_ns
             } else {
                 played_run.counted_cost.links_ns()
             };
             let frame_steps = f64::from(island_plan.oversampling) * substeps as f64;
             island_plan.counted_cost =
-                Some((f64::from(counted) * frame_steps / played_candidate.substeps_per_frame()) as u32);
+                Some((f64::from(counted_ns) * frame_steps / played_candidate.substeps_per_frame()) as u32);
         }
         Self {
             frame_ns: island.island_plan.frame_ns(),

@@ -229,13 +229,14 @@ impl RunPair<'_> {
 fn is_chaotic(growth_levels: &[Option<f64>]) -> bool {
     // The difference of a regular motion grows at most with the square of time.
     let growth_per_stretch = 2.0 * FACTOR_TWO_DB;
-    let grows_fast = |(i, early): (usize, &Option<f64>)| {
+    let grows_fast = |(i, early_level): (usize, &Option<f64>)| {
         let later_growths = growth_levels.iter().enumerate().skip(i + 1);
-        let regular_level_max = |j: usize, early: f64| early + growth_per_stretch * (j - i) as f64 + GROWTH_MARGIN_DB;
-        later_growths.into_iter().any(|(j, late)| {
-            early
-                .zip(*late)
-                .is_some_and(|(early, late)| late > regular_level_max(j, early))
+        let regular_level_max =
+            |j: usize, early_level: f64| early_level + growth_per_stretch * (j - i) as f64 + GROWTH_MARGIN_DB;
+        later_growths.into_iter().any(|(j, late_level)| {
+            early_level
+                .zip(*late_level)
+                .is_some_and(|(early_level, late_level)| late_level > regular_level_max(j, early_level))
         })
     };
     growth_levels.iter().enumerate().any(grows_fast)

@@ -23,7 +23,7 @@ pub(in crate::plan) fn lower_rate_error(
     (mode_cache, allowance, store): (&ModeCache<'_>, &Allowance, Option<&dyn TrialStore>),
 ) -> Result<Option<MeasuredError>, Error> {
     let Some(slower_timeline) = island_timeline
-        .slower(lower_rate_plan.frame_interval)
+        .with_lower_rate(lower_rate_plan.frame_interval)
         .filter(|_| !island_timeline.timeline.is_open)
     else {
         return Ok(None);

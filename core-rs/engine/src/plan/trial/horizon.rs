@@ -23,7 +23,7 @@ use crate::plan::trial::waveform_error::ComparedSpans;
 use crate::timeline::{Gate, Lead, Timeline};
 
 /// A way to play an island: its plan, and its contact substeps a step.
-type PlannedSteps<'a> = (&'a IslandPlan, usize);
+type PlannedRun<'a> = (&'a IslandPlan, usize);
 
 /// Whether errors may grow after a pilot: if keys are led to contacts, so that each contact begins where the one before
 /// it ended, if parts are slow, or if parameters or couplings change in time.
@@ -95,11 +95,11 @@ fn speed_bound(gesture: &Gesture) -> f64 {
 
 /// Measures how long the error of a pilot holds: plays both runs on, to the end of the score or as far as the reserve
 /// of work allows. Returns the error and the time until which it stays within the budget or close to what the pilot
-/// measured. By ear that is what is heard of all that was played.
+/// measured. An error by ear is that of all that was played.
 pub(in crate::plan) fn extend_error(
     measured: MeasuredError,
     budget: &Budget,
-    [coarse_island, other]: [PlannedSteps<'_>; 2],
+    [coarse_island, finer_island]: [PlannedRun<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<MeasuredError, TrialError> {
     let frame_rate = frames_per_second(coarse_island.0);
@@ -108,7 +108,7 @@ pub(in crate::plan) fn extend_error(
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
     let reserve = allowance.reserve();
-    let frame_work = frame_cost_seconds(coarse_island.0) + frame_cost_seconds(other.0);
+    let frame_work = frame_cost_seconds(coarse_island.0) + frame_cost_seconds(finer_island.0);
     // The pilot has already drawn the work of finding this rest.
     let Some(first_frame) = unless_spent(resting_frames(coarse_island.0, &allowance.reserve()))? else {
         return Ok(measured);
@@ -121,9 +121,9 @@ pub(in crate::plan) fn extend_error(
         return Ok(measured);
     }
     let longest_excerpt = Excerpt { first_frame, n_frames };
-    let key = store.map(|_| horizon_key(measured, budget, [coarse_island, other], longest_excerpt.end()));
+    let key = store.map(|_| horizon_key(measured, budget, [coarse_island, finer_island], longest_excerpt.end()));
     let store_and_key = store.zip(key.as_deref());
-    let recalled = store_and_key.and_then(|(store, key)| record::find(store, key, &reserve));
+    let recalled = store_and_key.and_then(|(store, key)| record::find_record(store, key, &reserve));
     if let Some((taken_work, trial_record)) = recalled
         && let Some(Some(recalled_error)) = trial_record.sole_error()
     {
@@ -134,7 +134,7 @@ pub(in crate::plan) fn extend_error(
     let extended = extend_error_over(
         measured,
         budget,
-        [coarse_island, other],
+        [coarse_island, finer_island],
         (longest_excerpt, check_frames),
         &reserve,
     )?;
@@ -147,50 +147,51 @@ pub(in crate::plan) fn extend_error(
 }
 
 /// A hash of all that the result of [`extend_error_over`] depends on.
-fn horizon_key(measured: MeasuredError, budget: &Budget, played: [PlannedSteps<'_>; 2], n_frames: usize) -> String {
+fn horizon_key(measured: MeasuredError, budget: &Budget, played: [PlannedRun<'_>; 2], end_frame: usize) -> String {
     let [run_key, other_key] = played.map(|(island_plan, contact_substeps)| {
-        let content = Content::new(island_plan).key(island_plan, (0, n_frames as u64), "");
+        let content = Content::new(island_plan).key(island_plan, (0, end_frame as u64), "");
         (content, contact_substeps)
     });
     hash_hex(format_args!(
-        "horizon {measured:?} {budget:?} {run_key:?} {other_key:?} {n_frames}"
+        "horizon {measured:?} {budget:?} {run_key:?} {other_key:?} {end_frame}"
     ))
 }
 
-/// The same over an excerpt or its beginning, with the error looked at every `check_interval` frames.
+/// Plays both runs over `longest` or its beginning, and extends the error, which is checked every
+/// `check_interval` frames.
 fn extend_error_over(
     measured: MeasuredError,
     budget: &Budget,
-    [coarse, other]: [PlannedSteps<'_>; 2],
-    (longest, look_interval): (Excerpt, usize),
+    [coarse, finer]: [PlannedRun<'_>; 2],
+    (longest, check_interval): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<MeasuredError, TrialError> {
     let frame_rate = frames_per_second(coarse.0);
     let seconds = |n_frames: usize| (longest.first_frame + n_frames) as f64 / frame_rate;
     let pilot_frames = ((measured.duration_seconds * frame_rate) as usize).saturating_sub(longest.first_frame);
-    let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
-        // What contacts added to the first run is assumed to add to each step of the other too.
-        let step_ratio = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
+    let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|coarse_run| {
+        // What contacts added to the first run is assumed to add to each step of the finer one too.
+        let step_ratio = f64::from(finer.0.oversampling) / f64::from(coarse.0.oversampling);
         let reserve_share = reserve.share_left(step_ratio * reserve.seconds_spent().0 / RESERVE_USABLE_SHARE);
         let n_frames = (reserve_share * longest.n_frames as f64) as usize;
-        if n_frames < pilot_frames + look_interval {
+        if n_frames < pilot_frames + check_interval {
             return Err(TrialError::AllowanceSpent);
         }
         let shorter = Excerpt { n_frames, ..longest };
-        Ok((run, play(other.0, other.1, shorter, reserve)?, n_frames))
+        Ok((coarse_run, play(finer.0, finer.1, shorter, reserve)?, n_frames))
     });
-    let (run, other, n_frames) = match played_runs {
+    let (coarse_run, finer_run, n_frames) = match played_runs {
         Ok(played_runs) => played_runs,
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
     };
     let spans = ComparedSpans::new(coarse.0, n_frames);
-    let changes = relative_changes_db(&run.sound, &other.sound, spans.n_out, look_interval);
-    let change_at = |looked_frames: usize| changes[looked_frames.div_ceil(look_interval).min(changes.len()) - 1];
+    let changes = relative_changes_db(&coarse_run.sound, &finer_run.sound, spans.n_out, check_interval);
+    let change_at = |frames_played: usize| changes[frames_played.div_ceil(check_interval).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
     let error_excess = measured.waveform_db - change_at(pilot_frames);
     // The first run may have been played further.
-    let sound_pair = (&run.sound[..other.sound.len()], &*other.sound);
+    let sound_pair = (&coarse_run.sound[..finer_run.sound.len()], &*finer_run.sound);
     let audible = spans.audible_error(budget, sound_pair, Scatter::Deducted);
     let audible_error = measured.audible.zip(audible).map(|(pilot_error, audible)| {
         // The finer run has up to as large an error as the change.
@@ -205,58 +206,60 @@ fn extend_error_over(
     if let Some(error) = audible_error.filter(is_allowed) {
         return Ok(error);
     }
-    let uncorrelated_level = budget.waveform_error_db().max(measured.waveform_db + EQUAL_ERRORS_DB);
-    let (mut valid_frames, mut db) = (pilot_frames, measured.waveform_db);
+    let grown_error_limit_db = budget.waveform_error_db().max(measured.waveform_db + EQUAL_ERRORS_DB);
+    let (mut valid_frames, mut error_db) = (pilot_frames, measured.waveform_db);
     let mut checked_frames = pilot_frames;
     while checked_frames < n_frames {
-        checked_frames = (checked_frames + look_interval).min(n_frames);
+        checked_frames = (checked_frames + check_interval).min(n_frames);
         let error_now = change_at(checked_frames) + error_excess;
-        if error_now > uncorrelated_level && may_part_by_chance(coarse.0) {
+        if error_now > grown_error_limit_db && may_part_by_chance(coarse.0) {
             let first_sample = valid_frames * spans.n_out.max(1);
             let spectral = level_difference(
-                &run.sound[first_sample..other.sound.len()],
-                &other.sound[first_sample..],
+                &coarse_run.sound[first_sample..finer_run.sound.len()],
+                &finer_run.sound[first_sample..],
                 spans.n_out,
                 spans.rate,
             );
             // Runs that differ by rounding alone have parted for good.
             let is_noise = spectral <= SPECTRUM_NOISE;
             return Ok(audible_error.filter(|_| !is_noise).unwrap_or(MeasuredError {
-                waveform_db: db,
+                waveform_db: error_db,
                 duration_seconds: seconds(valid_frames),
                 third_octave_db: Some(spectral),
                 ..measured
             }));
         }
-        (valid_frames, db) = (checked_frames, db.max(error_now));
+        (valid_frames, error_db) = (checked_frames, error_db.max(error_now));
     }
     Ok(audible_error.unwrap_or(MeasuredError {
-        waveform_db: db,
+        waveform_db: error_db,
         duration_seconds: seconds(n_frames),
         ..measured
     }))
 }
 
-/// ‖a − b‖ / ‖b‖ [dB] of the worst output, from the start to each look; the mean of `b` does not count as sound.
-fn relative_changes_db(a: &[f64], b: &[f64], n_outputs: usize, check_interval: usize) -> Vec<f64> {
+/// ‖sound − reference‖ / ‖reference‖ [dB] of the worst output, from the start to each check; the mean of the reference
+/// does not count as sound.
+fn relative_changes_db(sound: &[f64], reference: &[f64], n_outputs: usize, check_interval: usize) -> Vec<f64> {
     let n_outputs = n_outputs.max(1);
-    // Sums so far for each output: the squared difference, and b and its square, both relative to the first frame.
+    // Sums so far for each output: the squared difference, and the reference and its square, both less its first
+    // frame.
     let mut output_sums = vec![[0.0; 3]; n_outputs];
     let mut frame_count = 0.0;
     let mut changes = Vec::new();
-    let look_chunks = a
+    let checked_chunks = sound
         .chunks(check_interval * n_outputs)
-        .zip(b.chunks(check_interval * n_outputs));
-    for (a, b_chunk) in look_chunks {
-        for (a, b_frame) in a.chunks(n_outputs).zip(b_chunk.chunks(n_outputs)) {
+        .zip(reference.chunks(check_interval * n_outputs));
+    for (sound_chunk, reference_chunk) in checked_chunks {
+        for (sound_frame, reference_frame) in sound_chunk.chunks(n_outputs).zip(reference_chunk.chunks(n_outputs)) {
             frame_count += 1.0;
             for (output, output_sums) in output_sums.iter_mut().enumerate() {
-                let sound_offset = b_frame[output] - b[output];
-                let difference = a[output] - b_frame[output];
+                let deviation_from_first = reference_frame[output] - reference[output];
+                let difference = sound_frame[output] - reference_frame[output];
                 *output_sums = [
                     output_sums[0] + difference * difference,
-                    output_sums[1] + sound_offset,
-                    output_sums[2] + sound_offset * sound_offset,
+                    output_sums[1] + deviation_from_first,
+                    output_sums[2] + deviation_from_first * deviation_from_first,
                 ];
             }
         }
@@ -317,7 +320,7 @@ mod tests {
         assert!(
             relative_changes_db(&reference, &reference, 1, 100)
                 .iter()
-                .all(|db| *db <= -290.0)
+                .all(|error_db| *error_db <= -290.0)
         );
     }
 }

@@ -111,7 +111,7 @@ pub(in crate::plan) fn with_offered_slow(
         |name: &str| is_offered(name) && fitting_parts.iter().any(|&part| network.parts()[part].name == name);
     let network =
         network.with_macrosteps(|name, asked_macrostep| asked_macrostep.or(is_fitting(name).then_some(macrostep)));
-    slow_part_count(&network, &subset.network).then(|| Subset {
+    has_more_slow_parts(&network, &subset.network).then(|| Subset {
         network,
         ..subset.clone()
     })
@@ -174,12 +174,12 @@ fn audible_parts(network: &Network) -> BTreeSet<usize> {
 }
 
 /// Whether more parts of `network` than of `compared_network` are slow.
-fn slow_part_count(network: &Network, compared_network: &Network) -> bool {
-    let slow_count = |network: &Network| {
+fn has_more_slow_parts(network: &Network, compared_network: &Network) -> bool {
+    let slow_part_count = |network: &Network| {
         let parts = network.parts().iter();
         parts.filter(|part| part.macrostep.is_some()).count()
     };
-    slow_count(network) > slow_count(compared_network)
+    slow_part_count(network) > slow_part_count(compared_network)
 }
 
 /// How much an island with slow parts grows from kick to kick; `None` if it has none. The error says why its parts
@@ -236,12 +236,12 @@ pub(in crate::plan) fn slow_error(
     let (oversampling, contact_substeps) = (island.island_plan.oversampling, island.island_plan.contact_substeps);
     let assembly_options = AssemblyOptions::between_steps(oversampling, MethodChoice::Repeated(&methods));
     let slow_island = Assembled::new(subset, island_timeline, budget, assembly_options, None, mode_cache)?;
-    let every_frame = Subset {
+    let every_frame_subset = Subset {
         network: subset.network.with_macrosteps(|_, macrostep| macrostep.map(|_| 1)),
         ..subset.clone()
     };
-    let Ok(every_frame) = Assembled::new(
-        &every_frame,
+    let Ok(every_frame_island) = Assembled::new(
+        &every_frame_subset,
         island_timeline,
         budget,
         assembly_options,
@@ -258,12 +258,12 @@ pub(in crate::plan) fn slow_error(
         )
     });
     let slow_error = measured_error(trial_series, allowance, || {
-        compare_with_every_frame(&slow_island, &every_frame, contact_substeps, (budget, allowance))
+        compare_with_every_frame(&slow_island, &every_frame_island, contact_substeps, (budget, allowance))
     })?;
     let Some(slow_error) = slow_error else {
         return Ok(None);
     };
-    let played_pair = [&slow_island, &every_frame].map(|island| (&island.island_plan, contact_substeps));
+    let played_pair = [&slow_island, &every_frame_island].map(|island| (&island.island_plan, contact_substeps));
     let allowance_and_store = (allowance, store);
     unless_spent(horizon::extend_error(
         slow_error,
@@ -276,13 +276,13 @@ pub(in crate::plan) fn slow_error(
 /// The difference between an island and the same with kicks at every frame, over its beginning.
 fn compare_with_every_frame(
     slow_island: &Assembled,
-    every_frame: &Assembled,
+    every_frame_island: &Assembled,
     contact_substeps: usize,
     (budget, allowance): (&Budget, &Allowance),
 ) -> Result<Option<MeasuredError>, Error> {
     let excerpt = unless_spent(pilot_excerpt(&slow_island.island_plan, allowance))?;
-    let excerpt =
-        excerpt.filter(|excerpt| excerpt.n_frames > 0 && is_affordable(&every_frame.island_plan, excerpt.n_frames));
+    let excerpt = excerpt
+        .filter(|excerpt| excerpt.n_frames > 0 && is_affordable(&every_frame_island.island_plan, excerpt.n_frames));
     let Some(excerpt) = excerpt else {
         return Ok(None);
     };
@@ -291,7 +291,7 @@ fn compare_with_every_frame(
         let played_run = play(&island.island_plan, contact_substeps, excerpt, allowance);
         unless_spent(played_run)
     };
-    let (Some(slow_run), Some(every_frame_run)) = (play_island(slow_island)?, play_island(every_frame)?) else {
+    let (Some(slow_run), Some(every_frame_run)) = (play_island(slow_island)?, play_island(every_frame_island)?) else {
         return Ok(None);
     };
     let db = difference_db(&slow_run.sound, &every_frame_run.sound, &spans);
@@ -305,11 +305,14 @@ fn compare_with_every_frame(
     }))
 }
 
-/// The certificate of an island with slow parts; `others` is that of its other links.
-pub(in crate::plan) fn stability_with_growth(growth: Growth, others: StabilityGuarantee) -> StabilityGuarantee {
+/// The certificate of an island with slow parts; `other_guarantee` is that of its other links.
+pub(in crate::plan) fn stability_with_growth(
+    growth: Growth,
+    other_guarantee: StabilityGuarantee,
+) -> StabilityGuarantee {
     if growth.is_estimated {
         StabilityGuarantee::Tried
     } else {
-        others
+        other_guarantee
     }
 }

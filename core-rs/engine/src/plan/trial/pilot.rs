@@ -235,15 +235,15 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             measured_error.third_octave_db.is_none() && horizon::error_may_grow(&full_island.island_plan);
         let methods = full_island.mesh_methods();
         let more_exact = full_island.options_for_half_step(&methods);
-        let finer = is_open_ended.then(|| (self.assemble)(more_exact).ok()).flatten();
+        let finer_island = is_open_ended.then(|| (self.assemble)(more_exact).ok()).flatten();
         let pilot_result = PilotResult {
             chosen: ChosenIsland {
                 island,
                 measured_error: Some(measured_error),
                 has_diverged: trial.run.has_diverged,
             },
-            long_comparison: finer.map(|finer| LongComparison {
-                finer_island: finer,
+            long_comparison: finer_island.map(|finer_island| LongComparison {
+                finer_island,
                 contact_substeps: trial.candidate.contact_substeps,
             }),
         };
@@ -258,9 +258,9 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     fn without_inaudible_modes(
         &self,
         (candidate, run): (&Candidate, &PilotRun),
-        limit: Option<f64>,
+        left_out_limit_db: Option<f64>,
     ) -> Result<Assembled, Error> {
-        let prune_context = (self.runs.excerpt(), self.budget, limit);
+        let prune_context = (self.runs.excerpt(), self.budget, left_out_limit_db);
         prune(
             &candidate.island,
             (candidate.contact_substeps, run),
@@ -273,8 +273,8 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// together: they may point the same way.
     fn without_modes_within_budget(&self, trial: &CandidateTrial) -> Result<(Assembled, f64), Error> {
         let level_left = amplitude_difference_db(self.budget.waveform_error_db(), trial.error_db);
-        let limit = self.budget.left_out_db_max().map(|limit| limit.min(level_left));
-        let island = self.without_inaudible_modes((&trial.candidate, &trial.run), limit)?;
+        let left_out_limit_db = self.budget.left_out_db_max().map(|limit_db| limit_db.min(level_left));
+        let island = self.without_inaudible_modes((&trial.candidate, &trial.run), left_out_limit_db)?;
         let left_out = island.bodies.iter().filter_map(|body| body.left_out_db);
         let stated_error = match left_out.reduce(power_sum_db) {
             Some(left_out) => amplitude_sum_db([trial.error_db, left_out]),
@@ -319,8 +319,8 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 measured_error: error,
                 has_diverged: run.has_diverged,
             },
-            long_comparison: complete_island.map(|finer| LongComparison {
-                finer_island: finer,
+            long_comparison: complete_island.map(|finer_island| LongComparison {
+                finer_island,
                 contact_substeps: candidate.contact_substeps,
             }),
         };

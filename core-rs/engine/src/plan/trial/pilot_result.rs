@@ -63,13 +63,13 @@ impl ChosenIsland {
             }
             Budget::Cents {
                 cents,
-                frequency_hz_max: upto,
+                frequency_hz_max: frequency_max,
             } => {
                 let error_growth = error_now.budget_excess(budget) / first_error.budget_excess(budget);
                 let has_left_budget = error_now.budget_excess(budget) > 1.0 && first_error.budget_excess(budget) <= 1.0;
                 has_left_budget.then_some(Budget::Cents {
                     cents: cents / error_growth,
-                    frequency_hz_max: upto,
+                    frequency_hz_max: frequency_max,
                 })
             }
             Budget::Method(_) => None,
@@ -120,11 +120,11 @@ impl PilotResult {
     ) -> Result<ChosenIsland, Error> {
         let Self {
             mut chosen,
-            long_comparison: long_run,
+            long_comparison,
         } = self;
-        if let (Some(measured), Some(long_run)) = (chosen.measured_error, long_run) {
-            let played_pair = [&chosen.island.island_plan, &long_run.finer_island.island_plan]
-                .map(|island_plan| (island_plan, long_run.contact_substeps));
+        if let (Some(measured), Some(long_comparison)) = (chosen.measured_error, long_comparison) {
+            let played_pair = [&chosen.island.island_plan, &long_comparison.finer_island.island_plan]
+                .map(|island_plan| (island_plan, long_comparison.contact_substeps));
             chosen.measured_error = unless_spent(horizon::extend_error(measured, budget, played_pair, trial_context))?;
         }
         chosen.measured_error = chosen
@@ -138,13 +138,13 @@ impl PilotResult {
         let Assembled {
             island_plan,
             bodies,
-            modes_refusal: because,
+            modes_refusal: no_modes,
             cut_shape: shape,
             is_single_step: is_plain,
             ..
         } = &self.chosen.island;
-        let long_run = self.long_comparison.as_ref();
-        let long_run_substeps = long_run.map_or(0, |long_run| long_run.contact_substeps);
+        let long_comparison = self.long_comparison.as_ref();
+        let long_run_substeps = long_comparison.map_or(0, |long_comparison| long_comparison.contact_substeps);
         let mut head_counts = vec![
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
@@ -161,7 +161,7 @@ impl PilotResult {
         TrialRecord {
             numbers,
             counts: std::iter::once(head_counts).chain(body_numbers).collect(),
-            reason: because.as_ref().map(|no_modes| no_modes.as_str().to_owned()),
+            reason: no_modes.as_ref().map(|no_modes| no_modes.as_str().to_owned()),
         }
     }
 
@@ -226,7 +226,7 @@ impl PilotResult {
             Some(reason) => Some(NoModes::from_text(reason)?),
             None => None,
         };
-        let long_run = if long_run_substeps > 0 {
+        let long_comparison = if long_run_substeps > 0 {
             let methods = island.mesh_methods();
             Some(LongComparison {
                 finer_island: assemble(island.options_for_half_step(&methods), None).ok()?,
@@ -241,7 +241,7 @@ impl PilotResult {
                 measured_error: error,
                 has_diverged: diverges,
             },
-            long_comparison: long_run,
+            long_comparison,
         })
     }
 }

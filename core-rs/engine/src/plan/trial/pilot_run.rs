@@ -89,14 +89,14 @@ pub(in crate::plan) struct CountedCost {
 }
 
 impl CountedCost {
-    /// The mean over `n_frames` of what was counted since `before` [ns]; `finer_step_seconds` is the work of a step of a
-    /// finer frame.
-    fn new(island: &Island, before: [f64; 2], n_frames: usize, finer_step_seconds: f64) -> Self {
+    /// The mean over `n_frames` of what was counted since `counted_before` [ns]; `finer_step_seconds` is the work of a
+    /// step of a finer frame.
+    fn new(island: &Island, counted_before: [f64; 2], n_frames: usize, finer_step_seconds: f64) -> Self {
         let counted = cost::counted_ns(island);
         let mean_cost = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
         Self {
-            contacts_ns: mean_cost(counted[0] - before[0]),
-            bodies_ns: mean_cost(counted[1] - before[1]),
+            contacts_ns: mean_cost(counted[0] - counted_before[0]),
+            bodies_ns: mean_cost(counted[1] - counted_before[1]),
             finer_ns: mean_cost(1e9 * finer_step_seconds * island.finer_evaluations() as f64),
         }
     }
@@ -151,21 +151,21 @@ pub(in crate::plan) fn resting_frames(island_plan: &IslandPlan, allowance: &Allo
 ///
 /// [`TrialError::Engine`] if the island cannot be played, [`TrialError::AllowanceSpent`] if the allowance ends first.
 pub(in crate::plan) fn pilot_excerpt(island_plan: &IslandPlan, allowance: &Allowance) -> Result<Excerpt, TrialError> {
-    let widest = Excerpt {
+    let longest_excerpt = Excerpt {
         first_frame: resting_frames(island_plan, allowance)?,
         n_frames: frames_max(island_plan),
     };
     let frame_rate = frames_per_second(island_plan);
-    let pilot_length = excerpt_length(island_plan, (widest, frame_rate), allowance);
-    // If no length was found, the decision depends on all of `widest`.
-    let looked_frames = match pilot_length {
+    let pilot_length = excerpt_length(island_plan, (longest_excerpt, frame_rate), allowance);
+    // If no length was found, the decision depends on all of `longest_excerpt`.
+    let decided_frames = match pilot_length {
         Ok(n_frames) if n_frames > 0 => n_frames,
-        _ => widest.n_frames,
+        _ => longest_excerpt.n_frames,
     };
-    allowance.record_frames(widest.first_frame + looked_frames);
+    allowance.record_frames(longest_excerpt.first_frame + decided_frames);
     Ok(Excerpt {
         n_frames: pilot_length?,
-        ..widest
+        ..longest_excerpt
     })
 }
 
@@ -373,7 +373,7 @@ fn play_perturbed_while(
     excerpt: Excerpt,
     (nudge_frame, damping_factor): (usize, f64),
     allowance: &Allowance,
-    mut goes_on: impl FnMut(usize, &[f64]) -> bool,
+    mut should_continue: impl FnMut(usize, &[f64]) -> bool,
 ) -> Result<Option<PilotRun>, TrialError> {
     let n_frames = excerpt.n_frames;
     allowance.record_frames(excerpt.end());
@@ -393,9 +393,9 @@ fn play_perturbed_while(
         .iter()
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
-    let (mut touched_from, mut silence) = (None, SilentOutputs::new(island_plan, &island));
-    let mut created = EnergyGainShares::default();
-    let look_frames = (n_frames / ENERGY_CHECKS_PER_RUN).max(1);
+    let (mut touched_from, mut silent_outputs) = (None, SilentOutputs::new(island_plan, &island));
+    let mut energy_gains = EnergyGainShares::default();
+    let check_frames = (n_frames / ENERGY_CHECKS_PER_RUN).max(1);
     for first_frame in (0..n_frames).step_by(BLOCK_FRAMES) {
         if first_frame == nudge_frame {
             island.damp(damping_factor);
@@ -406,25 +406,25 @@ fn play_perturbed_while(
         let block_sound = &mut sound[first_frame * n_outputs..block_end * n_outputs];
         meter.spend_block(&island, block_end - first_frame)?;
         let _ = island.process(block_sound, block_end - first_frame, &mut ThreadTeam::alone());
-        silence.update(&island, block_sound);
-        if first_frame / look_frames < block_end / look_frames || block_end == n_frames {
-            created.update(&island, 2 * block_end <= n_frames);
+        silent_outputs.update(&island, block_sound);
+        if first_frame / check_frames < block_end / check_frames || block_end == n_frames {
+            energy_gains.update(&island, 2 * block_end <= n_frames);
         }
         derivatives.process(block_sound, n_outputs);
         island.raise_mode_squares(&mut squares);
-        silence.hold_first_values(block_sound, &squares);
+        silent_outputs.hold_first_values(block_sound, &squares);
         if touched_from.is_none() && cost::counted_ns(&island)[0] > counted_at_rest[0] {
             touched_from = Some(first_frame);
         }
-        if !goes_on(block_end, &sound[..block_end * n_outputs]) {
+        if !should_continue(block_end, &sound[..block_end * n_outputs]) {
             return Ok(None);
         }
     }
     Ok(Some(PilotRun {
         first_frame: excerpt.first_frame,
         work_seconds: allowance.seconds_spent().0 - drawn_before,
-        loudest_share: silence.loudest_share(&squares),
-        energy_gains: created,
+        loudest_share: silent_outputs.loudest_share(&squares),
+        energy_gains,
         sound,
         mode_amplitudes_squared: squares,
         counted_cost: CountedCost::new(

@@ -22,17 +22,17 @@ pub(in crate::plan) fn prune(
     (excerpt, budget, error_max): (Excerpt, &Budget, Option<f64>),
     allowance: &Allowance,
 ) -> Result<Assembled, Error> {
-    let counted = |mut island: Assembled, run: &PilotRun| {
+    let with_counted_cost = |mut island: Assembled, run: &PilotRun| {
         island.island_plan.counted_cost = Some(run.counted_cost.total_ns());
         island
     };
-    let pruned_within = |allowed: Option<f64>| {
+    let pruned_within = |error_allowed: Option<f64>| {
         let bodies = island.island_plan.bodies.iter().zip(&run.mode_amplitudes_squared);
         let pruned_modes = bodies.map(|(body, squares)| match body {
-            BodyPlan::Modal(modal) => audible_modes(&island.island_plan, modal, squares, allowed, budget),
+            BodyPlan::Modal(modal) => audible_modes(&island.island_plan, modal, squares, error_allowed, budget),
             BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::empty(),
         });
-        counted(island.clone().with_modes(contact_substeps, pruned_modes.collect()), run)
+        with_counted_cost(island.clone().with_modes(contact_substeps, pruned_modes.collect()), run)
     };
     let count_modes = |island: &Assembled| island.island_plan.bodies.iter().map(BodyPlan::n_modes).sum::<usize>();
     let Some(error_max) = error_max else {
@@ -53,9 +53,9 @@ pub(in crate::plan) fn prune(
         run.sound
     };
     let spans = ComparedSpans::new(&island.island_plan, excerpt.n_frames);
-    let mut allowed = error_max;
+    let mut error_allowed = error_max;
     for _ in 0..PRUNE_TRIALS_MAX {
-        let mut pruned_island = pruned_within(Some(allowed));
+        let mut pruned_island = pruned_within(Some(error_allowed));
         if count_modes(&pruned_island) == count_modes(&reference) {
             break;
         }
@@ -67,9 +67,9 @@ pub(in crate::plan) fn prune(
         if dropped_loudness <= error_max {
             let bodies = pruned_island.bodies.iter_mut();
             bodies.for_each(|body| body.left_out_db = body.left_out_db.map(|_| dropped_loudness));
-            return Ok(counted(pruned_island, &run));
+            return Ok(with_counted_cost(pruned_island, &run));
         }
-        allowed -= (dropped_loudness - error_max).max(QUIETER_STEP_DB);
+        error_allowed -= (dropped_loudness - error_max).max(QUIETER_STEP_DB);
     }
     Ok(reference)
 }
@@ -79,7 +79,7 @@ fn audible_modes(
     island_plan: &IslandPlan,
     body: &Modal,
     amplitudes_squared: &[f64],
-    allowed: Option<f64>,
+    error_allowed: Option<f64>,
     budget: &Budget,
 ) -> KeptModes {
     // All complex modes stay: the two parts of one can only be dropped together, and computing them costs less than a
@@ -96,7 +96,7 @@ fn audible_modes(
     let mut modes_kept = loudest_by_energy(
         &mode_excitations(body, amplitudes_squared),
         &shape_rows,
-        allowed,
+        error_allowed,
         budget,
         |mode| body.frequency(mode),
     );
@@ -145,11 +145,17 @@ fn mode_excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     };
     let is_measured = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
     let touched_ports = body.ports.iter().filter(|_| !is_measured);
-    let struck = body.struck_points.iter().map(|struck| energies_from(&struck.shape));
-    let touched = touched_ports.map(|port| energies_from(&port.shape));
+    let struck_energies = body
+        .struck_points
+        .iter()
+        .map(|struck_point| energies_from(&struck_point.shape));
+    let touch_energies = touched_ports.map(|port| energies_from(&port.shape));
     let measured_energies = squares.iter().enumerate();
     let measured_energies = measured_energies.map(|(mode, square)| body.compliance(mode).map_or(0.0, |_| *square));
-    struck.chain(touched).chain([measured_energies.collect()]).collect()
+    struck_energies
+        .chain(touch_energies)
+        .chain([measured_energies.collect()])
+        .collect()
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].

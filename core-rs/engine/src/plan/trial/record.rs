@@ -144,7 +144,7 @@ pub(in crate::plan) struct TrialSeries<'a> {
 
 impl<'a> TrialSeries<'a> {
     pub(in crate::plan) fn new(store: &'a dyn TrialStore, content: IslandContent<'a>) -> Self {
-        let series_key = content.fixed();
+        let series_key = content.static_hash();
         Self {
             store,
             content,
@@ -153,7 +153,7 @@ impl<'a> TrialSeries<'a> {
     }
 
     fn key(&self, frames: u64) -> String {
-        hash_hex(format_args!("{} {}", self.series_key, self.content.until(frames)))
+        hash_hex(format_args!("{} {}", self.series_key, self.content.hash_until(frames)))
     }
 
     fn recorded_lengths(&self) -> Vec<u64> {
@@ -166,15 +166,15 @@ impl<'a> TrialSeries<'a> {
     }
 
     /// Finds an earlier series that would go the same way now: what it took and its record.
-    pub(in crate::plan) fn find(&self, allowance: &Allowance) -> Option<(SeriesWork, TrialRecord)> {
+    pub(in crate::plan) fn find_series(&self, allowance: &Allowance) -> Option<(SeriesWork, TrialRecord)> {
         let mut lengths = self.recorded_lengths().into_iter();
-        lengths.find_map(|frames| find(self.store, &self.key(frames), allowance))
+        lengths.find_map(|frames| find_record(self.store, &self.key(frames), allowance))
     }
 
     /// Keeps the record of the current series, which began with `work_left` of the allowance.
-    pub(in crate::plan) fn store(&self, allowance: &Allowance, left: RemainingWork, record: TrialRecord) {
-        let series_frames = allowance.series_work(left).frames_played;
-        store_record(self.store, &self.key(series_frames), (allowance, left), record);
+    pub(in crate::plan) fn store(&self, allowance: &Allowance, work_left: RemainingWork, record: TrialRecord) {
+        let series_frames = allowance.series_work(work_left).frames_played;
+        store_record(self.store, &self.key(series_frames), (allowance, work_left), record);
         let mut lengths = self.recorded_lengths();
         if !lengths.contains(&series_frames) {
             lengths.insert(0, series_frames);
@@ -195,7 +195,7 @@ pub(in crate::plan) fn measured_error(
     allowance: &Allowance,
     measure: impl FnOnce() -> Result<Option<MeasuredError>, Error>,
 ) -> Result<Option<MeasuredError>, Error> {
-    let recalled = series.as_ref().and_then(|series| series.find(allowance));
+    let recalled = series.as_ref().and_then(|series| series.find_series(allowance));
     let known_error = recalled.and_then(|(series_work, record)| Some((series_work, record.sole_error()?)));
     if let Some((series_work, recorded_error)) = known_error {
         allowance.replay(&series_work);
@@ -210,33 +210,37 @@ pub(in crate::plan) fn measured_error(
 }
 
 /// Finds the record of trials of known length, if they would go the same way now, and what they took.
-pub(in crate::plan) fn find(
+pub(in crate::plan) fn find_record(
     store: &dyn TrialStore,
     key: &str,
     allowance: &Allowance,
 ) -> Option<(SeriesWork, TrialRecord)> {
     let work_left = allowance.begin_series();
-    [key.to_owned(), key_with_left(key, work_left)].iter().find_map(|key| {
-        let taken_record = store.get(key)?.split_header()?;
-        allowance
-            .begin_replay_if_enough(&taken_record.0)
-            .then_some(taken_record)
-    })
+    [key.to_owned(), key_with_remaining_work(key, work_left)]
+        .iter()
+        .find_map(|key| {
+            let work_and_record = store.get(key)?.split_header()?;
+            allowance
+                .begin_replay_if_enough(&work_and_record.0)
+                .then_some(work_and_record)
+        })
 }
 
 /// Keeps the record of trials of known length, which began with `work_left` of the allowance.
 pub(in crate::plan) fn store_record(
     store: &dyn TrialStore,
     key: &str,
-    (allowance, left): (&Allowance, RemainingWork),
+    (allowance, work_left): (&Allowance, RemainingWork),
     record: TrialRecord,
 ) {
-    let work_taken = allowance.series_work(left);
-    let bound_key = work_taken.left_at_start.map(|left| key_with_left(key, left));
+    let work_taken = allowance.series_work(work_left);
+    let bound_key = work_taken
+        .left_at_start
+        .map(|work_left| key_with_remaining_work(key, work_left));
     store.put(bound_key.as_deref().unwrap_or(key), record.with_header(&work_taken));
 }
 
 /// The key for trials whose results depend on what was left.
-fn key_with_left(key: &str, work_left: RemainingWork) -> String {
+fn key_with_remaining_work(key: &str, work_left: RemainingWork) -> String {
     hash_hex(format_args!("{key} {:016x}", work_left.to_number().to_bits()))
 }

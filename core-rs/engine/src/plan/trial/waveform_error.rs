@@ -58,8 +58,9 @@ impl ComparedSpans {
     ) -> Option<Audible> {
         match *budget {
             Budget::Cents {
-                frequency_hz_max: upto, ..
-            } => Some(Audible::new(sound_pair, self.n_out, self.rate, upto, scatter)),
+                frequency_hz_max: frequency_max,
+                ..
+            } => Some(Audible::new(sound_pair, self.n_out, self.rate, frequency_max, scatter)),
             Budget::Error(_) | Budget::Method(_) => None,
         }
     }

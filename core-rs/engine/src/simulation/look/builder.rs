@@ -59,10 +59,10 @@ pub(super) struct LookBuilder<'a> {
     contacts: Vec<VisibleContact>,
     contacts_by_unit: Vec<(usize, Vec<Option<u32>>)>,
     gestures_by_unit: Vec<(usize, Option<Vec<u32>>)>,
-    breakable: Vec<usize>,
-    /// Index in `breakable` of the link between two MATs.
+    breakable_links: Vec<usize>,
+    /// Index in `breakable_links` of the link between two MATs.
     breakable_by_ends: HashMap<NumberedEnds, u32>,
-    breakable_by_unit: Vec<(usize, Vec<(u32, u32)>)>,
+    breakable_links_by_unit: Vec<(usize, Vec<(u32, u32)>)>,
 }
 
 /// Two MATs of the whole network, and the number of breakable links between them that come before this one.
@@ -89,11 +89,12 @@ impl<'a> LookBuilder<'a> {
                 }
             })
         });
-        let (breakable, break_ends): (Vec<usize>, Vec<NumberedEnds>) = breakable_links(network, |mat| mat).unzip();
+        let (breakable_links, break_ends): (Vec<usize>, Vec<NumberedEnds>) =
+            breakable_links(network, |mat| mat).unzip();
         Self {
             breakable_by_ends: break_ends.into_iter().zip(0..).collect(),
-            breakable,
-            breakable_by_unit: Vec::new(),
+            breakable_links,
+            breakable_links_by_unit: Vec::new(),
             network,
             rate,
             mats_by_name: (0..mat_count).map(|mat| (network.mat_name(mat), mat)).collect(),
@@ -195,11 +196,11 @@ impl<'a> LookBuilder<'a> {
             let island_mats = island.network_indices.mats.clone();
             self.gestures_by_unit.push((unit, island_mats));
         }
-        let breakable: Vec<(u32, u32)> =
+        let breakable_links: Vec<(u32, u32)> =
             breakable_links(network, |mat| to_network_index(&island.network_indices.mats, mat))
                 .filter_map(|(link, ends)| Some((link as u32, *self.breakable_by_ends.get(&ends)?)))
                 .collect();
-        self.breakable_by_unit.push((unit, breakable));
+        self.breakable_links_by_unit.push((unit, breakable_links));
     }
 
     pub(super) fn add_bank(&mut self, unit: usize, bank: &BankPlan) {
@@ -347,8 +348,8 @@ impl<'a> LookBuilder<'a> {
             n_modes,
             contacts_by_unit: self.contacts_by_unit,
             gestures_by_unit: self.gestures_by_unit,
-            breakable: self.breakable,
-            breakable_by_unit: self.breakable_by_unit,
+            breakable_links: self.breakable_links,
+            breakable_links_by_unit: self.breakable_links_by_unit,
             points,
         }
     }

@@ -39,7 +39,7 @@ impl MotionSnapshot {
             tracks: vec![0.0; 2 * look.n_tracks()],
             gesture_positions: vec![f64::NAN; simulation.plan.n_keys],
             pushes: vec![ContactPush::default(); look.contacts.len()],
-            is_broken: vec![false; look.breakable.len()],
+            is_broken: vec![false; look.breakable_links.len()],
             sparks: vec![ErgonRecord::default(); simulation.sparks_max(look)],
             n_sparks: 0,
         }

@@ -2,7 +2,7 @@
 
 use crate::interrupt;
 use crate::maths::{copysign, sqrt};
-use crate::spectrum::vector::{add, dot};
+use crate::spectrum::vector::{add_scaled, dot};
 
 /// Reduce `matrix` (n, n) to Hessenberg form; returns the product of the reflections, transposed   (n, n).
 pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
@@ -29,10 +29,10 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
         // From the left: changes the rows below k.
         weighted_rows.fill(0.0);
         for i in rows_below.clone() {
-            add(mirror[i], &matrix[i * n..(i + 1) * n], &mut weighted_rows);
+            add_scaled(mirror[i], &matrix[i * n..(i + 1) * n], &mut weighted_rows);
         }
         for i in rows_below.clone() {
-            add(
+            add_scaled(
                 -reflection_scale * mirror[i],
                 &weighted_rows,
                 &mut matrix[i * n..(i + 1) * n],
@@ -42,14 +42,14 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
         for i in 0..n {
             let trailing_row = &mut matrix[i * n + k + 1..(i + 1) * n];
             let row_factor = -reflection_scale * dot(trailing_row, &mirror[rows_below.clone()]);
-            add(row_factor, &mirror[rows_below.clone()], trailing_row);
+            add_scaled(row_factor, &mirror[rows_below.clone()], trailing_row);
         }
         weighted_rows.fill(0.0);
         for i in rows_below.clone() {
-            add(mirror[i], &rotation[i * n..(i + 1) * n], &mut weighted_rows);
+            add_scaled(mirror[i], &rotation[i * n..(i + 1) * n], &mut weighted_rows);
         }
         for i in rows_below {
-            add(
+            add_scaled(
                 -reflection_scale * mirror[i],
                 &weighted_rows,
                 &mut rotation[i * n..(i + 1) * n],

@@ -1,7 +1,7 @@
 //! The inverse of a dense matrix by elimination with row pivots.
 
 use crate::interrupt;
-use crate::spectrum::vector::add;
+use crate::spectrum::vector::add_scaled;
 
 /// The inverse of `matrix` (n, n), row after row; `None` if it is singular.
 pub(crate) fn inverse(mut matrix: Vec<f64>) -> Option<Vec<f64>> {
@@ -36,12 +36,12 @@ pub(crate) fn inverse(mut matrix: Vec<f64>) -> Option<Vec<f64>> {
         for row in (0..dimension).filter(|&row| row != k) {
             let row_factor = -matrix[row * dimension + k];
             if row_factor != 0.0 {
-                add(
+                add_scaled(
                     row_factor,
                     &pivot_row[k..],
                     &mut matrix[row * dimension + k..(row + 1) * dimension],
                 );
-                add(
+                add_scaled(
                     row_factor,
                     &inverse_row,
                     &mut inverse[row * dimension..(row + 1) * dimension],

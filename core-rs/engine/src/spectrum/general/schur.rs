@@ -4,7 +4,7 @@ use crate::interrupt;
 use crate::maths::{copysign, sqrt};
 
 /// Largest number of QR rounds for one eigenvalue or pair; two to four are usual.
-const ROUNDS: usize = 60;
+const ROUNDS_MAX: usize = 60;
 
 /// Bring `h` (n, n) to real Schur form, and apply the same rotations to `rotation` (n, n). Returns the eigenvalues, or
 /// `None` if the iteration does not converge.
@@ -15,15 +15,15 @@ pub(super) fn iterate(h: &mut [f64], n: usize, rotation: &mut [f64]) -> Option<V
     while block_end > 0 {
         interrupt::spend(8 * n * n);
         let last_row = block_end - 1;
-        let first_row = split(h, n, last_row, matrix_norm);
+        let first_row = unreduced_block_start(h, n, last_row, matrix_norm);
         if first_row == last_row {
             eigenvalues[last_row] = (h[last_row * n + last_row], 0.0);
             (block_end, round) = (last_row, 0);
         } else if first_row + 1 == last_row {
-            [eigenvalues[first_row], eigenvalues[last_row]] = pair(h, n, first_row, rotation);
+            [eigenvalues[first_row], eigenvalues[last_row]] = block_eigenvalues(h, n, first_row, rotation);
             (block_end, round) = (first_row, 0);
         } else {
-            if round == ROUNDS {
+            if round == ROUNDS_MAX {
                 return None;
             }
             round += 1;
@@ -34,10 +34,10 @@ pub(super) fn iterate(h: &mut [f64], n: usize, rotation: &mut [f64]) -> Option<V
 }
 
 /// First row of the unreduced block that ends at row `last`; the small subdiagonal element before it is set to 0.
-fn split(h: &mut [f64], n: usize, last: usize, size: f64) -> usize {
+fn unreduced_block_start(h: &mut [f64], n: usize, last: usize, matrix_norm: f64) -> usize {
     for l in (1..=last).rev() {
         let diagonal_sum = h[(l - 1) * n + l - 1].abs() + h[l * n + l].abs();
-        let reference_size = if diagonal_sum == 0.0 { size } else { diagonal_sum };
+        let reference_size = if diagonal_sum == 0.0 { matrix_norm } else { diagonal_sum };
         if h[l * n + l - 1].abs() <= f64::EPSILON * reference_size {
             h[l * n + l - 1] = 0.0;
             return l;
@@ -47,7 +47,7 @@ fn split(h: &mut [f64], n: usize, last: usize, size: f64) -> usize {
 }
 
 /// The eigenvalues of the 2 × 2 block at rows k and k + 1. If they are real, the block is made triangular.
-fn pair(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64]) -> [(f64, f64); 2] {
+fn block_eigenvalues(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64]) -> [(f64, f64); 2] {
     let entry_index = |i: usize, j: usize| (k + i) * n + k + j;
     let (a, b, c, d) = (
         h[entry_index(0, 0)],
@@ -63,18 +63,18 @@ fn pair(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64]) -> [(f64, f64);
         return [(real_part, square_root), (real_part, -square_root)];
     }
     let far_offset = half_difference + copysign(square_root, half_difference);
-    let first = d + far_offset;
+    let first_root = d + far_offset;
     let second_root = if far_offset == 0.0 {
-        first
+        first_root
     } else {
         d - b * c / far_offset
     };
-    // Rotate the eigenvector of `first` into the first axis.
+    // Rotate the eigenvector of `first_root` into the first axis.
     let vector_length = sqrt(far_offset * far_offset + c * c);
     let (cosine, sine) = (far_offset / vector_length, c / vector_length);
     rotate(h, n, k, rotation, [cosine, sine]);
     h[entry_index(1, 0)] = 0.0;
-    [(first, 0.0), (second_root, 0.0)]
+    [(first_root, 0.0), (second_root, 0.0)]
 }
 
 fn rotate(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64], [c, s]: [f64; 2]) {

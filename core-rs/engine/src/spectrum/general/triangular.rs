@@ -1,7 +1,7 @@
 //! Eigenvectors of a matrix in real Schur form, by back-substitution.
 
 use crate::interrupt;
-use crate::spectrum::vector::{add, dot};
+use crate::spectrum::vector::{add_scaled, dot};
 
 /// Eigenvectors, one a row, of the matrix whose Schur form is `h` and whose Schur vectors are the rows of `schur_vectors`; a
 /// conjugate pair has two rows, the real and the imaginary part   (n, n).
@@ -29,7 +29,7 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], schur_vectors:
                 values,
                 [&mut real_parts, &mut imaginary_parts],
             );
-            combine(
+            add_combination(
                 &real_parts,
                 schur_vectors,
                 last + 1,
@@ -44,7 +44,7 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], schur_vectors:
             (real_parts[first_row], imaginary_parts[first_row]) = if c.abs() > b.abs() {
                 ((shift.0 - d) / c, shift.1 / c)
             } else {
-                divide((-b, 0.0), (a - shift.0, -shift.1))
+                complex_quotient((-b, 0.0), (a - shift.0, -shift.1))
             };
             solve(
                 h,
@@ -54,13 +54,13 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], schur_vectors:
                 values,
                 [&mut real_parts, &mut imaginary_parts],
             );
-            combine(
+            add_combination(
                 &real_parts,
                 schur_vectors,
                 last + 1,
                 &mut vectors[first_row * n..(first_row + 1) * n],
             );
-            combine(
+            add_combination(
                 &imaginary_parts,
                 schur_vectors,
                 last + 1,
@@ -71,11 +71,11 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], schur_vectors:
     vectors
 }
 
-/// Solves the rows above `below` of (H − s) x = 0.
+/// Solves the rows above `row_end` of (H − s) x = 0.
 fn solve(
     h: &[f64],
     n: usize,
-    below: usize,
+    row_end: usize,
     (s, largest_entry): ((f64, f64), f64),
     values: &[(f64, f64)],
     [re, im]: [&mut [f64]; 2],
@@ -88,7 +88,7 @@ fn solve(
             x
         }
     };
-    let mut row_index = below;
+    let mut row_index = row_end;
     while row_index > 0 {
         row_index -= 1;
         let negated_sum = |row: usize, from: usize, re: &[f64], im: &[f64]| {
@@ -98,7 +98,7 @@ fn solve(
         if values[row_index].1 == 0.0 {
             let right_side = negated_sum(row_index, row_index + 1, re, im);
             let pivot = safe_pivot((h[row_index * n + row_index] - s.0, -s.1));
-            (re[row_index], im[row_index]) = divide(right_side, pivot);
+            (re[row_index], im[row_index]) = complex_quotient(right_side, pivot);
         } else {
             // A 2 × 2 block: [a b; c d] − s.
             let (upper_row, lower_row) = (row_index - 1, row_index);
@@ -109,16 +109,16 @@ fn solve(
             let (b, c) = (h[upper_row * n + lower_row], h[lower_row * n + upper_row]);
             let a = (h[upper_row * n + upper_row] - s.0, -s.1);
             let d = (h[lower_row * n + lower_row] - s.0, -s.1);
-            let ad = times(a, d);
+            let ad = complex_product(a, d);
             let square_norm = |x: (f64, f64)| x.0 * x.0 + x.1 * x.1;
             let mut determinant = (ad.0 - b * c, ad.1);
             let least_norm = f64::EPSILON * (largest_entry * (a.0.abs() + a.1.abs() + b.abs() + c.abs()));
             if square_norm(determinant) <= least_norm * least_norm {
                 determinant = (least_norm.max(f64::MIN_POSITIVE), 0.0);
             }
-            let (df, ag) = (times(d, f), times(a, g));
-            (re[upper_row], im[upper_row]) = divide((df.0 - b * g.0, df.1 - b * g.1), determinant);
-            (re[lower_row], im[lower_row]) = divide((ag.0 - c * f.0, ag.1 - c * f.1), determinant);
+            let (df, ag) = (complex_product(d, f), complex_product(a, g));
+            (re[upper_row], im[upper_row]) = complex_quotient((df.0 - b * g.0, df.1 - b * g.1), determinant);
+            (re[lower_row], im[lower_row]) = complex_quotient((ag.0 - c * f.0, ag.1 - c * f.1), determinant);
             row_index = upper_row;
         }
         let greatest = re[row_index].abs().max(im[row_index].abs());
@@ -129,19 +129,19 @@ fn solve(
 }
 
 /// Adds Σ x·row over the first `n_rows` rows to `sum`.
-fn combine(x: &[f64], rows: &[f64], n_rows: usize, sum: &mut [f64]) {
+fn add_combination(x: &[f64], rows: &[f64], n_rows: usize, sum: &mut [f64]) {
     let dimension = sum.len();
     for (x, row) in x.iter().zip(rows.chunks_exact(dimension)).take(n_rows) {
-        add(*x, row, sum);
+        add_scaled(*x, row, sum);
     }
 }
 
-fn times(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+fn complex_product(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
 }
 
 /// Quotient of two complex numbers (Smith 1962).
-fn divide(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+fn complex_quotient(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     if b.1 == 0.0 {
         (a.0 / b.0, a.1 / b.0)
     } else if b.0.abs() >= b.1.abs() {

@@ -18,7 +18,7 @@ pub(in crate::audio) fn open(
 ) -> Result<OpenedInput, AudioError> {
     let (client, _, device) = connect(c"ergon_in", spec, stream_state, PORT_IS_OUTPUT, "from")?;
     let (rate, block) = (client.rate(), client.block());
-    let pattern = spec.device.clone();
+    let pattern = spec.target.clone();
     Ok(OpenedInput {
         backend: "jack",
         device,

@@ -38,7 +38,7 @@ pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<Opened
         });
     }
     let mut connection = ServerConnection::connect(c"ergon").map_err(unavailable_error)?;
-    let sink = find(&mut connection, spec.device.as_deref())?;
+    let sink = find(&mut connection, spec.target.as_deref())?;
     let block = spec.block.unwrap_or(BLOCK_FRAMES);
     let rate = sink.sample_spec.sample_rate;
     let mut remarks = Vec::new();

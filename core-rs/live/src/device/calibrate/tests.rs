@@ -17,7 +17,7 @@ fn odd(device: EmulatedDevice) -> CalibratedDevice<EmulatedDevice> {
         sign: -1.0,
         offset: 0.01,
         gain: 2.0,
-        ..AxisCalibration::plain(device.spec())
+        ..AxisCalibration::without_corrections(device.spec())
     };
     CalibratedDevice::new(device, vec![odd_axis])
 }
@@ -36,7 +36,7 @@ fn direction_of_straight_and_reversed_motors() {
     // The calibration that was found corrects the device.
     let measured_axis = AxisCalibration {
         sign: -1.0,
-        ..AxisCalibration::plain(reversed.spec())
+        ..AxisCalibration::without_corrections(reversed.spec())
     };
     let mut corrected = CalibratedDevice::new(reversed, vec![measured_axis]);
     assert_eq!(direction(&mut corrected), Ok(1.0));
@@ -89,7 +89,7 @@ fn travel_ends_give_offset_and_gain() {
         "{axis_ends:?}"
     );
     // By the ruler, the ends are 80 mm apart: the device reports half the true distance.
-    let scaled_axis = AxisCalibration::plain(device.spec()).from_ends(axis_ends, 0.08);
+    let scaled_axis = AxisCalibration::without_corrections(device.spec()).from_ends(axis_ends, 0.08);
     let mut corrected = CalibratedDevice::new(device, vec![scaled_axis]);
     let mut sample = DeviceSample::default();
     corrected.receive(&mut sample, Instant::now()).unwrap();
@@ -140,7 +140,7 @@ fn directions_of_twelve_axes_together() {
     };
     let twelve_keys = EmulatedKeys::new(AXES, plain_key, 1.0 / PERIOD, hands).unwrap();
     let emulated = EmulatedDevice::new(twelve_keys, plain_key);
-    let mut axes = vec![AxisCalibration::plain(emulated.spec()); AXES];
+    let mut axes = vec![AxisCalibration::without_corrections(emulated.spec()); AXES];
     axes[4].sign = -1.0;
     let mut counted = Counted(CalibratedDevice::new(emulated, axes), 0);
     counted.0.spec.pos_lsb = 1e-4;

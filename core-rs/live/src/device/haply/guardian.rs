@@ -75,7 +75,7 @@ impl OpenReply {
 /// If the standard input is not a host.
 pub fn serve() -> io::Result<()> {
     isolate_process();
-    let mut host_stream = start::inherited()?;
+    let mut host_stream = start::inherited_stream()?;
     let request = read_text(&mut host_stream, FIRST_REPLY_TIMEOUT)?;
     let request: Value = serde_json::from_str(&request)?;
     let service_url = request["target"].as_str().unwrap_or_default();

@@ -79,7 +79,7 @@ fn launch(mut command: Command) -> io::Result<(LineStream, GuardianProcess)> {
 
 /// The guardian's end of the line.
 #[cfg(unix)]
-pub(super) fn inherited() -> io::Result<LineStream> {
+pub(super) fn inherited_stream() -> io::Result<LineStream> {
     use std::os::fd::AsFd;
 
     let host_stream = LineStream::from(io::stdin().as_fd().try_clone_to_owned()?);
@@ -108,7 +108,7 @@ fn launch(mut command: Command) -> io::Result<(LineStream, GuardianProcess)> {
 }
 
 #[cfg(not(unix))]
-pub(super) fn inherited() -> io::Result<LineStream> {
+pub(super) fn inherited_stream() -> io::Result<LineStream> {
     loopback::join(&mut io::stdin().lock())
 }
 

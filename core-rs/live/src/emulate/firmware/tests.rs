@@ -111,7 +111,7 @@ fn frame_with_ask_takes_no_step() {
     let Parsed::Packet(reply, _) = frame_reply(&mut firmware, request) else {
         panic!("no reply");
     };
-    assert_eq!((reply.seq, reply.t_us, reply.position[0]), (9, 0, 0.0));
+    assert_eq!((reply.seq, reply.clock_us, reply.position[0]), (9, 0, 0.0));
     assert_eq!(firmware.keys().periods(), 0);
     request.flags = flag::ENABLE;
     let Parsed::Packet(reply, _) = frame_reply(&mut firmware, request) else {
@@ -119,7 +119,10 @@ fn frame_with_ask_takes_no_step() {
     };
     // F T²/m after one period from rest.
     assert!((reply.position[2] - 1e-6 / 0.05).abs() < 1e-18);
-    assert_eq!((reply.t_us, reply.status), (1000, status::TOUCHED | status::ENABLED));
+    assert_eq!(
+        (reply.clock_us, reply.status),
+        (1000, status::TOUCHED | status::ENABLED)
+    );
     request.flags = 0;
     frame_reply(&mut firmware, request);
     assert_eq!(firmware.forces()[0], 0.0, "not enabled");
@@ -151,8 +154,8 @@ fn device_info_of_a_frame_board() {
         (board_info.seq, board_info.axis_count, board_info.trait_flags),
         (3, 12, 4 | 8)
     );
-    assert_eq!(board_info.spec_numbers[..2], [10.0, 10.0]);
-    assert_eq!(board_info.spec_numbers[6..], [0.05, 1.0]);
+    assert_eq!(board_info.spec_values[..2], [10.0, 10.0]);
+    assert_eq!(board_info.spec_values[6..], [0.05, 1.0]);
 }
 
 proptest! {

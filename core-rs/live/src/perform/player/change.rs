@@ -51,14 +51,16 @@ pub(crate) struct ScheduledChange {
 
 impl Player {
     /// Queue a change until its frame, after earlier changes of the same frame.
-    pub(super) fn schedule(&mut self, due: Box<ScheduledChange>) {
+    pub(super) fn schedule(&mut self, due_change: Box<ScheduledChange>) {
         if self.scheduled_changes.len() == SCHEDULED_MAX {
-            self.send_event(EventKind::ChangeMissed(due.ticket));
-            self.discard_change(due);
+            self.send_event(EventKind::ChangeMissed(due_change.ticket));
+            self.discard_change(due_change);
             return;
         }
-        let queue_index = self.scheduled_changes.partition_point(|other| other.frame <= due.frame);
-        self.scheduled_changes.insert(queue_index, due);
+        let queue_index = self
+            .scheduled_changes
+            .partition_point(|other| other.frame <= due_change.frame);
+        self.scheduled_changes.insert(queue_index, due_change);
     }
 
     /// Withdraw the changes of the simulation that are due at `frame` or later, by rising tickets.
@@ -67,8 +69,8 @@ impl Player {
             |due_change: &ScheduledChange| due_change.frame >= frame && due_change.change.simulation.is_some();
         loop {
             let waiting = self.scheduled_changes.iter().enumerate();
-            let revoked = waiting.filter(|(_, due_change)| is_revoked(due_change));
-            let Some((revoked_index, _)) = revoked.min_by_key(|(_, due_change)| due_change.ticket) else {
+            let revoked_index = waiting.filter(|(_, due_change)| is_revoked(due_change));
+            let Some((revoked_index, _)) = revoked_index.min_by_key(|(_, due_change)| due_change.ticket) else {
                 break;
             };
             let due_change = self.scheduled_changes.remove(revoked_index);
@@ -103,8 +105,8 @@ impl Player {
 
     /// Make a change. Return false, with nothing changed, if its simulation cannot take over from the playing one, or
     /// if the numbers of outputs of simulation and mixer differ.
-    fn change(&mut self, due: &mut ScheduledChange) -> bool {
-        let ScheduledChange { change, outputs, .. } = due;
+    fn change(&mut self, due_change: &mut ScheduledChange) -> bool {
+        let ScheduledChange { change, outputs, .. } = due_change;
         let piece = &mut self.piece;
         let simulation = change
             .simulation
@@ -185,10 +187,10 @@ impl Player {
             let Some((slot_index, axis_index)) = self.hand_axes[hand] else {
                 continue;
             };
-            let waiting = self.scheduled_changes.iter().flat_map(|due| {
-                let hand_bounds = due.change.scale_bounds.iter().filter_map(|all| all.get(hand));
+            let waiting = self.scheduled_changes.iter().flat_map(|due_change| {
+                let hand_bounds = due_change.change.scale_bounds.iter().filter_map(|all| all.get(hand));
                 hand_bounds.flatten().map(|bound| ScaleBound {
-                    tick: bound.tick.saturating_add(due.frame / tick_frames),
+                    tick: bound.tick.saturating_add(due_change.frame / tick_frames),
                     ..*bound
                 })
             });
@@ -197,8 +199,8 @@ impl Player {
         }
     }
 
-    fn discard_change(&mut self, due: Box<ScheduledChange>) {
-        self.discard(Garbage::Change(due));
+    fn discard_change(&mut self, due_change: Box<ScheduledChange>) {
+        self.discard(Garbage::Change(due_change));
     }
 
     /// Send a box back to be freed; if there is no room it is leaked, not freed here.

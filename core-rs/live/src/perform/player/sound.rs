@@ -18,9 +18,9 @@ impl Player {
         let n_outputs = piece.simulation.n_out();
         if frame_count > 0 {
             let outputs = &mut self.outputs[..frame_count * n_outputs];
-            let mixed_sound = &mut self.mixed[..frame_count * channels];
+            let mixed_sound = &mut self.mixed_frames[..frame_count * channels];
             if let Some(sound_input) = &mut self.connections.sound_input {
-                let is_playing = self.connections.stream_state.played() > 0;
+                let is_playing = self.connections.stream_state.played_frames() > 0;
                 sound_input.tick(&mut piece.simulation, self.frame, frame_count, is_playing);
             }
             // A part that diverges is muted by itself: the result is not needed.
@@ -54,12 +54,12 @@ impl Player {
             if let Some(window) = &mut self.window {
                 window.add_levels(mixed_sound, !self.is_panicking);
             }
-            limit(piece, mixed_sound, &mut self.folded);
+            limit(piece, mixed_sound, &mut self.folded_frames);
         } else {
             let frame_count = piece.tick_frames.min(self.tail_frames);
-            let mixed_sound = &mut self.mixed[..frame_count * channels];
+            let mixed_sound = &mut self.mixed_frames[..frame_count * channels];
             mixed_sound.fill(0.0);
-            limit(piece, mixed_sound, &mut self.folded);
+            limit(piece, mixed_sound, &mut self.folded_frames);
         }
         for (hand, hand_input) in piece.hands.iter().enumerate() {
             self.piece_forces[hand] = piece.simulation.hand_force(hand) * hand_input.travel_ratio;
@@ -72,8 +72,8 @@ impl Player {
     pub(super) fn push_output(&mut self, n_frames: usize, is_tail: bool) {
         let channels = self.piece.n_heard_channels();
         let output_sound = match self.piece.fold {
-            Some(_) => &self.folded,
-            None => &self.mixed,
+            Some(_) => &self.folded_frames,
+            None => &self.mixed_frames,
         };
         let skipped_frames = self.frames_to_skip.min(n_frames);
         let delay_frames = (self.piece.limiter.latency() - self.frames_to_skip) as u64;
@@ -119,13 +119,13 @@ impl Player {
     }
 }
 
-/// Fold the mixed channels into `folded` if there is a fold, and limit those that are heard.
-fn limit(piece: &mut PreparedPiece, mixed: &mut [f64], folded: &mut [f64]) {
+/// Fold the mixed channels into `folded_frames` if there is a fold, and limit those that are heard.
+fn limit(piece: &mut PreparedPiece, mixed_frames: &mut [f64], folded_frames: &mut [f64]) {
     let Some(channel_fold) = &mut piece.fold else {
-        piece.limiter.process(mixed);
+        piece.limiter.process(mixed_frames);
         return;
     };
-    let folded = &mut folded[..mixed.len() / channel_fold.n_in() * channel_fold.n_out()];
-    channel_fold.process(mixed, folded);
-    piece.limiter.process(folded);
+    let folded_frames = &mut folded_frames[..mixed_frames.len() / channel_fold.n_in() * channel_fold.n_out()];
+    channel_fold.process(mixed_frames, folded_frames);
+    piece.limiter.process(folded_frames);
 }

@@ -63,7 +63,7 @@ fn pushed_by_sound() -> Simulation {
         highpass: Some(20.0),
         clamp: 1e-3,
     };
-    let sound_input = timeline.sound_in(settings, &[]).unwrap();
+    let sound_input = timeline.add_sound_input(settings, &[]).unwrap();
     timeline.drive_by_sound(2, DriveKind::Force, sound_input, 1.0).unwrap();
     let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
     Simulation::from_plan(Arc::new(plan), OPTIONS).unwrap()
@@ -127,7 +127,7 @@ fn input_with_gaps_equals_its_recording() {
     let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
     let (mut outputs, mut mixed_sound) = (vec![0.0; n_frames], vec![0.0; 2 * n_frames]);
     for (input_block, out) in listened.chunks(EVERY).zip(outputs.chunks_mut(EVERY)) {
-        offline.sound_in(input_block, 1);
+        offline.feed_input_samples(input_block, 1);
         offline.process(out).unwrap();
     }
     offline_mixer.process(&outputs, &mut mixed_sound);
@@ -145,7 +145,7 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     let network = Arc::new(network());
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
-    timeline.strike_point(&network, 2, 7, Some(0.0)).unwrap();
+    timeline.add_strike_point(&network, 2, 7, Some(0.0)).unwrap();
     let plan = Plan::plain(network, &timeline, false).unwrap();
     let piece = PreparedPiece {
         simulation: Simulation::from_plan(Arc::new(plan), OPTIONS).unwrap(),

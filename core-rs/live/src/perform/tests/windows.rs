@@ -52,7 +52,7 @@ fn pages_receive_positions_of_the_engine() {
         picture_frames.push(shown.frame());
         message_bytes.extend(new_messages.concat());
     }
-    assert_eq!(shown.relay.skipped(), 0);
+    assert_eq!(shown.relay.skipped_count(), 0);
     let seconds: Vec<f64> = picture_frames.iter().map(|frame| *frame as f64 / RATE).collect();
     // Each video frame has one picture, made at the first tick of the frame.
     let numbers: Vec<u64> = seconds.iter().map(|t| (t * FPS) as u64).collect();
@@ -174,7 +174,7 @@ fn window_changes_no_sample() {
             }
         }
         shown.relay.poll();
-        skipped.push(shown.relay.skipped());
+        skipped.push(shown.relay.skipped_count());
         shown.player.connections.ring_writer.close();
         drop(shown.player);
         shown.this.close(PATIENCE).unwrap();
@@ -222,7 +222,7 @@ fn skipped_pictures_are_gathered_in_the_next() {
         (0.025..0.05).contains(&(picture_time + contact_offset)),
         "{picture_time} + {contact_offset}"
     );
-    assert!(shown.relay.skipped() > 20);
+    assert!(shown.relay.skipped_count() > 20);
     shown.end();
 }
 
@@ -244,7 +244,7 @@ fn version_is_shown_from_its_takeover_on() {
     };
     let open_window = |shown: &mut Shown, new_simulation: &Simulation, title: &str| {
         let (window, scene) = window_on(new_simulation, &second_scene.1, title);
-        assert!(shown.this.open(window));
+        assert!(shown.this.open_window(window));
         shown.reader_sender.send((scene, shown.this.output_times())).unwrap();
     };
     shown.tick(300);
@@ -354,7 +354,7 @@ fn stalled_page_delays_no_performance() {
             }
         }
     }
-    assert_eq!(shown.relay.skipped(), 0);
+    assert_eq!(shown.relay.skipped_count(), 0);
     assert!(shown.server.hub().stored_bytes() <= 16 << 20);
     let (late_bytes, prompt_bytes) = page_bytes.split_last().unwrap();
     assert!(prompt_bytes[0].starts_with(&MAGIC) && late_bytes.starts_with(&MAGIC));

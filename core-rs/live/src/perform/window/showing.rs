@@ -19,9 +19,9 @@ const POLL_INTERVAL: Duration = Duration::from_millis(4);
 
 /// Shows performances to pages, one version after the other, until it is dropped.
 pub struct WindowServer {
-    readers: Mutex<Sender<(WindowReader, PlaybackTimes)>>,
+    reader_sender: Mutex<Sender<(WindowReader, PlaybackTimes)>>,
     n_skipped: Arc<AtomicU64>,
-    is_over: Arc<AtomicBool>,
+    is_stopping: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -33,39 +33,39 @@ impl WindowServer {
     pub fn start(server: Arc<Server>) -> io::Result<Self> {
         let (reader_sender, new_readers) = channel();
         let mut relay = WindowRelay::new(server, new_readers);
-        let is_over = Arc::new(AtomicBool::new(false));
-        let (n_skipped, is_thread_over) = (relay.n_skipped.clone(), is_over.clone());
+        let is_stopping = Arc::new(AtomicBool::new(false));
+        let (n_skipped, is_thread_stopping) = (relay.n_skipped.clone(), is_stopping.clone());
         let relay_thread = thread::Builder::new().name("ergon window".into()).spawn(move || {
             safety::block_signals();
-            while !is_thread_over.load(Ordering::Acquire) {
+            while !is_thread_stopping.load(Ordering::Acquire) {
                 relay.poll();
                 thread::sleep(POLL_INTERVAL);
             }
         })?;
         Ok(Self {
-            readers: Mutex::new(reader_sender),
+            reader_sender: Mutex::new(reader_sender),
             n_skipped,
-            is_over,
+            is_stopping,
             thread: Some(relay_thread),
         })
     }
 
     /// Show a version from its first picture on; until then the previous version is shown.
     pub fn show(&self, reader: WindowReader, playback_times: PlaybackTimes) {
-        let sender = self.readers.lock().unwrap_or_else(PoisonError::into_inner);
+        let sender = self.reader_sender.lock().unwrap_or_else(PoisonError::into_inner);
         // If the thread has ended, there is nobody to show it to.
         let _ = sender.send((reader, playback_times));
     }
 
     /// Number of pictures that were skipped because the one before had not been fetched.
-    pub fn skipped(&self) -> u64 {
+    pub fn skipped_count(&self) -> u64 {
         self.n_skipped.load(Ordering::Relaxed)
     }
 }
 
 impl Drop for WindowServer {
     fn drop(&mut self) {
-        self.is_over.store(true, Ordering::Release);
+        self.is_stopping.store(true, Ordering::Release);
         if let Some(relay_thread) = self.thread.take() {
             let _ = relay_thread.join();
         }
@@ -77,7 +77,7 @@ pub(in super::super) struct WindowRelay {
     server: Arc<Server>,
     new_readers: Receiver<(WindowReader, PlaybackTimes)>,
     /// The reader that is shown, then those that wait for their first picture.
-    readers: Vec<(WindowReader, PlaybackTimes)>,
+    shown_and_waiting: Vec<(WindowReader, PlaybackTimes)>,
     has_sent_greeting: bool,
     n_skipped: Arc<AtomicU64>,
     /// Skipped pictures of readers that were dropped.
@@ -89,7 +89,7 @@ impl WindowRelay {
         Self {
             server,
             new_readers,
-            readers: Vec::new(),
+            shown_and_waiting: Vec::new(),
             has_sent_greeting: false,
             n_skipped: Arc::default(),
             n_skipped_before: 0,
@@ -98,33 +98,37 @@ impl WindowRelay {
 
     /// Send new pictures.
     pub(in super::super) fn poll(&mut self) {
-        self.readers.extend(self.new_readers.try_iter());
-        let has_picture = |window: &(WindowReader, PlaybackTimes)| window.0.display_frames.updated();
-        if let Some(index) = self.readers.iter().rposition(has_picture) {
+        self.shown_and_waiting.extend(self.new_readers.try_iter());
+        let has_picture =
+            |reader_and_times: &(WindowReader, PlaybackTimes)| reader_and_times.0.display_frames.updated();
+        if let Some(index) = self.shown_and_waiting.iter().rposition(has_picture) {
             self.has_sent_greeting &= index == 0;
-            self.n_skipped_before += (self.readers.drain(..index))
-                .map(|(reader, _)| reader.skipped())
+            self.n_skipped_before += (self.shown_and_waiting.drain(..index))
+                .map(|(reader, _)| reader.skipped_count())
                 .sum::<u64>();
-            self.send_picture();
+            self.send_first_frame();
         }
         // The reader that is shown stays, because its count is still needed; others that are over were never played.
         let mut index = 0;
-        self.readers.retain(|(reader, _)| {
+        self.shown_and_waiting.retain(|(reader, _)| {
             index += 1;
             index == 1 || !reader.is_over()
         });
-        let skipped_now = self.readers.first().map_or(0, |(reader, _)| reader.skipped());
+        let skipped_now = self
+            .shown_and_waiting
+            .first()
+            .map_or(0, |(reader, _)| reader.skipped_count());
         (self.n_skipped).store(self.n_skipped_before + skipped_now, Ordering::Relaxed);
     }
 
     #[cfg(test)]
-    pub(in super::super) fn skipped(&self) -> u64 {
+    pub(in super::super) fn skipped_count(&self) -> u64 {
         self.n_skipped.load(Ordering::Relaxed)
     }
 
-    /// Send the picture of the first scene.
-    fn send_picture(&mut self) {
-        let (reader, playback_times) = &mut self.readers[0];
+    /// Send the newest picture of the reader that is shown.
+    fn send_first_frame(&mut self) {
+        let (reader, playback_times) = &mut self.shown_and_waiting[0];
         let (recorder, hub) = (&mut reader.recorder, self.server.hub());
         let display_frame = reader.display_frames.read();
         let seconds = recorder.seconds(display_frame.snapshot.frame);

@@ -72,14 +72,14 @@ pub(crate) struct ClockDrift {
 
 impl ClockDrift {
     /// Add a reading of the device's clock; returns the drift so far.
-    pub(crate) fn add(&mut self, now: Instant, t_us: u32) -> Option<f64> {
+    pub(crate) fn add(&mut self, now: Instant, clock_us: u32) -> Option<f64> {
         let Some((first_instant, previous_us)) = self.first_and_previous else {
-            self.first_and_previous = Some((now, t_us));
+            self.first_and_previous = Some((now, clock_us));
             return None;
         };
         // The clock wraps every 71 minutes: only differences count.
-        self.elapsed_us += u64::from(t_us.wrapping_sub(previous_us));
-        self.first_and_previous = Some((first_instant, t_us));
+        self.elapsed_us += u64::from(clock_us.wrapping_sub(previous_us));
+        self.first_and_previous = Some((first_instant, clock_us));
         let host_elapsed = now.duration_since(first_instant).as_secs_f64() * 1e6;
         (host_elapsed >= 1e6).then(|| (self.elapsed_us as f64 / host_elapsed - 1.0) * 1e6)
     }

@@ -168,9 +168,9 @@ impl PlayedKey {
         let key_velocity = (key_position - self.position_before) / PERIOD;
         self.position_before = key_position;
         let asked_force = (self.piece_force)(self.time(), key_position, key_velocity);
-        let trip_before = self.guarded_device.tripped(0);
+        let trip_before = self.guarded_device.trip_cause(0);
         self.sent_force = self.guarded_device.send(&[asked_force]).unwrap().newtons()[0];
-        if let Some(trip_cause) = self.guarded_device.tripped(0).filter(|_| trip_before.is_none()) {
+        if let Some(trip_cause) = self.guarded_device.trip_cause(0).filter(|_| trip_before.is_none()) {
             self.trips.push((self.time(), trip_cause));
         }
     }

@@ -359,9 +359,9 @@ fn play(case: Case, until: f64) -> Outcome {
         let asked_force =
             k * (case.piece_path.place(time_now) - key_position) - z * (key_position - position_before) / TICK;
         position_before = key_position;
-        let trip_before = guarded_device.tripped(0);
+        let trip_before = guarded_device.trip_cause(0);
         guarded_device.send(&[asked_force]).unwrap();
-        if let Some(trip_cause) = guarded_device.tripped(0).filter(|_| trip_before.is_none()) {
+        if let Some(trip_cause) = guarded_device.trip_cause(0).filter(|_| trip_before.is_none()) {
             trips.push((time_now - case.onset, trip_cause));
         }
     }

@@ -95,7 +95,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
         match random_draw.next() % 1_000 {
             0 => {
                 stopped = !stopped;
-                guarded_device.stop(stopped);
+                guarded_device.set_stopped(stopped);
                 last_force = 0.0;
             }
             1 => {

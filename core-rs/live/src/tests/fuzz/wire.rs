@@ -16,7 +16,7 @@ fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut ea
         parse_calls.set(parse_calls.get() + 1);
         let parse_result = parse(bytes);
         match parse_result {
-            Parsed::Packet(_, len) | Parsed::Garbage(len) => {
+            Parsed::Packet(_, len) | Parsed::Skip(len) => {
                 assert!((1..=bytes.len()).contains(&len), "a length of {len}");
             }
             Parsed::Incomplete => {}
@@ -78,10 +78,10 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
         }
         1 => {
             let position = std::array::from_fn(|axis| axis as f64 * 1e-3);
-            let (t_us, status) = (dice.next() as u32, dice.byte());
+            let (clock_us, status) = (dice.next() as u32, dice.byte());
             frame::FrameReply {
                 seq,
-                t_us,
+                clock_us,
                 axis_count: n,
                 is_wide: wide,
                 status,
@@ -95,7 +95,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
                 seq,
                 axis_count: n.max(1),
                 trait_flags: traits,
-                spec_numbers: numbers,
+                spec_values: numbers,
             }
             .write(&mut frame_buffer)
         }

@@ -61,22 +61,23 @@ impl FramePowers {
         self.state[..mat_count].copy_from_slice(&motion.modules.x);
         self.state[mat_count..last_index].copy_from_slice(&motion.modules.d);
         self.state[last_index] = 1.0;
-        self.set_single_frame(free_key, motion, scratch, targets);
+        self.set_one_frame_map(free_key, motion, scratch, targets);
         while frames > 0 {
             if frames % 2 == 1 {
                 self.apply_map();
             }
             frames /= 2;
             if frames > 0 {
-                self.double_frames();
+                self.square_map();
             }
         }
         motion.modules.x.copy_from_slice(&self.state[..mat_count]);
         motion.modules.d.copy_from_slice(&self.state[mat_count..last_index]);
     }
 
-    /// Set `change` to that of one frame: for each state variable the effect of 1 alone, less that of the zero state.
-    fn set_single_frame(
+    /// Set `frame_change` to the change by one frame, column by column: the effect of 1 in one state variable alone,
+    /// less that of the zero state.
+    fn set_one_frame_map(
         &mut self,
         free_key: &FreeKey,
         motion: &mut FreeMotion,
@@ -110,12 +111,12 @@ impl FramePowers {
     /// Apply the map to the state.
     fn apply_map(&mut self) {
         let state_size = self.size();
-        for (next_state, row) in self
+        for (change_entry, row) in self
             .state_change
             .iter_mut()
             .zip(self.frame_change.chunks_exact(state_size))
         {
-            *next_state = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
+            *change_entry = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
         }
         for (state, change) in self.state.iter_mut().zip(&self.state_change) {
             *state += change;
@@ -123,7 +124,7 @@ impl FramePowers {
     }
 
     /// The map of twice as many frames: (1 + B)² = 1 + 2B + B².
-    fn double_frames(&mut self) {
+    fn square_map(&mut self) {
         let state_size = self.size();
         for (row, out) in self.squared_change.chunks_exact_mut(state_size).enumerate() {
             out.fill(0.0);
@@ -201,10 +202,8 @@ mod tests {
                 free_key.strike_and_move(&mut stepped, n, 0.0, &mut buffers.targets);
             }
             let mut advanced = moving_key(&free_key);
-            let VoiceBuffers {
-                scratch: laws, targets, ..
-            } = &mut buffers;
-            frame_powers.advance(&free_key, &mut advanced, frames, laws, targets);
+            let VoiceBuffers { scratch, targets, .. } = &mut buffers;
+            frame_powers.advance(&free_key, &mut advanced, frames, scratch, targets);
             for (stepped, advanced, error_max) in [
                 (&stepped.modules.x, &advanced.modules.x, 1e-11),
                 (&stepped.modules.d, &advanced.modules.d, 1e-14),
@@ -221,21 +220,36 @@ mod tests {
     fn aim_of_a_throw_lasting_a_day() {
         let free_key = key();
         let mut buffers = buffers(&free_key);
-        let (n, to, x) = (1_000, 86_399 * 44_100, 0.5e-3);
-        let force = free_key.force_to_arrive(&moving_key(&free_key), n, to, x, &mut buffers);
+        let (start_frame, arrival_frame, target_position) = (1_000, 86_399 * 44_100, 0.5e-3);
+        let force = free_key.force_to_arrive(
+            &moving_key(&free_key),
+            start_frame,
+            arrival_frame,
+            target_position,
+            &mut buffers,
+        );
         let mut key_motion = moving_key(&free_key);
         let VoiceBuffers {
-            scratch: laws,
+            scratch,
             targets,
             frame_powers,
             ..
         } = &mut buffers;
-        free_key.sum_forces(&mut key_motion, n, laws, targets);
-        free_key.strike_and_move(&mut key_motion, n, force, targets);
+        free_key.sum_forces(&mut key_motion, start_frame, scratch, targets);
+        free_key.strike_and_move(&mut key_motion, start_frame, force, targets);
         let frame_powers = frame_powers.as_mut().unwrap();
-        frame_powers.advance(&free_key, &mut key_motion, to - n - 1, laws, targets);
+        frame_powers.advance(
+            &free_key,
+            &mut key_motion,
+            arrival_frame - start_frame - 1,
+            scratch,
+            targets,
+        );
         let end_position = key_motion.modules.x[free_key.struck_mat];
-        assert!((end_position - x).abs() < 1e-9, "{end_position} m, by {force} N");
+        assert!(
+            (end_position - target_position).abs() < 1e-9,
+            "{end_position} m, by {force} N"
+        );
     }
 
     #[test]

@@ -33,10 +33,10 @@ impl Voice {
         last_requested_position: f64,
     ) -> f64 {
         let unlimited_force = self.unlimited_force(script, scene, n, request);
-        let Some(running) = self.running_gesture.as_mut() else {
+        let Some(running_gesture) = self.running_gesture.as_mut() else {
             return 0.0;
         };
-        let gesture_index = running.gesture_index;
+        let gesture_index = running_gesture.gesture_index;
         let gesture = &scene.gestures[gesture_index];
         let manner = gesture.gesture.manner;
         let force_limit = manner.force_limit();
@@ -44,7 +44,7 @@ impl Voice {
             Request::Pass(x) => (x, n + 1),
             Request::Aim { arrival_frame: to, x } => (x, to),
         };
-        let source = gesture.ergon_source(&mut running.point_cursor, target_frame);
+        let source = gesture.ergon_source(&mut running_gesture.point_cursor, target_frame);
         if target_frame == n + 1 {
             self.requested_position = requested_position;
         }
@@ -152,11 +152,14 @@ impl Voice {
 
     /// The force that fulfils the request, without a limit [N].
     fn unlimited_force(&mut self, script: &VoiceScript, scene: &VoiceScene<'_>, n: u64, request: &Request) -> f64 {
-        let Some(running) = &self.running_gesture else {
+        let Some(running_gesture) = &self.running_gesture else {
             return 0.0;
         };
         let free_key = &script.free_key;
-        match (*request, scene.gestures[running.gesture_index].gesture.manner.touch) {
+        match (
+            *request,
+            scene.gestures[running_gesture.gesture_index].gesture.manner.touch,
+        ) {
             (Request::Pass(x), Touch::Open) => {
                 free_key.force_to_reach(&self.free_motion, x, &self.targets, &mut self.buffers)
             }

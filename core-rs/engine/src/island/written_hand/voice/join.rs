@@ -38,7 +38,7 @@ impl Voice {
             let has_joined = self
                 .running_gesture
                 .as_ref()
-                .is_some_and(|running| running.gesture_index == gesture_index);
+                .is_some_and(|running_gesture| running_gesture.gesture_index == gesture_index);
             if n >= gesture.first_frame {
                 self.begun_count += 1;
                 scene.reports[gesture_index].start = time_now;
@@ -99,7 +99,7 @@ impl Voice {
         }
         let last_time = gesture.last_frame() as f64 / scene.scheme.rate;
         let t = (knot_now.t + gesture.gesture.manner.join_seconds)
-            .min(path.stop())
+            .min(path.stop_time())
             .min(last_time);
         let (x, v, a) = path.evaluate(t);
         (t > knot_now.t).then(|| JoiningCurve::new(knot_now, Knot { t, x, v, a }))

@@ -80,7 +80,10 @@ impl Voice {
             }
         }
         let latest_gesture = |voice: &Self, script: &VoiceScript| {
-            let running_index = voice.running_gesture.as_ref().map(|running| running.gesture_index);
+            let running_index = voice
+                .running_gesture
+                .as_ref()
+                .map(|running_gesture| running_gesture.gesture_index);
             running_index.or_else(|| {
                 voice
                     .begun_count
@@ -91,11 +94,11 @@ impl Voice {
         let gesture_before = latest_gesture(old, old_script).map(|old_gesture| takeover.new_gesture(old_gesture));
         self.particles = std::mem::take(&mut old.particles);
         self.is_led = old.is_led;
-        self.running_gesture = old.running_gesture.take().and_then(|running| {
-            let gesture_index = takeover.new_gesture(running.gesture_index)?;
+        self.running_gesture = old.running_gesture.take().and_then(|running_gesture| {
+            let gesture_index = takeover.new_gesture(running_gesture.gesture_index)?;
             Some(RunningGesture {
                 gesture_index,
-                ..running
+                ..running_gesture
             })
         });
         // The position requested for this frame is kept only if the comparison goes into the report of the same

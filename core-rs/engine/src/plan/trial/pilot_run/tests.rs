@@ -47,7 +47,7 @@ fn plan(budget: &Budget, rests: bool) -> Plan {
     let key = network.cel("m", 0.3, key_tie, key_start, 0.0, 0.0).unwrap();
     let key_contact = But::plain(2e4, 0.2, 2e-3);
     network.but("to", key, 24, key_contact).unwrap();
-    timeline.key("key", key);
+    timeline.add_key("key", key);
     let manner = Manner::OPEN;
     let written = WrittenPoints {
         t: &[BEGINS, BEGINS + 0.06, BEGINS + 0.2],
@@ -56,7 +56,7 @@ fn plan(budget: &Budget, rests: bool) -> Plan {
         sources: &[],
     };
     let gesture = Gesture::from_points(0, &written, manner).unwrap();
-    timeline.gesture(gesture).unwrap();
+    timeline.add_gesture(gesture).unwrap();
     timeline.strike(&network, 20, 0.45, 1e-2, Some(0.0), 0).unwrap();
     Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
 }

@@ -60,7 +60,7 @@ pub(super) fn gesture() -> (Arc<Network>, Timeline) {
     };
     network.listen("out", vec![position_term]).unwrap();
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    let gesture_key = timeline.key("key", key_mass);
+    let gesture_key = timeline.add_key("key", key_mass);
     let path_times: Vec<f64> = (0..13).map(|i| 0.02 + 0.06 * f64::from(i)).collect();
     let path_positions: Vec<f64> = (0..13).map(|i| 4e-3 * f64::from(i % 2)).collect();
     let written = WrittenPoints {
@@ -70,7 +70,7 @@ pub(super) fn gesture() -> (Arc<Network>, Timeline) {
         sources: &[],
     };
     let gesture = Gesture::from_points(gesture_key, &written, Manner::OPEN).unwrap();
-    timeline.gesture(gesture).unwrap();
+    timeline.add_gesture(gesture).unwrap();
     (Arc::new(network), timeline)
 }
 
@@ -192,7 +192,7 @@ impl Shown {
         let piece = prepared_piece(simulation, true);
         let (mut this, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
         player.receive_first_positions();
-        assert!(this.open(window));
+        assert!(this.open_window(window));
         let server = served(limits);
         let (reader_sender, new_readers) = channel();
         reader_sender.send((scene, this.output_times())).unwrap();

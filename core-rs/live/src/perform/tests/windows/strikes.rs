@@ -7,8 +7,8 @@ use super::*;
 fn pages_receive_live_strikes() {
     let mut scene = scene(&[]);
     scene.1.open();
-    scene.1.strike_point(&scene.0, 3, 7, Some(0.0)).unwrap();
-    scene.1.strike_point(&scene.0, 5, 9, Some(0.0)).unwrap();
+    scene.1.add_strike_point(&scene.0, 3, 7, Some(0.0)).unwrap();
+    scene.1.add_strike_point(&scene.0, 5, 9, Some(0.0)).unwrap();
     let simulation = planned(&scene, 0);
     let look = simulation.make_look();
     let mut shown = Shown::fast(&simulation, &scene.1);
@@ -42,11 +42,11 @@ fn strikes_before_the_first_picture_are_shown() {
         playable_scene.1.open();
         playable_scene
             .1
-            .strike_point(&playable_scene.0, 3, 7, Some(0.0))
+            .add_strike_point(&playable_scene.0, 3, 7, Some(0.0))
             .unwrap();
         playable_scene
             .1
-            .strike_point(&playable_scene.0, 5, 9, Some(0.0))
+            .add_strike_point(&playable_scene.0, 5, 9, Some(0.0))
             .unwrap();
         playable_scene
     };
@@ -90,7 +90,7 @@ fn strikes_before_the_first_picture_are_shown() {
         }
         if tick == opening_tick {
             let (window, scene) = window_on(&second_simulation, &second_scene.1, "second");
-            assert!(shown.this.open(window));
+            assert!(shown.this.open_window(window));
             shown.reader_sender.send((scene, shown.this.output_times())).unwrap();
         }
         shown.tick(1);
@@ -136,7 +136,7 @@ fn pages_receive_strikes_of_gestures() {
             message_bytes.extend(messages(&shown.server, &mut hub_cursor).concat());
         }
     }
-    assert!(shown.relay.skipped() > 3);
+    assert!(shown.relay.skipped_count() > 3);
     reference.skip(tick_count * EVERY as u64).unwrap();
     let struck = reference.take_ergons();
     let output = ergons(&message_bytes, &look);
@@ -199,7 +199,7 @@ fn late_pages_receive_broken_links() {
     assert_eq!(page_breaks[0].2, early_breaks[0].2);
     // Another window on the playing simulation, as a session opens one.
     let (window, scene) = window_on(&simulation, &scene.1, "late");
-    assert!(shown.this.open(window));
+    assert!(shown.this.open_window(window));
     shown.reader_sender.send((scene, shown.this.output_times())).unwrap();
     advance_ticks(&mut shown, second_ticks / 2);
     let mut last_cursor = shown.server.hub().new_cursor();
