@@ -45,15 +45,15 @@ class _NumberFormat:
         self.byte_order = _BYTE_ORDER_BY_PROCESSOR[processor]
         self._is_dec = processor == _DEC_PROCESSOR
 
-    def word(self, data: bytes, offset: int) -> int:
+    def read_word(self, data: bytes, offset: int) -> int:
         """16 bits without a sign."""
         value: int = struct.unpack_from(f"{self.byte_order}H", data, offset)[0]
         return value
 
-    def real(self, data: bytes, offset: int) -> float:
-        return float(self.reals(data[offset : offset + 4])[0])
+    def read_real(self, data: bytes, offset: int) -> float:
+        return float(self.read_reals(data[offset : offset + 4])[0])
 
-    def reals(self, data: bytes) -> Floats:
+    def read_reals(self, data: bytes) -> Floats:
         """Numbers of 32 bits. In DEC's format the two halves are swapped, and the value is four
         times as large.
         """
@@ -110,23 +110,23 @@ def _layouts(
         return value if value is not None and math.isfinite(value) and value >= 0 else None
 
     frame_count = _frame_count(
-        number_format.word(header_bytes, 6),
-        number_format.word(header_bytes, 8),
+        number_format.read_word(header_bytes, 6),
+        number_format.read_word(header_bytes, 8),
         parameter_values,
         number_format,
     )
     header = _FrameLayout(
-        number_format.word(header_bytes, 2),
-        number_format.word(header_bytes, 4),
+        number_format.read_word(header_bytes, 2),
+        number_format.read_word(header_bytes, 4),
         frame_count,
-        number_format.real(header_bytes, 12),
+        number_format.read_real(header_bytes, 12),
     )
     point_counts, analog_counts, frame_counts = [header.n_points], [header.n_analog], [frame_count]
     if (n_points := parameter_number("POINT", "USED")) is not None:
         point_counts.append(int(n_points) & _HEADER_FRAMES_MAX)
     if (n_analog_used := parameter_number("ANALOG", "USED")) is not None:
         rates = parameter_number("ANALOG", "RATE"), parameter_number("POINT", "RATE")
-        analog_counts.append(int(n_analog_used) * number_format.word(header_bytes, 18))
+        analog_counts.append(int(n_analog_used) * number_format.read_word(header_bytes, 18))
         if rates[0] and rates[1]:
             analog_counts.append(
                 int(n_analog_used) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX)
@@ -186,8 +186,8 @@ def read(path: Path) -> Motion:
         )
         rate = _first_number(
             parameter_values, "POINT", "RATE", number_format
-        ) or number_format.real(header_bytes, 20)
-        start_offset = _SECTOR_BYTES * (number_format.word(header_bytes, 16) - 1)
+        ) or number_format.read_real(header_bytes, 20)
+        start_offset = _SECTOR_BYTES * (number_format.read_word(header_bytes, 16) - 1)
         header, *other_layouts = _layouts(header_bytes, parameter_values, number_format)
         if (
             not math.isfinite(header.scale)
@@ -250,7 +250,7 @@ def _point_positions(
 ) -> Floats:
     """Positions (n, points, 3); NaN if the fourth word of a point is negative."""
     if is_real:
-        frame_numbers = number_format.reals(block_bytes)
+        frame_numbers = number_format.read_reals(block_bytes)
     else:
         frame_numbers = np.frombuffer(block_bytes, f"{number_format.byte_order}i2").astype(
             np.float64
@@ -286,7 +286,7 @@ def _parameters(
         cursor += name_length
         if not name_length or cursor + 2 > len(section_bytes):
             break
-        entry_distance = number_format.word(section_bytes, cursor)
+        entry_distance = number_format.read_word(section_bytes, cursor)
         if group_number >= 0x80:
             group_names[0x100 - group_number] = parameter_name
         elif (value := _read_parameter(section_bytes, cursor + 2)) is not None:
@@ -328,11 +328,15 @@ def _first_number(
     """
     number_type, _, value_bytes = parameter_values.get((group_name, parameter_name), (0, (), b""))
     if number_type == 4 and len(value_bytes) >= 4:
-        return number_format.real(value_bytes, 0)
+        return number_format.read_real(value_bytes, 0)
     if number_type == 2 and len(value_bytes) >= 4:
-        return number_format.word(value_bytes, 0) + 0x10000 * number_format.word(value_bytes, 2)
+        return number_format.read_word(value_bytes, 0) + 0x10000 * number_format.read_word(
+            value_bytes, 2
+        )
     return (
-        number_format.word(value_bytes, 0) if number_type == 2 and len(value_bytes) >= 2 else None
+        number_format.read_word(value_bytes, 0)
+        if number_type == 2 and len(value_bytes) >= 2
+        else None
     )
 
 

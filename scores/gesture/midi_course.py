@@ -34,10 +34,10 @@ def read_course(path: Path, channel: int | None, midi_source: MidiSource) -> Cou
 @lru_cache(32)
 def _read(path: Path, channel: int | None, midi_source: MidiSource, _: FileState) -> Course:
     midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
+    header = midi_bytes.read_header()
     events = [
         event
-        for event in chain.from_iterable(map(midi_bytes.track, header.track_spans))
+        for event in chain.from_iterable(map(midi_bytes.track_events, header.track_spans))
         if event.kind == midi_source.kind
         and (not midi_source.numbers or event.number in midi_source.numbers)
     ]

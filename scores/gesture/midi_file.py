@@ -78,12 +78,12 @@ def read_notes(path: Path, channel: str | None = None) -> MidiNotes:
 def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
     channel = channel_number(path, channel_name)
     midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
+    header = midi_bytes.read_header()
     events_by_channel: dict[int, list[_ChannelEvent]] = {}
     channels_with_notes: set[int] = set()
     end_tick, n_notes = 0, 0
     for track in header.track_spans:
-        for track_event in midi_bytes.track(track):
+        for track_event in midi_bytes.track_events(track):
             end_tick = max(end_tick, track_event.tick)
             note_event = _channel_event(track_event)
             if note_event.kind == _OTHER_KIND:

@@ -49,9 +49,9 @@ def read_pressures(path: Path, channel: str | None) -> tuple[KeyPressure, ...]:
 def _read(path: Path, channel: str | None, _: FileState) -> tuple[KeyPressure, ...]:
     wanted_channel = channel_number(path, channel)
     midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
+    header = midi_bytes.read_header()
     events_by_channel: dict[int, list[MidiEvent]] = {}
-    for midi_event in chain.from_iterable(map(midi_bytes.track, header.track_spans)):
+    for midi_event in chain.from_iterable(map(midi_bytes.track_events, header.track_spans)):
         if midi_event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and wanted_channel in (
             None,
             midi_event.channel,

@@ -132,7 +132,7 @@ def survey(path: Path) -> MidiSurvey:
 @lru_cache(16)
 def _survey(path: Path, _: FileState) -> MidiSurvey:
     midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
+    header = midi_bytes.read_header()
     contents = MidiSurvey(
         header.format, header.ticks_per_quarter, header.n_other_chunks, header.n_bytes_after
     )
@@ -143,7 +143,7 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
         track = MidiTrack()
         contents.tracks.append(track)
         sounding_counts = Counter[tuple[int, int]]()
-        for event in midi_bytes.track(span):
+        for event in midi_bytes.track_events(span):
             _count_sounding(event, sounding_counts)
             last_tick = max(last_tick, event.tick)
             if event.kind != m.META:

@@ -41,7 +41,7 @@ class Motion:
     `rate` [Hz] is None if the file does not state it, as is `unit_metres`, the length of 1.0 in the
     file. `blocks` gives positions as (frames, points, 3), some frames at a time, in the file's
     unit; a point that is not seen is NaN there. `note` says what is wrong with a file that can be
-    read, `unread` what is in it beside the points.
+    read, `unread_contents` what is in it beside the points.
     """
 
     points: tuple[str, ...]
@@ -50,7 +50,7 @@ class Motion:
     unit_metres: float | None
     blocks: Callable[[], Iterator[Floats]]
     note: str | None = None
-    unread: tuple[str, ...] = ()
+    unread_contents: tuple[str, ...] = ()
 
 
 def metres_of(unit: str) -> float | None:

@@ -203,7 +203,7 @@ def _read_measures(
     for measure_index, measure_column in enumerate(measure_columns):
         content_by_part: dict[str, MeasureContent] = {}
         for part_id, measure in measure_column.measures.items():
-            part_content = content_by_part[part_id] = readers[part_id].measure(measure)
+            part_content = content_by_part[part_id] = readers[part_id].read_measure(measure)
             if (part_content.meter is not None and part_content.meter != meter) or (
                 part_content.meter and not meters
             ):

@@ -97,7 +97,7 @@ class MeasureReader:
         self._diatonic_shift, self._chromatic_shift = 0, Fraction(0)
         self._is_respelled = False
 
-    def measure(self, measure: Element) -> MeasureContent:
+    def read_measure(self, measure: Element) -> MeasureContent:
         """The content of the next measure."""
         measure_content = MeasureContent()
         cursor = onset = Fraction(0)

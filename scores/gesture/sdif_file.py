@@ -54,8 +54,8 @@ _Key = tuple[bytes, int, int, int]  # matrix, stream, row, column; from 0
 class Column:
     """Values and their instants [s], in the order of the frames."""
 
-    t: array[float]
-    x: array[float]
+    instants: array[float]
+    values: array[float]
 
 
 def columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]:
@@ -79,8 +79,8 @@ def columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]
                     if len(columns_by_key) == MAX_CHANNELS:
                         raise TakeError(_TOO_MANY, path)
                     column = columns_by_key[column_key] = Column(array("d"), array("d"))
-                column.t.append(t)
-                column.x.append(column_value)
+                column.instants.append(t)
+                column.values.append(column_value)
     if not columns_by_key:
         raise TakeError("the file has no matrices of numbers", path)
     return _columns_by_name(columns_by_key, declared_columns)
@@ -106,7 +106,10 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
             field="channel",
         )
     metres = metres_per_unit(None, metre_unit, path)
-    t, x = np.frombuffer(all_columns[channel_name].t), np.frombuffer(all_columns[channel_name].x)
+    t, x = (
+        np.frombuffer(all_columns[channel_name].instants),
+        np.frombuffer(all_columns[channel_name].values),
+    )
     return t - t[0], (x - x[0]) * metres
 
 

@@ -38,7 +38,7 @@ from ergon.scores.gesture import (
 )
 from ergon.scores.gesture.npz import Npz, open_npz
 from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
-from ergon.scores.gesture.table_file import Sheet, sheet
+from ergon.scores.gesture.table_file import Sheet, read_sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
@@ -106,7 +106,7 @@ def _read_table(
 ) -> Samples:
     with open_text(path) as file:
         try:
-            take_table = sheet(file, path)
+            take_table = read_sheet(file, path)
             table_columns = _columns(take_table.names, path, take_table.line)
             value_column, x_unit = _chosen_column(table_columns, channel, path)
             divisor = _column_divisor(take_table, value_column, x_unit, metre_unit, path)

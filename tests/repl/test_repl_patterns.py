@@ -202,7 +202,7 @@ def test_save_of_pattern(session, tmp_path):
     piece = load(tmp_path / "live.yaml").piece
     assert piece is not None
     (play,) = piece.parts
-    assert play.what == "walk knock tap"
+    assert play.played_text == "walk knock tap"
     assert play.pattern is not None
     assert play.pattern.swing == 0.6
 

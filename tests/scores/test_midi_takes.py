@@ -200,7 +200,7 @@ def test_midi_take_transposed_stretched_and_repeated(tmp_path):
     text += "strikes: {s: {play: t, to: cell, at: 2|1, times: 2, transpose: 2st, do: stretch 2}}\n"
     piece = checked(tmp_path, text).piece
     assert piece is not None
-    result = [(beat, hit.what) for beat, _, hit in piece.strikes[0].played_hits(piece)]
+    result = [(beat, hit.struck_text) for beat, _, hit in piece.strikes[0].played_hits(piece)]
     first = [(4.0, "D3"), (5.0, "F#3"), (5.0, "A3"), (7.0, "D#3"), (8.0, "E3")]
     assert result == [*first, *((beat + 8.0, what) for beat, what in first)]
 

@@ -123,9 +123,9 @@ def test_sdif_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     }
     assert set(columns) == set(expected)
     for name, (stream, row, column) in expected.items():
-        np.testing.assert_array_equal(columns[name].t, writer.times[stream])
+        np.testing.assert_array_equal(columns[name].instants, writer.times[stream])
         values = [each[row, column] for each in writer.values[stream]]
-        np.testing.assert_array_equal(columns[name].x, values)
+        np.testing.assert_array_equal(columns[name].values, values)
 
 
 def _matrix(name: bytes = b"XPOS", kind: int = 8, rows: int = 1, columns: int = 1,
