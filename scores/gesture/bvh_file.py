@@ -258,11 +258,11 @@ def _joint_positions(joints: list[_Joint], frame_rows: Floats) -> Floats:
 
 def _rotation_matrices(axis: int, degrees: Floats) -> Floats:
     """Rotations about an axis, (n, 3, 3)."""
-    angle = degrees * (math.pi / 180)
+    angles = degrees * (math.pi / 180)
     j, k = (axis + 1) % 3, (axis + 2) % 3
-    matrices = np.zeros((len(angle), 3, 3))
+    matrices = np.zeros((len(angles), 3, 3))
     matrices[:, axis, axis] = 1.0
-    matrices[:, j, j] = matrices[:, k, k] = np.cos(angle)
-    matrices[:, k, j] = np.sin(angle)
+    matrices[:, j, j] = matrices[:, k, k] = np.cos(angles)
+    matrices[:, k, j] = np.sin(angles)
     matrices[:, j, k] = -matrices[:, k, j]
     return matrices

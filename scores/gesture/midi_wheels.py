@@ -32,25 +32,25 @@ _KIND_ORDER = {CONTROLLER: 0, PITCH_BEND: 1, NOTE_ON: 2}
 NoteCurves = Mapping[int, tuple[tuple[float, float], ...]]
 
 
-def read_wheels(path: Path, channel: str | None, cents: float) -> NoteCurves:
-    """How the notes of a channel, or of all, glide; `cents` is the range of a wheel of which the
-    file does not say it. Raises TakeError.
+def read_wheels(path: Path, channel: str | None, default_range: float) -> NoteCurves:
+    """How the notes of a channel, or of all, glide; `default_range` [cents] is the range of a wheel
+    of which the file does not say it. Raises TakeError.
     """
     try:
-        return _read(path, channel, cents, state_of(path))
+        return _read_wheels(path, channel, default_range, state_of(path))
     except OSError as error:
         raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
 
 
 @lru_cache(8)
-def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCurves:
+def _read_wheels(path: Path, channel: str | None, default_range: float, _: FileState) -> NoteCurves:
     wanted_channel = channel_number(path, channel)
     midi_bytes = read_bytes(path)
     header = midi_bytes.read_header()
     file_events = [*chain.from_iterable(map(midi_bytes.track_events, header.track_spans))]
     file_events = [event for event in file_events if event.kind in _KIND_ORDER]
     file_events.sort(key=lambda event: (event.tick, _KIND_ORDER[event.kind]))
-    wheels, curve_points = Wheels(cents), dict[int, dict[float, float]]()
+    wheels, curve_points = Wheels(default_range), dict[int, dict[float, float]]()
     n_points = 0
     for wheel_event in file_events:
         for note_number, sounding_channel in wheels.follow(wheel_event):
@@ -81,9 +81,9 @@ class _Wheel:
 class Wheels:
     """The wheels of all channels, and the channel on which each note was played last."""
 
-    def __init__(self, cents: float) -> None:
-        """Begin without zones; `cents` is the range of a wheel that says none."""
-        self._wheels = {channel: _Wheel(cents) for channel in range(1, 17)}
+    def __init__(self, default_range: float) -> None:
+        """Begin without zones; `default_range` is the range of a wheel that says none."""
+        self._wheels = {channel: _Wheel(default_range) for channel in range(1, 17)}
         self._master_by_channel: dict[int, int] = {}  # master of each channel in a zone
         self._channel_by_note: dict[int, int] = {}  # by the number of a note
 

@@ -58,7 +58,7 @@ class Column:
     values: array[float]
 
 
-def columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]:
+def read_columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]:
     """All columns of a file by name; what is not a column is counted in `unread`. Raises
     TakeError, also if there are more than a take may have.
     """
@@ -86,9 +86,11 @@ def columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]
     return _columns_by_name(columns_by_key, declared_columns)
 
 
-def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tuple[Floats, Floats]:
+def read_track(
+    path: Path, channel_name: str | None, written_unit: float | None
+) -> tuple[Floats, Floats]:
     """Instants [s] and positions [m] of a column, both counted from its first value."""
-    all_columns = columns(path)
+    all_columns = read_columns(path)
     if channel_name is None and len(all_columns) == 1:
         (channel_name,) = all_columns
     listed_names = ", ".join(list(all_columns)[:_STREAMS_LISTED_MAX])
@@ -105,7 +107,7 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
             suggestion=nearest(channel_name, all_columns),
             field="channel",
         )
-    metres = metres_per_unit(None, metre_unit, path)
+    metres = metres_per_unit(None, written_unit, path)
     t, x = (
         np.frombuffer(all_columns[channel_name].instants),
         np.frombuffer(all_columns[channel_name].values),

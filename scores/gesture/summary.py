@@ -101,15 +101,15 @@ def _read_table(path: Path) -> Table:
             columns = tuple(Column(name) for name in table.names)
             if len(columns) > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
-            time = next((i for i, column in enumerate(columns) if column.is_time), None)
+            time_index = next((i for i, column in enumerate(columns) if column.is_time), None)
             block: list[list[float]] = []
             n_rows, last_instant = 0, -math.inf
             for line_number, cells in table.rows:
                 block.append(values := _row_numbers(table.names, cells, path, line_number))
                 if not all(map(math.isfinite, values)):
                     _note_missing_line(columns, values, line_number)
-                if time is not None:
-                    instant = parse_cell(cells[time], path, line_number)
+                if time_index is not None:
+                    instant = parse_cell(cells[time_index], path, line_number)
                     if not instant > last_instant:
                         raise time_order_error(instant, last_instant, path, line_number)
                     last_instant = instant
@@ -123,8 +123,10 @@ def _read_table(path: Path) -> Table:
 
 def _playing_mistake(columns: Sequence[Column]) -> str | None:
     """What keeps a take of a table from being played, if anything does."""
-    words = [column.name.partition("[")[0].strip() for column in columns]
-    if (repeated_word := next((word for word in words if words.count(word) > 1), None)) is not None:
+    column_names = [column.name.partition("[")[0].strip() for column in columns]
+    if (
+        repeated_word := next((word for word in column_names if column_names.count(word) > 1), None)
+    ) is not None:
         return f"two columns are called {repeated_word[:40]!r}: a take of them is refused"
     units = {column.name: column.name.partition("[")[2].rstrip("] ") for column in columns}
     for column in columns:
@@ -244,7 +246,7 @@ def _summarise_sdif(path: Path) -> Table:
     n_rows = 0
     unread = Counter[str]()
     note = None
-    for name, column in sdif_file.columns(path, unread).items():
+    for name, column in sdif_file.read_columns(path, unread).items():
         if note is None and not (np.diff(np.frombuffer(column.instants)) > 0.0).all():
             note = f"the instants of {name[:40]!r} do not rise: a take of it is refused"
         columns.append(Column(name))

@@ -100,8 +100,8 @@ class GesturesAndTakes:
                 for axis, gesture_of_axis in (gestures_built or {}).items()
                 if axis
             }
-            for same_named, gesture_of_axis in axis_gestures.items():
-                self._keep(same_named, gesture_of_axis)
+            for axis_path, gesture_of_axis in axis_gestures.items():
+                self._keep(axis_path, gesture_of_axis)
             if axis_gestures:
                 self._axis_names_by_path[name] = tuple(axis_gestures)
 

@@ -10,7 +10,12 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.named_values import parse_with_names
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_transform
+from ergon.scores.gesture.transforms import (
+    GESTURE_ARGUMENT_COUNTS,
+    MEANINGS,
+    Transform,
+    parse_transform,
+)
 from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 
@@ -27,7 +32,7 @@ def split_transforms(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Tr
         stop = chain_text.find(",", part_start)
         part_text = chain_text[part_start : stop if stop >= 0 else len(chain_text)]
         word = next(iter(part_text.split()), "")
-        if is_rhythm or (word in FORM_BY_WORD and word not in ARITY):
+        if is_rhythm or (word in FORM_BY_WORD and word not in GESTURE_ARGUMENT_COUNTS):
             parse_transforms(chain_text[part_start:], part_start)
             return tuple(gesture_transforms), chain_text[part_start:].strip()
         gesture_transforms.append(parse_transform(part_text, part_start))

@@ -113,7 +113,7 @@ def test_sdif_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     writer, path = SdifWriter(seed), tmp_path / "x.sdif"
     path.write_bytes(writer.written())
     others: Counter[str] = Counter()
-    columns = sdif_file.columns(path, others)
+    columns = sdif_file.read_columns(path, others)
     assert others == writer.others
     expected = {
         writer.name(stream, row, column): (stream, row, column)
