@@ -42,7 +42,7 @@ def compile_score(
     reaches = {name: key.reach for name, key in piece.keys.items()}
     ergon_names = ErgonNames(
         struck=stage.network.name_of,
-        source=lambda index: str(stage.sources[index]),
+        source=lambda index: str(stage.ergon_places[index]),
         reach=lambda struck: reaches.get(struck.partition(".")[0], 1.0),
     )
     # Under --json the records of a progress bar would mix with the rows.

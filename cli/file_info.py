@@ -112,7 +112,7 @@ def _obj(path: Path) -> Content:
     mesh = None
     if obj_text is not None:
         reader = Reader(Document(str(path), obj_text, None), "the mesh", collector)
-        mesh = reader.mesh(Place(str(path), 1, 1))
+        mesh = reader.read_mesh(Place(str(path), 1, 1))
     if mesh is None:
         raise Refused("; ".join(f"{path}: {mistake.message}" for mistake in collector.finish()))
     lines = [words for line in (obj_text or "").splitlines() if (words := line.split())]

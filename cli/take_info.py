@@ -149,7 +149,12 @@ def _table(console: Console, path: Path) -> None:
             duration_s=span,
             rate_hz=rate,
             channels=[
-                {"name": c.name, "low": c.low, "high": c.high, "not_finite": c.n_missing}
+                {
+                    "name": c.name,
+                    "low": c.low_value,
+                    "high": c.high_value,
+                    "not_finite": c.n_missing,
+                }
                 for c in channels
             ],
             passed_over=list(table.unread),
@@ -160,8 +165,9 @@ def _table(console: Console, path: Path) -> None:
         words.append(f"{seconds(span)}, {rate:.3g} Hz on average")
     lines = [f"{path}: " + ", ".join(words)]
     lines += [
-        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}{_missing(table, c)}"
-        if c.low <= c.high
+        f"  {c.name}: {c.low_value:g} … {c.high_value:g}, from {c.first_value:g} to "
+        f"{c.last_value:g}{_missing(table, c)}"
+        if c.low_value <= c.high_value
         else f"  {c.name}: never seen"
         for c in channels
     ]
@@ -194,4 +200,4 @@ def _seconds(time: Column) -> float | None:
     from ergon.scores.gesture.points import UNITS_PER_SECOND
 
     per_second = UNITS_PER_SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")
-    return (time.last - time.first) / per_second if per_second else None
+    return (time.last_value - time.first_value) / per_second if per_second else None

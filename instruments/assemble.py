@@ -315,7 +315,9 @@ def _member_mats(assembly: Assembly, first: int, count: int, start: Start) -> ra
 
 # The power of the ratio that multiplies a field: what all kinds have, then what one kind has.
 _LEVER_POWERS = {"X0": 1, "V0": 1, "rest": 1, "gap": 1, "M": -2, "K": -2, "Z": -2}
-_LEVER_POWERS |= {name: power for kind in KINDS.values() for name, power in kind.lever.items()}
+_LEVER_POWERS |= {
+    name: power for kind in KINDS.values() for name, power in kind.lever_powers.items()
+}
 
 
 def _fields_behind_lever(fields: _ModuleFields, ratio: float) -> _ModuleFields:

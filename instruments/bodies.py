@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Context, Shape, wrong_shape
@@ -26,7 +26,10 @@ class Decays(Shape):
             return wrong_shape(self, node, name, context)
         node_pairs = []
         for key, child in node.entries.values():
-            pair = k.PITCH.read(key, name, context), k.DURATION.read(child, name, context)
+            pair = (
+                value_kinds.PITCH.read(key, name, context),
+                value_kinds.DURATION.read(child, name, context),
+            )
             if MISSING in pair:
                 return MISSING
             node_pairs.append(pair)
@@ -41,7 +44,7 @@ class Decays(Shape):
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        return {"type": ["object"], "additionalProperties": k.DURATION.schema()}
+        return {"type": ["object"], "additionalProperties": value_kinds.DURATION.schema()}
 
     def words(self) -> str:
         """In words."""
@@ -67,11 +70,11 @@ _TWO_STAGE_ADVICE = (
     "no mode falls in two stages; two strings of one pitch with a damper between them do "
     '(docs/language.md, "Two-stage decay")'
 )
-DECAY_SHAPE = _DecayShape(k.DURATION, Decays())
+DECAY_SHAPE = _DecayShape(value_kinds.DURATION, Decays())
 _BENDING = Record(
     "bending",
     "how a plate resists curvature",
-    (Field("poisson", k.POISSON, "Poisson's ratio", DEFAULT_POISSON),),
+    (Field("poisson", value_kinds.POISSON, "Poisson's ratio", DEFAULT_POISSON),),
     _poisson,
 )
 
@@ -86,14 +89,14 @@ class Bending(Shape):
         """Read a node."""
         if isinstance(node, document.Mapping):
             return _BENDING.read(node, name, context)
-        is_bending = k.BOOLEAN.read(node, name, context)
+        is_bending = value_kinds.BOOLEAN.read(node, name, context)
         if is_bending is MISSING:
             return MISSING
         return DEFAULT_POISSON if is_bending else None
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        return Either(k.BOOLEAN, _BENDING).schema()
+        return Either(value_kinds.BOOLEAN, _BENDING).schema()
 
     def words(self) -> str:
         """In words."""

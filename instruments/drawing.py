@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from ergon.instruments.following import Following
 from ergon.instruments.model import Module
-from ergon.notation.tables import quantities as q
+from ergon.notation.tables import quantities
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import MISSING, NAME, Name, Text, choice
 from ergon.notation.tables.strengths import ImpulseRange
@@ -41,7 +41,7 @@ class _BowField:
     """A field of acts that leads a constant of a link."""
 
     constant: str
-    dimension: q.Dimension
+    dimension: quantities.Dimension
     example: str
     doc: str
 
@@ -53,8 +53,8 @@ class _BowField:
             raise TextError(message, length=max(1, len(text)), code="E201")
         example = self.example.partition(" ")[2]
         try:
-            soft_and_hard = q.span(
-                range_text, lambda word: q.quantity(word, self.dimension), example
+            soft_and_hard = quantities.span(
+                range_text, lambda word: quantities.quantity(word, self.dimension), example
             )
         except TextError as error:
             error.offset += len(text) - len(text.lstrip()) + len(link_name) + 1
@@ -66,8 +66,10 @@ class _BowField:
 
 
 BOW_FIELDS = {
-    "draw": _BowField("u", q.SPEED, "hair 0.04m/s..0.4m/s", "how fast a link rubs: its `u`"),
-    "press": _BowField("F", q.PUSH, "hair 0.2N..2N", "how hard a link presses: its `F`"),
+    "draw": _BowField(
+        "u", quantities.SPEED, "hair 0.04m/s..0.4m/s", "how fast a link rubs: its `u`"
+    ),
+    "press": _BowField("F", quantities.PUSH, "hair 0.2N..2N", "how hard a link presses: its `F`"),
 }
 BOW_ACT_FIELDS = (
     *(

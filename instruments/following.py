@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.instruments.model import Module, Target
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Name, Shape
@@ -47,8 +47,8 @@ def follows_field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
         Field("of", endpoint, "the MAT by whose position it goes", required=True),
         Field("from", value_shape, "its value where that is at 0 m, and below", required=True),
         Field("to", value_shape, "its value where that is at `span`, and beyond", required=True),
-        Field("offset", k.POSITION, "added to the position", 0.0),
-        Field("span", k.POSITION, "how far it is from one end to the other", 1.0),
+        Field("offset", value_kinds.POSITION, "added to the position", 0.0),
+        Field("span", value_kinds.POSITION, "how far it is from one end to the other", 1.0),
     )
     record = Record(
         "following", "a value that depends on the position of a MAT", following_fields, build

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, choice
@@ -133,11 +133,11 @@ MATERIAL_RECORD = Record(
     "a material of one's own, or a named one with other values",
     (
         Field("like", _MATERIAL_NAME, "the material whose values are used where none are written"),
-        Field("density", k.DENSITY, "mass of a cubic metre"),
-        Field("young", k.PRESSURE, "Young's modulus E; of wood along its grain"),
-        Field("across", k.PRESSURE, "Young's modulus across the grain of a wood"),
-        Field("poisson", k.POISSON, "Poisson's ratio"),
-        Field("loss", k.UNIT_RATIO, "loss factor η: 1/η is the quality factor Q"),
+        Field("density", value_kinds.DENSITY, "mass of a cubic metre"),
+        Field("young", value_kinds.PRESSURE, "Young's modulus E; of wood along its grain"),
+        Field("across", value_kinds.PRESSURE, "Young's modulus across the grain of a wood"),
+        Field("poisson", value_kinds.POISSON, "Poisson's ratio"),
+        Field("loss", value_kinds.UNIT_RATIO, "loss factor η: 1/η is the quality factor Q"),
     ),
     _material,
 )

@@ -8,7 +8,7 @@ from typing import Any
 
 from ergon import _core
 from ergon.instruments.modal_band import Band, band_record
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, NAME, Context, Text
@@ -42,9 +42,9 @@ def _each_shape(member: Text, scalar: Text | None) -> EachShape:
     return EachShape(scalar, None, ListOf(member, 1, MAX_MODES))
 
 
-BANK_PITCHES_SHAPE = _each_shape(k.PITCH, k.PITCHES)
-BANK_DECAYS_SHAPE = _each_shape(k.DURATION, k.DURATIONS)
-BANK_GAINS_SHAPE = _each_shape(k.GAIN, None)
+BANK_PITCHES_SHAPE = _each_shape(value_kinds.PITCH, value_kinds.PITCHES)
+BANK_DECAYS_SHAPE = _each_shape(value_kinds.DURATION, value_kinds.DURATIONS)
+BANK_GAINS_SHAPE = _each_shape(value_kinds.GAIN, None)
 
 
 def with_listed_modes(bank_values: Values) -> Values | None:
@@ -218,11 +218,13 @@ class _LineFormat:
         )
 
 
-_BANK_ROW = _LineFormat((k.PITCH, k.DURATION, k.GAIN))
+_BANK_ROW = _LineFormat((value_kinds.PITCH, value_kinds.DURATION, value_kinds.GAIN))
 
 
 def _places_row(names: Sequence[str]) -> _LineFormat:
-    return _LineFormat((k.PITCH, k.DURATION, *(LEVEL_SHAPE for _ in names)), names)
+    return _LineFormat(
+        (value_kinds.PITCH, value_kinds.DURATION, *(LEVEL_SHAPE for _ in names)), names
+    )
 
 
 def _is_heading(line: str) -> bool:
@@ -262,10 +264,10 @@ def _read_row(
 
 def _cell_value(cell_text: str, cell_reader: Text) -> float:
     """The value of a cell; a decay without a unit is in seconds, as other programs write it."""
-    if cell_reader is k.DURATION and cell_text.replace(".", "", 1).isdigit():
+    if cell_reader is value_kinds.DURATION and cell_text.replace(".", "", 1).isdigit():
         cell_text += "s"
     cell_value = float(cell_reader.parse(cell_text))
-    if cell_reader is k.GAIN and cell_value <= 0.0:
+    if cell_reader is value_kinds.GAIN and cell_value <= 0.0:
         raise TextError(
             f"{quote(cell_text)}: a mode of gain 0 does not move; remove the line",
             length=len(cell_text),
@@ -280,8 +282,8 @@ def _cell_value(cell_text: str, cell_reader: Text) -> float:
 def _parse_level(text: str) -> float:
     level_word = text.strip()
     if level_word.startswith("x") or level_word.endswith("dB"):
-        return float(k.GAIN.parse(level_word))
-    return float(k.NUMBER.parse(level_word))
+        return float(value_kinds.GAIN.parse(level_word))
+    return float(value_kinds.NUMBER.parse(level_word))
 
 
 LEVEL_SHAPE = Text(
@@ -290,8 +292,8 @@ LEVEL_SHAPE = Text(
     r"^([+-]?[0-9.]+(e[+-]?[0-9]+)?( *dB)?|x[0-9.]+)$",
     is_value=True,
 )
-MODES_PITCHES_SHAPE = ListOf(k.PITCH, 1, _core.MAX_MODAL, single=True)
-MODES_DECAYS_SHAPE = ListOf(k.DURATION, 1, _core.MAX_MODAL, single=True)
+MODES_PITCHES_SHAPE = ListOf(value_kinds.PITCH, 1, _core.MAX_MODAL, single=True)
+MODES_DECAYS_SHAPE = ListOf(value_kinds.DURATION, 1, _core.MAX_MODAL, single=True)
 PLACES_SHAPE = NamesOf(ListOf(LEVEL_SHAPE, 1, _core.MAX_MODAL, single=True), "place")
 BAND_RECORD = band_record(LEVEL_SHAPE)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon import _core
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Shape
@@ -86,16 +86,21 @@ def band_record(level_shape: Shape) -> Record:
         "band",
         "modes of a body that are drawn between two frequencies",
         (
-            Field("count", k.integer(1, _core.MAX_MODAL, "40"), "how many modes", required=True),
-            Field("f", k.PITCHES, "between which frequencies", required=True),
-            Field("t60", k.DURATIONS, "decays: low for high f", required=True),
+            Field(
+                "count",
+                value_kinds.integer(1, _core.MAX_MODAL, "40"),
+                "how many modes",
+                required=True,
+            ),
+            Field("f", value_kinds.PITCHES, "between which frequencies", required=True),
+            Field("t60", value_kinds.DURATIONS, "decays: low for high f", required=True),
             Field(
                 "places",
                 NamesOf(ListOf(level_shape, 1, 1, single=True), "place"),
                 "how far they move at each place at most",
                 required=True,
             ),
-            Field("seed", k.integer(0, 2**31 - 1, "3"), "seed of the draws", 1),
+            Field("seed", value_kinds.integer(0, 2**31 - 1, "3"), "seed of the draws", 1),
         ),
         build=_build,
     )

@@ -185,7 +185,7 @@ class PartNames:
         acts = self.parts[target.part].acts.values()
         return any(act.is_drawn for act in acts if target.module in map(_module_of_name, act.at))
 
-    def drawn_act_name(self, instrument_name: Name, act: str) -> Iterator[Name]:
+    def drawn_act_names(self, instrument_name: Name, act: str) -> Iterator[Name]:
         """The name of an act of the instrument that a name names, if it has such an act, which
         lasts as long as a note.
         """

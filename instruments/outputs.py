@@ -7,7 +7,7 @@ from typing import Any
 
 from ergon.instruments.kinds.outputs import OUTPUTS, OutputKind
 from ergon.instruments.module_kinds import tables
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, NAME, Context, Name, Reference, Shape, wrong_shape
@@ -36,7 +36,7 @@ _LISTENED_MODULES = ListOf(
 _SOF = Record(
     "SOF",
     "a link by its kind, or the forces of a bank's members at their nearest loudspeakers",
-    (Field("nearest", k.PATH, "a layout of loudspeakers"),),
+    (Field("nearest", value_kinds.PATH, "a layout of loudspeakers"),),
     kinds={kind: _LISTENED_MODULES for kind in tables("si")},
 )
 DISTANCE = Record(

@@ -7,8 +7,7 @@ from typing import Any
 
 from ergon.instruments.drawing import BOW_ACT_FIELDS, BOW_FIELDS, DrawnActs, StruckMass
 from ergon.instruments.model import Act, Hold, Module
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import quantities, value_kinds
 from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Name, Reference
@@ -17,7 +16,7 @@ from ergon.notation.tables.strengths import ImpulseRange
 _SUBSTITUTE_IMPULSES = 1e-3, 1e-2  # N·s
 READY_SHAPE = ListOf(Reference("acts, such as strike"), 1, single=True)
 LEVEL_DOC = "how loud a stroke at mf is at a gain of 0 dB, measured"
-LOUDNESS_SHAPE = k.quantity(q.LOUDNESS)
+LOUDNESS_SHAPE = value_kinds.quantity(quantities.LOUDNESS)
 _MODULES_SHAPE = ListOf(Reference("modules, such as beater", ("modules",)), 1, single=True)
 
 
@@ -32,7 +31,9 @@ RELEASE_RECORD = Record(
             None,
             True,
         ),
-        Field("impulse", k.quantity(q.IMPULSE), "impulse of an ergon", None, True),
+        Field(
+            "impulse", value_kinds.quantity(quantities.IMPULSE), "impulse of an ergon", None, True
+        ),
     ),
 )
 
@@ -41,7 +42,7 @@ def play_table(module_record: Record) -> NamesOf:
     """The table of `play:`, in which modules are written as `module_record` says."""
     act_fields = (
         Field("at", _MODULES_SHAPE, "what is struck", shown="its only module"),
-        Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke"),
+        Field("impulse", value_kinds.IMPULSES, "those of its softest and of its hardest stroke"),
         *BOW_ACT_FIELDS,
         Field(
             "with",
@@ -49,8 +50,15 @@ def play_table(module_record: Record) -> NamesOf:
             "modules that are there once a line plays it",
         ),
         Field("release", RELEASE_RECORD, "what the end of a note does", shown="nothing"),
-        Field("lasts", k.CONTACT_TIME, "how long a stroke lasts; 0s: an instant", shown="0.19ms"),
-        Field("turns", k.BOOLEAN, "each second stroke goes backwards, as a bow does", False),
+        Field(
+            "lasts",
+            value_kinds.CONTACT_TIME,
+            "how long a stroke lasts; 0s: an instant",
+            shown="0.19ms",
+        ),
+        Field(
+            "turns", value_kinds.BOOLEAN, "each second stroke goes backwards, as a bow does", False
+        ),
     )
     return NamesOf(Record("act", "a way in which an instrument is played", act_fields), "act")
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ergon import _core
 from ergon.instruments.model import Target
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Shape
@@ -24,10 +24,10 @@ def proxy_record(endpoint: Shape) -> Record:
             "the masses that it lies between, in order, such as string or [nut, string.all]",
             required=True,
         ),
-        Field("shares", ListOf(k.NUMBER, 1, single=True), "how much of each it is"),
+        Field("shares", ListOf(value_kinds.NUMBER, 1, single=True), "how much of each it is"),
         Field(
             "at",
-            ListOf(k.NUMBER, 1, 2, single=True),
+            ListOf(value_kinds.NUMBER, 1, 2, single=True),
             "where it is, in masses from the first: 12.4; on a mesh its row and its column",
         ),
         Field(
@@ -35,11 +35,16 @@ def proxy_record(endpoint: Shape) -> Record:
             ListOf(endpoint, 1, 2, single=True),
             "MATs whose positions move it: at 0 m it is at the first mass, at `span` at the last",
         ),
-        Field("offset", ListOf(k.POSITION, 1, 2, single=True), "added to what it follows", (0.0,)),
-        Field("span", ListOf(k.POSITION, 1, 2, single=True), "from end to end", (1.0,)),
+        Field(
+            "offset",
+            ListOf(value_kinds.POSITION, 1, 2, single=True),
+            "added to what it follows",
+            (0.0,),
+        ),
+        Field("span", ListOf(value_kinds.POSITION, 1, 2, single=True), "from end to end", (1.0,)),
         Field(
             "columns",
-            k.integer(1, 100_000, "35"),
+            value_kinds.integer(1, 100_000, "35"),
             "how many masses of a mesh are in a row",
             shown="all, or those of a rectangle",
         ),

@@ -23,8 +23,7 @@ from ergon.instruments.transpose import (
     named_pitch,
     transposed_value,
 )
-from ergon.notation.tables import tuning
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import tuning, value_kinds
 from ergon.notation.tables.compound import ListOf, NamesOf, schema_of_types
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.named_values import named_amounts
@@ -68,12 +67,12 @@ def member_table(instrument_form: Form) -> Record:
             NamesOf(module_table(instrument_form), "module", has_loops=True),
             "fields of its modules",
         ),
-        Field("f", k.PITCHES, "another pitch for a single generator"),
+        Field("f", value_kinds.PITCHES, "another pitch for a single generator"),
         Field("transpose", INTERVAL_SHAPE, "how much higher it is than its note"),
-        Field("t60", k.DURATIONS, "another decay for a single generator"),
+        Field("t60", value_kinds.DURATIONS, "another decay for a single generator"),
         Field(
             "M",
-            k.MASS_OR_NUMBER if instrument_form == "ca" else k.MASS,
+            value_kinds.MASS_OR_NUMBER if instrument_form == "ca" else value_kinds.MASS,
             "another mass for a single generator",
         ),
     )
@@ -120,9 +119,16 @@ PLACING_RECORD = Record(
     "place",
     "where it lies among loudspeakers, for `nearest`",
     (
-        Field("across", k.DISTANCE, "how large a body of 1 m is there", 1.0, shown="1m"),
-        Field("at", ListOf(k.POSITION, 2, 2), "its middle: to the right, to the front", (0.0, 0.0)),
-        Field("height", k.POSITION, "how high it lies", shown="on the plan of the layout"),
+        Field("across", value_kinds.DISTANCE, "how large a body of 1 m is there", 1.0, shown="1m"),
+        Field(
+            "at",
+            ListOf(value_kinds.POSITION, 2, 2),
+            "its middle: to the right, to the front",
+            (0.0, 0.0),
+        ),
+        Field(
+            "height", value_kinds.POSITION, "how high it lies", shown="on the plan of the layout"
+        ),
     ),
 )
 
@@ -163,7 +169,7 @@ def instrument_table(instrument_form: Form) -> Record:
             "modules", NamesOf(module_table(instrument_form), "module", has_loops=True), MODULES_DOC
         ),
         Field("out", OutputsShape(), "what is heard of it", shown="nothing"),
-        Field("f", k.PITCHES, "its pitch; what it begins with is retuned as a whole"),
+        Field("f", value_kinds.PITCHES, "its pitch; what it begins with is retuned as a whole"),
         Field(
             "transpose", INTERVAL_SHAPE, "how much higher than what it begins with, or is written"
         ),
@@ -174,18 +180,20 @@ def instrument_table(instrument_form: Form) -> Record:
             MembersShape(member_table(instrument_form)),
             "what single members have of their own",
         ),
-        Field("t60", k.DURATIONS, "another decay for a single generator"),
+        Field("t60", value_kinds.DURATIONS, "another decay for a single generator"),
         Field(
             "M",
-            k.MASS_OR_NUMBER if instrument_form == "ca" else k.MASS,
+            value_kinds.MASS_OR_NUMBER if instrument_form == "ca" else value_kinds.MASS,
             "another mass for a single generator",
         ),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
-        Field("at", k.RATE, "the rate of that network"),
+        Field("at", value_kinds.RATE, "the rate of that network"),
         Field("place", PLACING_RECORD, "where it lies among loudspeakers, for `nearest`"),
-        Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
-        Field("space", k.integer(1, 3, "3"), "how many axes its masses move along", 1),
-        Field("gravity", k.GRAVITY, "gravity in space, against the last axis", shown="none"),
+        Field("rate", value_kinds.RATE, "its own: audio divided by a whole number", shown="audio"),
+        Field("space", value_kinds.integer(1, 3, "3"), "how many axes its masses move along", 1),
+        Field(
+            "gravity", value_kinds.GRAVITY, "gravity in space, against the last axis", shown="none"
+        ),
         Field(
             "play",
             play_table(module_table(instrument_form)),

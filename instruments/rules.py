@@ -41,7 +41,7 @@ class ModuleRules:
         self._law_texts, self._takes, self._written_values = laws, takes, bodies
         self._driver_of_point: dict[tuple[str, str, object], str] = {}
 
-    def resolved(self, module: Module) -> Module | None:
+    def resolve(self, module: Module) -> Module | None:
         """A module with every name replaced by its target; None if it was refused."""
         module_part, part_names = self._part, self._part_names
         module_label = (

@@ -15,7 +15,7 @@ from ergon import _core
 from ergon.instruments.members import PATTERN
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.value_kinds import AXES
@@ -68,17 +68,22 @@ PROFILE = Record(
     "profile",
     "how far an obstacle with a curved top is, from point to point",
     (
-        Field("depth", k.POSITION, "how much farther it is at the far end", required=True),
-        Field("least", k.POSITION, "gap at its top", 0.0),
-        Field("top", k.NUMBER, "point at which it is nearest, counted from 0", 0.0),
         Field(
-            "length", k.POSITIVE, "points from the top to that depth", shown="to the farthest end"
+            "depth", value_kinds.POSITION, "how much farther it is at the far end", required=True
         ),
-        Field("power", k.EXPONENT, "2: a parabola, 1: a slope", 2.0),
+        Field("least", value_kinds.POSITION, "gap at its top", 0.0),
+        Field("top", value_kinds.NUMBER, "point at which it is nearest, counted from 0", 0.0),
+        Field(
+            "length",
+            value_kinds.POSITIVE,
+            "points from the top to that depth",
+            shown="to the farthest end",
+        ),
+        Field("power", value_kinds.EXPONENT, "2: a parabola, 1: a slope", 2.0),
     ),
     _profile,
 )
-GAP = Either(k.POSITION, PROFILE, ListOf(k.POSITION, 1, MAX_LINKED_POINTS))
+GAP = Either(value_kinds.POSITION, PROFILE, ListOf(value_kinds.POSITION, 1, MAX_LINKED_POINTS))
 
 
 def link_count(ends: Sequence[Target]) -> int:

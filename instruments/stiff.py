@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING
@@ -34,14 +34,14 @@ _WIRE = Record(
     "wire",
     "a round wire: B = π³·E·r⁴/(4·T·L²)",
     (
-        Field("young", k.PRESSURE, "Young's modulus E", required=True),
-        Field("radius", k.SIZE, "radius r of its cross-section", required=True),
-        Field("tension", k.FORCE, "tension T", required=True),
-        Field("length", k.SIZE, "length L between its ends", required=True),
+        Field("young", value_kinds.PRESSURE, "Young's modulus E", required=True),
+        Field("radius", value_kinds.SIZE, "radius r of its cross-section", required=True),
+        Field("tension", value_kinds.FORCE, "tension T", required=True),
+        Field("length", value_kinds.SIZE, "length L between its ends", required=True),
     ),
     _inharmonicity,
 )
-INHARMONICITY_SHAPE = Either(k.INHARMONICITY, _WIRE)
+INHARMONICITY_SHAPE = Either(value_kinds.INHARMONICITY, _WIRE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,4 +67,4 @@ _STRETCHED_WIRE = Record(
     _WIRE.fields[:2] + _WIRE.fields[3:],
     _stretched_wire,
 )
-STRETCHING_SHAPE = Either(k.HARDENING, _STRETCHED_WIRE)
+STRETCHING_SHAPE = Either(value_kinds.HARDENING, _STRETCHED_WIRE)

@@ -1,9 +1,9 @@
 """Instruments at another pitch: all times in them are divided by one ratio.
 
-Dividing times by r multiplies all eigenvalues by r: each mode's pitch exactly, while its T60 is
-divided by r. So stiffnesses are multiplied by r², viscosities by r, and masses and lengths stay.
-Modules below audible frequencies (a hammer, a mallet) count as mechanics and stay, as does
-friction, a damping without a law.
+Dividing times by r multiplies all eigenvalues by r. So the pitch of each mode is multiplied by
+exactly r, and its T60 is divided by r: stiffnesses are multiplied by r², viscosities by r, and
+masses and lengths stay. Modules below audible frequencies (a hammer, a mallet) count as mechanics
+and stay, as does friction, a damping without a law.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ergon.instruments.modal_band import Band
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.starts import Start
 from ergon.instruments.stiff import Stretched
-from ergon.notation.tables import quantities as q
+from ergon.notation.tables import quantities
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Text
 from ergon.notation.text.errors import TextError, quote
@@ -39,18 +39,18 @@ _A4_FREQUENCY = 440.0
 class Interval:
     """The step from one pitch to another: in cents if they are known, else as a ratio.
 
-    `keys` are those of a scale, if the interval is written in whole semitones.
+    `scale_steps` are those of a scale, if the interval is written in whole semitones.
     """
 
     ratio: float
     cents: float | None = None
-    keys: int | None = None
+    scale_steps: int | None = None
 
     @property
     def semitones(self) -> float:
         """The interval in semitones; an integer counts keys of a scale."""
-        if self.keys is not None:
-            return self.keys
+        if self.scale_steps is not None:
+            return self.scale_steps
         return 12.0 * math.log2(self.ratio) if self.cents is None else self.cents / 100.0
 
     def plus(self, next_interval: Interval) -> Interval:
@@ -86,7 +86,7 @@ def parse_interval(text: str) -> Interval:
     """Read `7st`, `-14cents`, `x1.5` or `3/2`. Raises TextError."""
     word = text.strip()
     if word.startswith("x") or _RATIO.fullmatch(word):
-        ratio = q.factor(f"x{word.removeprefix('x')}")
+        ratio = quantities.factor(f"x{word.removeprefix('x')}")
         if not 1e-3 <= ratio <= 1e3:
             message = f"{quote(word)} lies outside the range from x0.001 to x1000"
             raise TextError(message, length=max(1, len(word)), code="E202")
@@ -105,7 +105,7 @@ def parse_interval(text: str) -> Interval:
         message = f"{quote(word)} lies outside the range from -120st to 120st"
         raise TextError(message, length=len(word), code="E202")
     is_keys = match[2] == "st" and amount.denominator == 1
-    return replace(interval_of_cents(cents), keys=int(amount) if is_keys else None)
+    return replace(interval_of_cents(cents), scale_steps=int(amount) if is_keys else None)
 
 
 INTERVAL_SHAPE = Text(
@@ -154,9 +154,9 @@ def _note_frequency(cents: int) -> float:
     """The frequency [Hz] of a note `cents` above A4, equal to that of its name to the last bit."""
     octaves, rest = divmod(cents, 1200)
     semitones, cents_over = divmod(rest, 100)
-    semitone_steps = semitones + cents_over / 100
+    semitones_above = semitones + cents_over / 100
     return math.ldexp(
-        _A4_FREQUENCY * (_core.pow(2.0, semitone_steps / 12) if semitone_steps else 1.0), octaves
+        _A4_FREQUENCY * (_core.pow(2.0, semitones_above / 12) if semitones_above else 1.0), octaves
     )
 
 
@@ -175,7 +175,7 @@ def _cents_above_a4(frequency: float) -> int | None:
 _RATIO_POWERS = {"t60": -1, "K": 2, "Z": 1, "V0": 1, "hardening": 2, "stretching": 2}
 
 
-def base_at_pitch(base_values: Values, values: Values, *, is_root: bool) -> Values:
+def transposed_base(base_values: Values, values: Values, *, is_root: bool) -> Values:
     """The base of an instrument, at the pitch that the instrument's own `f` and
     `transpose` ask for.
 
@@ -213,7 +213,7 @@ def base_at_pitch(base_values: Values, values: Values, *, is_root: bool) -> Valu
 
 def instrument_at_note(values: Values, note: str) -> Values:
     """An instrument with `notes` at one of its notes; it must have a named pitch."""
-    written_frequency, note_frequency = named_pitch(values), q.frequency(note)
+    written_frequency, note_frequency = named_pitch(values), quantities.frequency(note)
     assert written_frequency is not None
     fields = {name: value for name, value in values.by_name.items() if name != "notes"}
     note_values = replace(values, by_name=fields)
@@ -292,7 +292,7 @@ def _transposed_fields(kind: str, fields: Values, interval: Interval) -> Values:
     """The fields of one module moved by an interval; a law keeps the interval in `interval`, and is
     moved later.
     """
-    if is_mechanics(kind, fields):
+    if keeps_pitch(kind, fields.by_name):
         return fields
     fields = from_material(kind, fields, quietly=True) or fields
     moved_fields = {
@@ -305,14 +305,9 @@ def _transposed_fields(kind: str, fields: Values, interval: Interval) -> Values:
     return replace(fields, by_name=moved_fields)
 
 
-def is_mechanics(kind: str, fields: Values) -> bool:
-    """Whether a module is below audible frequencies, so that it is not transposed."""
-    return keeps_pitch(kind, fields.by_name)
-
-
 def keeps_pitch(kind: str, fields: Mapping[str, Any]) -> bool:
-    """Whether a module with these fields, in SI units, is below audible frequencies, or is
-    friction.
+    """Whether a module with these fields, in SI units, is not transposed: below audible
+    frequencies, or friction.
     """
     frequency, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
     if KINDS[kind].role == "friction":

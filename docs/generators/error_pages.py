@@ -73,9 +73,15 @@ def reports_and_score(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]
         reports = [*loaded.diagnostics, *warn_unused(loaded.piece), *warn_implausible(loaded.piece)]
         reports += played.diagnostics
         if entry.code == "W331":
-            return [*reports, *warn_low_modes(highest_modes(loaded.piece, played.built))], loaded
+            return [
+                *reports,
+                *warn_low_modes(highest_modes(loaded.piece, played.built_network)),
+            ], loaded
         if entry.code == "W332":
-            return [*reports, *warn_over_limit(loaded.piece, played.built, played.paths)], loaded
+            return [
+                *reports,
+                *warn_over_limit(loaded.piece, played.built_network, played.paths),
+            ], loaded
         if entry.code in ("W320", "W323", "W334"):
             done = simulate(loaded.piece, NAME)
             reports += never_closed_warnings(loaded.piece, done) + closed_once_warnings(

@@ -14,7 +14,7 @@ from ergon.instruments.space.fields import SURFACE_FILE
 from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
-from ergon.scores.reading.automation import AUTOMATION
+from ergon.scores.reading.automation import AUTOMATION_RECORD
 from ergon.scores.reading.gesture_tables import GESTURE_RECORD, TAKE_RECORD
 from ergon.scores.reading.key_tables import COUPLING_RECORD, KEY_RECORD, PLAYER_RECORD
 from ergon.scores.reading.measured_tables import CALIBRATION_RECORD, LAYOUT_RECORD, SPEAKER_RECORD
@@ -41,7 +41,7 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("players", PLAYER_RECORD),
     ("duet", COUPLING_RECORD),
     ("parts", PLAY_RECORD),
-    ("automation", AUTOMATION),
+    ("automation", AUTOMATION_RECORD),
     ("mix", MIX_RECORD),
     ("mix: route", ROUTE_RECORD),
     ("mix: master", MASTER_RECORD),
@@ -120,7 +120,7 @@ def text() -> str:
         "Made from the checker's tables by `make docs`.",
         "",
     ]
-    lines += _section("A score", s.SCORE)
+    lines += _section("A score", s.SCORE_RECORD)
     for title, record in _SECTIONS:
         lines += _section(title, record)
     lines += ["## Modules", ""]

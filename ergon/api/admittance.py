@@ -158,7 +158,7 @@ def admittance(
     for number, end in enumerate((forced_point, *observed_points)):
         refuse_several_axes("observed" if number else "forced", piece, end.part)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
-        built = prepare(piece).built
+        built = prepare(piece).built_network
         network = built.network
         part_elements = [network.elements([part]) for part in part_names]
         if len({elements.ca_rate for elements in part_elements}) > 1:

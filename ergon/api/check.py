@@ -75,15 +75,15 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
             *warn_implausible(loaded.piece),
             *staged.diagnostics,
         ]
-        diagnostics += warn_low_modes(highest_modes(loaded.piece, staged.built))
-        diagnostics += warn_over_limit(loaded.piece, staged.built, staged.paths)
+        diagnostics += warn_low_modes(highest_modes(loaded.piece, staged.built_network))
+        diagnostics += warn_over_limit(loaded.piece, staged.built_network, staged.paths)
     except StageError as error:
         diagnostics = list(error.diagnostics)
         if loaded.piece.automation and any(diagnostic.code == "E309" for diagnostic in diagnostics):
             # If the engine refuses the network itself, there is nothing to look at.
             with contextlib.suppress(_core.EngineError):
                 prepared = prepare(loaded.piece)
-                diagnostics += warn_over_limit(loaded.piece, prepared.built, prepared.paths)
+                diagnostics += warn_over_limit(loaded.piece, prepared.built_network, prepared.paths)
     scores.show(report, loaded, diagnostics)
     return staged, diagnostics
 

@@ -270,12 +270,12 @@ def _measured_key(calib: Path, travel: float) -> tuple[_core.Network, int, float
     weight_force = sum(
         module.fields["from"] for module in calibrated_key.modules if module.kind == "ENF"
     )
-    assert calibrated_key.measured is not None
+    assert calibrated_key.measured_constants is not None
     return (
         assembly.network,
         assembly.mats[calibrated_key.name, calibrated_key.struck],
         weight_force,
-        calibrated_key.measured[2] or 0.0,
+        calibrated_key.measured_constants[2] or 0.0,
     )
 
 

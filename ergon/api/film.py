@@ -95,7 +95,7 @@ def _key_entries(stage: Stage) -> list[tuple[str, int, bool]]:
     Keys without a real hand come first.
     """
     hands = {hand.key: hand.mat for hand in stage.live_hands}
-    mats = stage.built.assembly.mats
+    mats = stage.built_network.assembly.mats
     key_entries = [
         (name, mats[name, key.struck], False)
         for name, key in stage.piece.keys.items()
@@ -112,7 +112,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     point_index = {mat: index for index, mat in enumerate(look.mats())}
     players = {player.key: player.name for player in piece.players.values()}
     points_in_space = (
-        [point_index.get(mat) for mat in axes] for axes in stage.built.points_in_space()
+        [point_index.get(mat) for mat in axes] for axes in stage.built_network.points_in_space()
     )
     contacts = [
         (contact.name, point_index.get(contact.a), point_index.get(contact.b))
@@ -149,7 +149,8 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         ],
         "speakers": list(_speakers(stage)),
         "sources": [
-            {"name": None, "file": shown(place.file), "line": place.line} for place in stage.sources
+            {"name": None, "file": shown(place.file), "line": place.line}
+            for place in stage.ergon_places
         ],
         "marks": [
             {"name": name, "seconds": instant} for name, instant in scores.mark_instants(piece)

@@ -65,7 +65,9 @@ def driven_players(
                     f"{board.url} has no motor that could move a key; --live {player_name}=… plays "
                     "it"
                 )
-            elif player_key.measured is None or (len(player_key.modules) > 1 and player_key.struck):
+            elif player_key.measured_constants is None or (
+                len(player_key.modules) > 1 and player_key.struck
+            ):
                 refusal_reason = (
                     f"the key {player.key} is not measured, so nobody knows by which force it "
                     f"moves; measure it with `ergon metrology {board.url}`, and write "

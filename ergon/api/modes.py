@@ -211,7 +211,7 @@ def modes(
     piece = scores.piece_of(loaded)
     part_names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
-        built = prepare(piece).built
+        built = prepare(piece).built_network
         return tuple(
             compute_modes(piece, built, name, search_bounds, loaded.inputs) for name in part_names
         )

@@ -120,7 +120,7 @@ def plan(
         budget,
         {
             highest_mode.name: highest_mode.frequency
-            for highest_mode in highest_modes(staged.piece, staged.stage.built)
+            for highest_mode in highest_modes(staged.piece, staged.stage.built_network)
         },
         work_pieces(staged.stage.simulation, plan_rows, staged.stage.rate),
         tuple(staged_plan.seen()),

@@ -144,7 +144,7 @@ def stage_piece(
     from ergon.exchange import machine_speed
     from ergon.exchange.plan_store import user_store
     from ergon.scores.staging.implausible import warn_implausible
-    from ergon.scores.staging.planning import draft_error
+    from ergon.scores.staging.planning import draft_error_sentence
     from ergon.scores.staging.recording_stages import stage_or_plan
     from ergon.scores.staging.stage import stage
     from ergon.scores.staging.unused import warn_unused
@@ -184,7 +184,7 @@ def stage_piece(
     plan_s = time.perf_counter() - start_time
     if options is not None and options.draft and staged_piece.plan is not None:
         (report or Report()).say(
-            draft_error(staged_piece.plan)
+            draft_error_sentence(staged_piece.plan)
             if staged_piece.is_draft
             else "draft, planned as an earlier render"
         )

@@ -125,7 +125,7 @@ def stats(
     piece = scores.piece_of(loaded)
     part_names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
-        built = prepare(piece).built
+        built = prepare(piece).built_network
         return tuple(
             _part_stats(piece, built, name, frequency_max, loaded.inputs) for name in part_names
         )

@@ -120,7 +120,7 @@ def _contact_players(
             for gesture_stroke in _gesture_strokes(staged_gesture, direction)
         )
         yield _ContactPlayer(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
-    timeline, mats = simulated.stage.timeline, simulated.stage.built.assembly.mats
+    timeline, mats = simulated.stage.timeline, simulated.stage.built_network.assembly.mats
     if timeline is None:
         return
     for contact_end in contact.ends:
@@ -176,7 +176,7 @@ def _gesture_strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stro
     if gesture.is_layer:
         return  # a layer adds to an unknown path
     begin_instant, lowest, highest = gesture.start, float("inf"), -float("inf")
-    for instant, position in zip(gesture.t, gesture.x, strict=True):
+    for instant, position in zip(gesture.instants, gesture.positions, strict=True):
         reach_forward = direction * position
         if reach_forward < highest - _ROUNDING_TOLERANCE:
             if highest > lowest + _ROUNDING_TOLERANCE:

@@ -62,7 +62,7 @@ def _engine_values(
     stage: Stage, module_keys: Sequence[ModuleKey], number_rows: Sequence[Sequence[float]]
 ) -> AutomatedValues:
     """Values of modules as the engine takes them. No hand feels the automation of a BANK."""
-    assembly = stage.built.assembly
+    assembly = stage.built_network.assembly
     cel_values, link_factors = [], []
     for module_key, module_numbers in zip(module_keys, number_rows, strict=True):
         if len(module_numbers) == 3:

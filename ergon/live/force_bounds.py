@@ -293,7 +293,9 @@ def _stretches(
     """The stretches of a piece: (first frame, values at the beginning, values at the end)."""
     couplings = [
         (link, _coupling_end(stage, until))
-        for link, (_, until) in zip(stage.built.couplings, coupling_spans(stage.piece), strict=True)
+        for link, (_, until) in zip(
+            stage.built_network.coupling_links, coupling_spans(stage.piece), strict=True
+        )
     ]
     moving_glides = [glide for glide in glides if _grid_frame(stage, glide.stop) > start_frame]
     moment_frames = {start_frame, *(_grid_frame(stage, glide.stop) for glide in moving_glides)}
@@ -341,7 +343,9 @@ def _glide_frames(stage: Stage, glide: Glide, start_frame: int) -> Iterator[int]
     if last_frame - max(first_frame, start_frame) <= SHORT_CHANGE * stage.rate:
         return
     number_pairs = [
-        (a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0
+        (a, b)
+        for a, b in zip(glide.initial_values, glide.final_values, strict=True)
+        if a > 0 and b > 0
     ]
     first_number, second_number = max(
         number_pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0)
@@ -370,25 +374,28 @@ def _glide_values(
         if glide_share == 1.0 and glide.network_value is None:
             continue
         module_key = glide.part, glide.module
-        if len(glide.before) == 3:
+        if len(glide.initial_values) == 3:
             # 1/M, K/M and Z/M glide linearly, because a frame uses K and Z per mass.
-            (k, z, m), (to_k, to_z, to_m) = glide.before, glide.after
+            (k, z, m), (to_k, to_z, to_m) = glide.initial_values, glide.final_values
             glide_mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * glide_share)
             k, z = (
                 glide_mass * (a / m + (b / to_m - a / m) * glide_share)
                 for a, b in ((k, to_k), (z, to_z))
             )
-            cel_values.append((stage.built.assembly.mats[module_key], k, z, glide_mass))
-        elif len(glide.before) == 2:
+            cel_values.append((stage.built_network.assembly.mats[module_key], k, z, glide_mass))
+        elif len(glide.initial_values) == 2:
             factor_max = max(
                 body_factor + (1.0 - body_factor) * glide_share
                 for body_factor in glide.body_factors
             )
             link_factors += [
-                (link, factor_max) for link in stage.built.assembly.generator_links[module_key]
+                (link, factor_max)
+                for link in stage.built_network.assembly.generator_links[module_key]
             ]
         else:
             first_ratio, last_ratio = glide.factors
             factor = first_ratio + (last_ratio - first_ratio) * glide_share
-            link_factors += [(link, factor) for link in stage.built.assembly.links[module_key]]
+            link_factors += [
+                (link, factor) for link in stage.built_network.assembly.links[module_key]
+            ]
     return tuple(cel_values), tuple(link_factors)

@@ -91,13 +91,13 @@ def perform(
     real_hands = [hand for hand in stage.live_hands if hand.player in board_players]
     hands = [
         _core.LiveHand(
-            hand.standin,
+            hand.standin_path,
             hand.reach,
             _guidance_spring(config, hand.player, stage.piece.keys[hand.key]),
             force_response(stage.network, hand, stage.rate, hand.reach, real_hands)
             if hand in real_hands
             else np.zeros(0),
-            stage.piece.keys[hand.key].measured,
+            stage.piece.keys[hand.key].measured_constants,
             _written_forces(stage, config, hand, tick_size),
         )
         for hand in stage.live_hands
@@ -178,7 +178,7 @@ def _written_forces(
     from ergon.scores.staging.driving import written_forces
 
     piece = stage.piece
-    return written_forces(piece, piece.players[hand.player], frames_per_tick, hand.standin)
+    return written_forces(piece, piece.players[hand.player], frames_per_tick, hand.standin_path)
 
 
 def _guidance_spring(

@@ -33,9 +33,9 @@ class PreflightGain:
 
 def preflight_frames(stage: Stage) -> int:
     """The number of frames to compute: all, or as many as `_WORK_SECONDS_MAX` allows."""
-    from ergon.scores.staging.planning import cost
+    from ergon.scores.staging.planning import plan_cost
 
-    cost_share = 0.0 if stage.plan is None else cost(stage.plan)
+    cost_share = 0.0 if stage.plan is None else plan_cost(stage.plan)
     is_long = cost_share * stage.n_frames > _WORK_SECONDS_MAX * stage.rate
     return int(_WORK_SECONDS_MAX / cost_share * stage.rate) if is_long else stage.n_frames
 

@@ -35,7 +35,9 @@ class Sliding:
         """Go on with positions (n_frames, n_points)."""
         import numpy as np
 
-        elongations = frames[:, self.rubbing.b.output] - frames[:, self.rubbing.a.output]
+        elongations = (
+            frames[:, self.rubbing.b.output_number] - frames[:, self.rubbing.a.output_number]
+        )
         start_distance = elongations[0] if self._apart is None else self._apart
         speeds = np.diff(elongations, prepend=start_distance) * rate
         self._apart = float(elongations[-1])

@@ -53,7 +53,7 @@ class ContactClosings:
 
         contact = self.contact
         contact_fields = contact.module.fields
-        elongations = frames[:, contact.b.output] - frames[:, contact.a.output]
+        elongations = frames[:, contact.b.output_number] - frames[:, contact.a.output_number]
         gap = contact_fields["gap"]
         depth = -elongations - gap if contact_fields["side"] == "below" else elongations - gap
         self.deepest_swapped = max(self.deepest_swapped, -float(depth.min()) - 2.0 * gap)

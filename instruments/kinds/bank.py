@@ -8,15 +8,25 @@ from ergon import _core
 from ergon.instruments.kinds import bodies
 from ergon.instruments.kinds.kind import Quantities, module_kind, present_fields
 from ergon.instruments.modal import BANK_DECAYS_SHAPE, BANK_GAINS_SHAPE, BANK_PITCHES_SHAPE, Each
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import choice
 
 
 def _fields(quantities: Quantities) -> tuple[Field, ...]:
     return (
-        Field("count", k.integer(1, bodies.MAX_MODULES, "10000"), "how many CEL", required=True),
-        Field("M", k.MASS_OR_NUMBER if quantities.is_ca else k.MASS, "mass of each", required=True),
+        Field(
+            "count",
+            value_kinds.integer(1, bodies.MAX_MODULES, "10000"),
+            "how many CEL",
+            required=True,
+        ),
+        Field(
+            "M",
+            value_kinds.MASS_OR_NUMBER if quantities.is_ca else value_kinds.MASS,
+            "mass of each",
+            required=True,
+        ),
         Field(
             "f", BANK_PITCHES_SHAPE, "frequencies, spread by logarithm, or of each", required=True
         ),
@@ -24,7 +34,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
             "t60", BANK_DECAYS_SHAPE, "decays: low for high f where even, or of each", required=True
         ),
         Field("gain", BANK_GAINS_SHAPE, "of a list: how much faster than the mass M each moves"),
-        Field("modes", k.PATH, "a CSV file of f, t60 and gain, instead of lists"),
+        Field("modes", value_kinds.PATH, "a CSV file of f, t60 and gain, instead of lists"),
         Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
         Field(
             "place",
@@ -33,7 +43,10 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
             "line",
         ),
         Field(
-            "hole", k.HOLE, "radius of the highest pitch of a galaxy over that of the lowest", 0.3
+            "hole",
+            value_kinds.HOLE,
+            "radius of the highest pitch of a galaxy over that of the lowest",
+            0.3,
         ),
         Field("angles", choice("random", "even"), "how a galaxy lies around its middle", "even"),
         *bodies.START_FIELDS,
@@ -73,7 +86,7 @@ BANK = module_kind(
     "generator",
     "many CEL",
     _fields,
-    gliding=("f", "t60"),
+    glidable_parameters=("f", "t60"),
     source_fields=("modes",),
     add=_add,
     count=_count,

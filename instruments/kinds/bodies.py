@@ -6,16 +6,16 @@ from ergon.instruments.bodies import DECAY_SHAPE
 from ergon.instruments.kinds.kind import Quantities
 from ergon.instruments.materials import MATERIAL_SHAPE
 from ergon.instruments.starts import start_shape
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field, Values
 
 MAX_MODULES = 2_000_000  # modules of one generator: some 200 MB
 
 START_FIELDS = (
-    Field("X0", start_shape("X0", k.POSITION, "x"), "positions at the beginning", 0.0),
-    Field("V0", start_shape("V0", k.SPEED, "v"), "velocities at the beginning", 0.0),
+    Field("X0", start_shape("X0", value_kinds.POSITION, "x"), "positions at the beginning", 0.0),
+    Field("V0", start_shape("V0", value_kinds.SPEED, "v"), "velocities at the beginning", 0.0),
 )
-HARDENING_FIELD = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
+HARDENING_FIELD = Field("hardening", value_kinds.HARDENING, "q of k·d + q·d³ on every link", 0.0)
 MATERIAL_FIELD = Field(
     "material", MATERIAL_SHAPE, "what it is made of: sets M, f, t60 and stiffness from its size"
 )
@@ -24,17 +24,19 @@ MATERIAL_FIELD = Field(
 def pitch_fields(quantities: Quantities) -> tuple[Field, ...]:
     """M, f and t60 of a body; one of a discrete network is given by K and Z of its links too."""
     link_shapes = (
-        Field("K", k.NUMBER, "K of each of its links, instead of f"),
-        Field("Z", k.NUMBER, "Z of each of its links, instead of t60"),
+        Field("K", value_kinds.NUMBER, "K of each of its links, instead of f"),
+        Field("Z", value_kinds.NUMBER, "Z of each of its links, instead of t60"),
     )
     return (
         Field(
             "M",
-            k.MASS_OR_NUMBER if quantities.is_ca else k.MASS,
+            value_kinds.MASS_OR_NUMBER if quantities.is_ca else value_kinds.MASS,
             "mass of the whole body",
             required=True,
         ),
-        Field("f", k.PITCH, "lowest mode that is not rigid", required=not quantities.is_ca),
+        Field(
+            "f", value_kinds.PITCH, "lowest mode that is not rigid", required=not quantities.is_ca
+        ),
         Field(
             "t60",
             DECAY_SHAPE,

@@ -48,10 +48,10 @@ BRISTLE = module_kind(
     "link",
     "friction with memory: bristles that bend, then slip",
     _fields,
-    gliding=("sigma0", "Fc"),
-    scaled=("sigma0", "Fc"),
+    glidable_parameters=("sigma0", "Fc"),
+    scaled_fields=("sigma0", "Fc"),
     role="friction",
-    lever={"sigma0": -2, "sigma1": -2, "sigma2": -2, "Fc": -1, "Fs": -1, "vs": 1},
+    lever_powers={"sigma0": -2, "sigma1": -2, "sigma2": -2, "Fc": -1, "Fs": -1, "vs": 1},
     check=_check,
     add=_add,
 )

@@ -9,10 +9,10 @@ from ergon.instruments.kinds.kind import (
     Quantities,
     module_kind,
     present_fields,
-    require_any,
+    require_one_of,
 )
 from ergon.instruments.spread import GAP
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import choice
 
@@ -30,10 +30,15 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
             "CA's own rule, the energy-exact one, or a rebound of exact restitution",
             "plain",
         ),
-        Field("restitution", k.UNIT_RATIO, "speed after a rebound over speed before (magic)", 1.0),
-        Field("exponent", k.EXPONENT, "power of the penetration (1.5: Hertz)", 1.0),
-        Field("clamp", k.BOOLEAN, "never pull at the exit", False),
-        Field("steps", k.integer(2, 1000, "4"), "samples that a magic contact lasts", 2),
+        Field(
+            "restitution",
+            value_kinds.UNIT_RATIO,
+            "speed after a rebound over speed before (magic)",
+            1.0,
+        ),
+        Field("exponent", value_kinds.EXPONENT, "power of the penetration (1.5: Hertz)", 1.0),
+        Field("clamp", value_kinds.BOOLEAN, "never pull at the exit", False),
+        Field("steps", value_kinds.integer(2, 1000, "4"), "samples that a magic contact lasts", 2),
     )
 
 
@@ -48,7 +53,7 @@ def _check(contact_values: Values) -> None:
         )
         contact_values.error("E111", message, extra_fields[0])
     if not is_magic:
-        require_any(contact_values, "BUT", "K")
+        require_one_of(contact_values, "BUT", "K")
         if extra_fields := contact_values.written("restitution", "steps"):
             message = (
                 f"{contact_values.context.label(extra_fields[0])}: only a magic contact has this "
@@ -73,7 +78,7 @@ BUT = module_kind(
     "link",
     "a one-sided contact: the first of `between` strikes the second",
     _fields,
-    gliding=("K", "Z"),
+    glidable_parameters=("K", "Z"),
     role="contact",
     check=_check,
     add=_add,

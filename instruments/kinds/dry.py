@@ -108,10 +108,10 @@ DRY = module_kind(
     "link",
     "dry friction: it sticks up to a level, then slides",
     _fields,
-    gliding=("F",),
-    scaled=("K", "F"),
+    glidable_parameters=("F",),
+    scaled_fields=("K", "F"),
     role="friction",
-    lever={"F": -1, "static": -1, "speed": 1},
+    lever_powers={"F": -1, "static": -1, "speed": 1},
     check=_check,
     add=_add,
 )

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from ergon.instruments.kinds.kind import ENDPOINT, Kind, Quantities, module_kind
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import MISSING, Context, Reference, Shape, Text, wrong_shape
 from ergon.notation.text.document import Node, Scalar
@@ -48,15 +48,15 @@ def _fields(value_shape: Text, quantity: str, quantities: Quantities) -> tuple[F
     return (
         Field("to", ENDPOINT, "the MAT that it drives", required=True),
         Field("from", DriveSource(value_shape), f"where its {quantity} comes from", required=True),
-        Field("at", k.WHEN, "when a take begins", shown="the beginning"),
-        Field("scale", k.NUMBER, "factor of a take", 1.0),
+        Field("at", value_kinds.WHEN, "when a take begins", shown="the beginning"),
+        Field("scale", value_kinds.NUMBER, "factor of a take", 1.0),
     )
 
 
-def _kind(name: str, value_shape: Text, quantity: str) -> Kind:
+def _drive_kind(name: str, value_shape: Text, quantity: str) -> Kind:
     fields = partial(_fields, value_shape, quantity)
     return module_kind(name, "input", f"an imposed {quantity}", fields, space=fields)
 
 
-ENX = _kind("ENX", k.POSITION, "position")
-ENF = _kind("ENF", k.PUSH, "force")
+ENX = _drive_kind("ENX", value_kinds.POSITION, "position")
+ENF = _drive_kind("ENF", value_kinds.PUSH, "force")

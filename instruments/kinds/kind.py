@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 from ergon.instruments.model import Form
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Reference, Shape
@@ -47,10 +47,28 @@ class Quantities(NamedTuple):
 
 
 SI = Quantities(
-    *(k.MASS, k.STIFFNESS, k.DAMPING, k.STIFFNESS, k.FORCE, k.SPEED, k.CONSTANT), is_ca=False
+    *(
+        value_kinds.MASS,
+        value_kinds.STIFFNESS,
+        value_kinds.DAMPING,
+        value_kinds.STIFFNESS,
+        value_kinds.FORCE,
+        value_kinds.SPEED,
+        value_kinds.CONSTANT,
+    ),
+    is_ca=False,
 )
 CA = Quantities(
-    *(k.POSITIVE, k.NUMBER, k.NUMBER, k.POSITIVE, k.POSITIVE, k.POSITIVE, k.NUMBER), is_ca=True
+    *(
+        value_kinds.POSITIVE,
+        value_kinds.NUMBER,
+        value_kinds.NUMBER,
+        value_kinds.POSITIVE,
+        value_kinds.POSITIVE,
+        value_kinds.POSITIVE,
+        value_kinds.NUMBER,
+    ),
+    is_ca=True,
 )
 
 
@@ -76,10 +94,10 @@ def only_in_space(*_: Any) -> int:
 class Kind:
     """A kind of module: its family, and its table for each form of instrument that may have it.
 
-    `gliding`: the parameters that may change while a piece plays; a generator changes as a
-    whole. `source_fields`: fields from which others are made. `scaled`: for a link, the fields
-    that the engine's factors of K and of Z multiply.
-    `lever`: the power of a lever's ratio that multiplies a field that no other kind has.
+    `glidable_parameters` may change while a piece plays; a generator changes as a whole.
+    `source_fields`: fields from which others are made. `scaled_fields`: for a link, the fields that
+    the engine's factors of K and of Z multiply.
+    `lever_powers`: the power of a lever's ratio that multiplies a field that no other kind has.
     `check` reports fields that contradict each other. `complete` turns fields into those that
     are built. `add` builds: (network, name, fields, seed) of a MAT or a generator, (network,
     name, a, b, fields, reach) of a link; both return an index. `count` is the number of MATs.
@@ -89,11 +107,11 @@ class Kind:
     name: str
     family: Family
     tables: Mapping[Form, Record]
-    gliding: tuple[str, ...] = ()
+    glidable_parameters: tuple[str, ...] = ()
     source_fields: tuple[str, ...] = ()
-    scaled: tuple[str, str] = ("K", "Z")
+    scaled_fields: tuple[str, str] = ("K", "Z")
     role: Role = "linear"
-    lever: Mapping[str, int] = field(default_factory=dict)
+    lever_powers: Mapping[str, int] = field(default_factory=dict)
     check: Callable[[Values], None] = accept_all
     complete: Callable[..., None] = keep_written
     add: Callable[..., int] = only_in_space
@@ -136,7 +154,7 @@ def present_fields(fields: Fields, *names: str) -> dict[str, Any]:
     return {name: fields[name] for name in names if fields.get(name) is not None}
 
 
-def require_any(module_values: Values, kind_name: str, *alternatives: str) -> None:
+def require_one_of(module_values: Values, kind_name: str, *alternatives: str) -> None:
     """Report a module that has none of some fields."""
     if not module_values.written(*alternatives):
         message = (

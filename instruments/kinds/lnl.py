@@ -8,7 +8,7 @@ from typing import TypedDict
 from ergon import _core
 from ergon.instruments import following
 from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Quantities, module_kind
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import ListOf, Pair
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import Text
@@ -31,7 +31,7 @@ LAW_FIELDS = (
     Field("damping", LAW_SHAPE, "force over elongation d and its rate v [m/s]"),
     Field(
         "points",
-        ListOf(Pair(k.POSITION, k.PUSH), 2, MAX_POINTS),
+        ListOf(Pair(value_kinds.POSITION, value_kinds.PUSH), 2, MAX_POINTS),
         "elongations and forces, joined by straight lines",
     ),
 )
@@ -42,7 +42,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     return (
         BETWEEN,
         *LAW_FIELDS,
-        Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0),
+        Field("rest", value_kinds.POSITION, "elongation that counts as d = 0", 0.0),
         following.follows_field(quantities.law_constant, ENDPOINT, doc),
     )
 

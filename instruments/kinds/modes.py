@@ -12,7 +12,7 @@ from ergon.instruments.modal import (
     MODES_PITCHES_SHAPE,
     PLACES_SHAPE,
 )
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field
 
 
@@ -20,7 +20,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     return (
         Field(
             "M",
-            k.MASS_OR_NUMBER if quantities.is_ca else k.MASS,
+            value_kinds.MASS_OR_NUMBER if quantities.is_ca else value_kinds.MASS,
             "mass of a mode where its level is 1",
             required=True,
         ),
@@ -30,7 +30,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
             "places", PLACES_SHAPE, "points of it: how far each mode moves there", shown="point: 1"
         ),
         Field("band", BAND_RECORD, "more modes, which are drawn between two frequencies"),
-        Field("modes", k.PATH, "a CSV file of f, t60 and levels, instead of lists"),
+        Field("modes", value_kinds.PATH, "a CSV file of f, t60 and levels, instead of lists"),
     )
 
 

@@ -9,7 +9,7 @@ from ergon.instruments.bodies import Bending
 from ergon.instruments.kinds import bodies
 from ergon.instruments.kinds.kind import Quantities, module_kind, present_fields
 from ergon.instruments.matter import MATTER_FIELDS
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Pair
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import choice
@@ -17,16 +17,16 @@ from ergon.notation.tables.shapes import choice
 MAX_RADIUS = 400  # half a million masses, whose lowest mode takes ten seconds to find
 _MAX_SIDE = 2 * MAX_RADIUS + 1
 
-_RADIUS = k.count_or_size(
+_RADIUS = value_kinds.count_or_size(
     1, MAX_RADIUS, f"a whole number from 1 to {MAX_RADIUS}, such as 12, or a length, such as 30cm"
 )
-_SIDE = k.count_or_size(
+_SIDE = value_kinds.count_or_size(
     1, _MAX_SIDE, f"a whole number from 1 to {_MAX_SIDE}, such as 40, or a length, such as 40cm"
 )
 
 
 def _fields(quantities: Quantities) -> tuple[Field, ...]:
-    masses = k.integer(1, bodies.MAX_MODULES, "400")
+    masses = value_kinds.integer(1, bodies.MAX_MODULES, "400")
     return (
         Field("shape", choice("hex", "square", "rectangle", "disc"), "form of the mesh", "hex"),
         Field("radius", _RADIUS, "rings round its centre; with a material its size"),
@@ -36,8 +36,8 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
             "masses across and up a rectangle; with a material its size",
         ),
         bodies.MATERIAL_FIELD,
-        Field("thickness", k.SIZE, "thickness of a sheet of that material"),
-        Field("tension", k.SURFACE_TENSION, "pull on each metre of it: it is a membrane"),
+        Field("thickness", value_kinds.SIZE, "thickness of a sheet of that material"),
+        Field("tension", value_kinds.SURFACE_TENSION, "pull on each metre of it: it is a membrane"),
         Field("masses", masses, "about how many, with a material"),
         *bodies.pitch_fields(quantities),
         Field("rim", choice("free", "fixed"), "whether the rim is held", "free"),
@@ -103,7 +103,7 @@ PLATE = module_kind(
     "generator",
     "a mesh of masses",
     _fields,
-    gliding=("f", "t60"),
+    glidable_parameters=("f", "t60"),
     check=_check,
     source_fields=(*MATTER_FIELDS, "masses"),
     complete=bodies.drop_unused_link_fields,

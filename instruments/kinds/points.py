@@ -7,11 +7,11 @@ from typing import TypedDict
 from ergon import _core
 from ergon.instruments import following
 from ergon.instruments.kinds.kind import ENDPOINT, Fields, Quantities, module_kind, present_fields
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field, Values
 
-_X0 = Field("X0", k.POSITION, "position at the beginning", 0.0)
-_V0 = Field("V0", k.SPEED, "velocity at the beginning", 0.0)
+_X0 = Field("X0", value_kinds.POSITION, "position at the beginning", 0.0)
+_V0 = Field("V0", value_kinds.SPEED, "velocity at the beginning", 0.0)
 
 
 def _mass_field(quantities: Quantities) -> Field:
@@ -33,11 +33,11 @@ def _cel_fields(quantities: Quantities) -> tuple[Field, ...]:
         _mass_field(quantities),
         Field("K", quantities.stiffness, "stiffness"),
         Field("Z", quantities.damping, "viscosity"),
-        Field("f", k.PITCH, "damped frequency, instead of K"),
-        Field("t60", k.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay"),
+        Field("f", value_kinds.PITCH, "damped frequency, instead of K"),
+        Field("t60", value_kinds.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay"),
         _X0,
         _V0,
-        Field("rest", k.POSITION, "elongation at which the spring has no force", 0.0),
+        Field("rest", value_kinds.POSITION, "elongation at which the spring has no force", 0.0),
     )
 
 
@@ -89,7 +89,7 @@ CEL = module_kind(
     "mat",
     "a mass on a spring to the ground, with viscosity",
     _cel_fields,
-    gliding=("f", "t60", "K", "Z", "M"),
+    glidable_parameters=("f", "t60", "K", "Z", "M"),
     check=_check_cel,
     add=_add_cel,
 )

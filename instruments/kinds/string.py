@@ -9,7 +9,7 @@ from ergon.instruments.kinds import bodies
 from ergon.instruments.kinds.kind import Fields, Quantities, module_kind, present_fields
 from ergon.instruments.matter import MATTER_FIELDS
 from ergon.instruments.stiff import INHARMONICITY_SHAPE, STRETCHING_SHAPE, Stretched
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import choice
 
@@ -17,17 +17,20 @@ from ergon.notation.tables.shapes import choice
 def _fields(quantities: Quantities) -> tuple[Field, ...]:
     return (
         Field(
-            "masses", k.integer(1, bodies.MAX_MODULES, "60"), "how many MAS in a row", required=True
+            "masses",
+            value_kinds.integer(1, bodies.MAX_MODULES, "60"),
+            "how many MAS in a row",
+            required=True,
         ),
         bodies.MATERIAL_FIELD,
-        Field("length", k.SIZE, "length of a wire of that material"),
-        Field("diameter", k.SIZE, "diameter of that wire"),
-        Field("tension", k.FORCE, "tension of that wire"),
+        Field("length", value_kinds.SIZE, "length of a wire of that material"),
+        Field("diameter", value_kinds.SIZE, "diameter of that wire"),
+        Field("tension", value_kinds.FORCE, "tension of that wire"),
         *bodies.pitch_fields(quantities),
         Field("ends", choice("fixed", "free", "left"), "which ends are held", "fixed"),
         Field(
             "stiffness",
-            k.RATIO,
+            value_kinds.RATIO,
             "springs to neighbours but one, which lower partials (see inharmonicity)",
             0.0,
         ),
@@ -85,7 +88,7 @@ STRING = module_kind(
     "masses in a row",
     _fields,
     meant={"held": "ends"},
-    gliding=("f", "t60"),
+    glidable_parameters=("f", "t60"),
     check=_check,
     source_fields=MATTER_FIELDS,
     complete=_complete,

@@ -11,7 +11,7 @@ from ergon.instruments.kinds.kind import (
     Kind,
     Quantities,
     module_kind,
-    require_any,
+    require_one_of,
 )
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import Shape
@@ -49,7 +49,7 @@ def law_kind(
         follows = following.written_followings(law_values)
         for constant in constants:
             if constant not in follows:
-                require_any(law_values, kind_name, constant)
+                require_one_of(law_values, kind_name, constant)
 
     def complete(law_values: Values, built_fields: dict[str, object]) -> None:
         written_constants = {constant: built_fields.pop(constant) for constant in constants}

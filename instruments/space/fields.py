@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import Shape, choice
@@ -13,14 +13,14 @@ from ergon.notation.tables.shapes import Shape, choice
 MAX_POINTS = 500_000  # points of one generator: 1.5 million coordinates
 MAX_SPRINGS = 2_000_000  # springs of one generator
 
-PLACE = ListOf(k.POSITION, 2, 3)
-CENTRE = ListOf(k.POSITION, 1, 2)
-VELOCITY = ListOf(k.SPEED, 2, 3)
-DIRECTION = ListOf(k.NUMBER, 2, 3)
-WIDTHS = ListOf(k.SIZE, 2, 3)
+PLACE = ListOf(value_kinds.POSITION, 2, 3)
+CENTRE = ListOf(value_kinds.POSITION, 1, 2)
+VELOCITY = ListOf(value_kinds.SPEED, 2, 3)
+DIRECTION = ListOf(value_kinds.NUMBER, 2, 3)
+WIDTHS = ListOf(value_kinds.SIZE, 2, 3)
 AXIS = choice("x", "y", "z")
-CLOTH_COUNTS = ListOf(k.integer(1, 2_000, "40"), 2, 2)
-BLOCK_COUNTS = ListOf(k.integer(1, 2_000, "8"), 2, 3)
+CLOTH_COUNTS = ListOf(value_kinds.integer(1, 2_000, "40"), 2, 2)
+BLOCK_COUNTS = ListOf(value_kinds.integer(1, 2_000, "8"), 2, 3)
 
 Family = Literal["mat", "link", "generator"]
 
@@ -31,26 +31,26 @@ SURFACE_FILE = Record(
     (
         Field(
             "file",
-            k.PATH,
+            value_kinds.PATH,
             "a Wavefront OBJ or a glTF file, whose origin lies at the first end",
             required=True,
         ),
-        Field("scale", k.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
+        Field("scale", value_kinds.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
         Field("up", AXIS, "which axis of the file is the last of the space", "z"),
     ),
 )
 
 
-_MASS = Field("M", k.MASS, "mass", required=True)
-_TOTAL_MASS = Field("M", k.MASS, "mass of all its points together", required=True)
+_MASS = Field("M", value_kinds.MASS, "mass", required=True)
+_TOTAL_MASS = Field("M", value_kinds.MASS, "mass of all its points together", required=True)
 _X0 = Field("X0", PLACE, "position at the beginning, axis by axis", required=True)
 _V0 = Field("V0", VELOCITY, "velocity at the beginning, axis by axis", shown="at rest")
-_DRAG = Field("drag", k.DAMPING, "viscosity of what surrounds each point", 0.0)
-_STIFFNESS = Field("K", k.STIFFNESS, "stiffness")
-_DAMPING = Field("Z", k.DAMPING, "viscosity", 0.0)
+_DRAG = Field("drag", value_kinds.DAMPING, "viscosity of what surrounds each point", 0.0)
+_STIFFNESS = Field("K", value_kinds.STIFFNESS, "stiffness")
+_DAMPING = Field("Z", value_kinds.DAMPING, "viscosity", 0.0)
 _REST = Field(
     "rest",
-    k.SPAN,
+    value_kinds.SPAN,
     "distance at which the spring has no force",
     shown="the distance at the beginning",
 )
@@ -58,29 +58,29 @@ _LENGTH = replace(_REST, doc="distance that counts as d = 0")
 _STRENGTH_LIMITS = (
     Field(
         "yields",
-        k.FORCE,
+        value_kinds.FORCE,
         "greatest force of the spring, either way: beyond it the rest length follows for good",
         shown="never",
     ),
     Field(
         "breaks",
-        k.SIZE,
+        value_kinds.SIZE,
         "how much longer than its rest length it breaks, for good",
         shown="never",
     ),
 )
 _SPRINGS = (
-    Field("K", k.STIFFNESS, "stiffness of each spring", required=True),
-    Field("Z", k.DAMPING, "viscosity of each spring", 0.0),
+    Field("K", value_kinds.STIFFNESS, "stiffness of each spring", required=True),
+    Field("Z", value_kinds.DAMPING, "viscosity of each spring", 0.0),
 )
 _STRETCH = Field(
     "stretch",
-    k.PROPORTION,
+    value_kinds.PROPORTION,
     "extension of the springs at the beginning, as a share of their rest length",
     0.0,
 )
 _CHAIN = (
-    Field("masses", k.integer(2, MAX_POINTS, "20"), "how many points", required=True),
+    Field("masses", value_kinds.integer(2, MAX_POINTS, "20"), "how many points", required=True),
     _TOTAL_MASS,
     Field("from", PLACE, "where the first point begins", required=True),
     Field("to", PLACE, "where the last point begins", required=True),
@@ -99,18 +99,28 @@ _CLOTH = (
     *_SPRINGS,
     *_STRENGTH_LIMITS,
     _STRETCH,
-    Field("shear", k.STIFFNESS, "stiffness of the springs across each mesh, both ways", 0.0),
+    Field(
+        "shear", value_kinds.STIFFNESS, "stiffness of the springs across each mesh, both ways", 0.0
+    ),
     Field("held", choice("nothing", "corners", "top", "rim"), "which points are held", "nothing"),
     _DRAG,
 )
 _SPAN = Field(
-    "span", k.integer(1, 3, "1"), "how many places away along each axis points are joined", 1
+    "span",
+    value_kinds.integer(1, 3, "1"),
+    "how many places away along each axis points are joined",
+    1,
 )
 _DISC = (
-    Field("rings", k.integer(1, 400, "8"), "rings of points around its middle", required=True),
+    Field(
+        "rings",
+        value_kinds.integer(1, 400, "8"),
+        "rings of points around its middle",
+        required=True,
+    ),
     _TOTAL_MASS,
     Field("at", PLACE, "where its middle begins", required=True),
-    Field("across", k.SIZE, "how wide it is, from corner to corner", required=True),
+    Field("across", value_kinds.SIZE, "how wide it is, from corner to corner", required=True),
     Field(
         "normal",
         DIRECTION,
@@ -138,10 +148,10 @@ _BLOCK = (
     _DRAG,
 )
 _BALL = (
-    Field("points", k.integer(3, 200, "9"), "points along its diameter", required=True),
+    Field("points", value_kinds.integer(3, 200, "9"), "points along its diameter", required=True),
     _TOTAL_MASS,
     Field("at", PLACE, "where its middle begins", required=True),
-    Field("across", k.SIZE, "its diameter", required=True),
+    Field("across", value_kinds.SIZE, "its diameter", required=True),
     *_SPRINGS,
     *_STRENGTH_LIMITS,
     _STRETCH,
@@ -152,14 +162,14 @@ _BALL = (
 _MESH = (
     Field(
         "file",
-        k.PATH,
+        value_kinds.PATH,
         "a Wavefront OBJ or a glTF file: its vertices are points, edges of its faces and lines "
         "springs",
         required=True,
     ),
     _TOTAL_MASS,
     Field("at", PLACE, "where the origin of the file lies", required=True),
-    Field("scale", k.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
+    Field("scale", value_kinds.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
     Field("up", AXIS, "which axis of the file is the last of the space", "z"),
     *_SPRINGS,
     *_STRENGTH_LIMITS,
@@ -174,19 +184,19 @@ _MESH = (
     _DRAG,
 )
 _GRAINS = (
-    Field("count", k.integer(1, MAX_POINTS, "200"), "how many points", required=True),
+    Field("count", value_kinds.integer(1, MAX_POINTS, "200"), "how many points", required=True),
     _TOTAL_MASS,
     Field("from", PLACE, "one corner of the box that they fill at the beginning", required=True),
     Field("to", PLACE, "the opposite corner of the box", required=True),
     Field(
         "scatter",
-        k.PROPORTION,
+        value_kinds.PROPORTION,
         "how far points lie beside their places, as a share of what they are apart",
         0.0,
     ),
     Field(
         "apart",
-        k.SIZE,
+        value_kinds.SIZE,
         "places are random, and at least so far from each other",
         shown="a square lattice",
     ),
@@ -195,26 +205,26 @@ _GRAINS = (
 )
 _ATTRACTION_STIFFNESS = Field(
     "K",
-    k.STIFFNESS,
+    value_kinds.STIFFNESS,
     "stiffness at distances far below `core`, where it acts as a spring",
     required=True,
 )
 _CORE = Field(
     "core",
-    k.SIZE,
+    value_kinds.SIZE,
     "distance beyond which the force falls: far away as one over the square of the distance",
     required=True,
 )
 _SURFACE = (
     Field("at", CENTRE, "where its middle lies, along all axes but the last", required=True),
-    Field("across", k.SIZE, "how wide the whole STRING or PLATE is", required=True),
+    Field("across", value_kinds.SIZE, "how wide the whole STRING or PLATE is", required=True),
 )
 _CONTACT = (
-    Field("K", k.STIFFNESS, "stiffness", required=True),
+    Field("K", value_kinds.STIFFNESS, "stiffness", required=True),
     _DAMPING,
     Field(
         "gap",
-        k.POSITION,
+        value_kinds.POSITION,
         "distance of the two points at which they touch: the sum of two radii; from a plane it "
         "may be below 0",
         required=True,
@@ -245,24 +255,24 @@ _CONTACT = (
         "the first end is a surface of triangles around its point, which the second touches",
         shown="none",
     ),
-    Field("exponent", k.EXPONENT, "power of the depth (1.5: Hertz)", 1.0),
-    Field("clamp", k.BOOLEAN, "never pull at the exit", False),
+    Field("exponent", value_kinds.EXPONENT, "power of the depth (1.5: Hertz)", 1.0),
+    Field("clamp", value_kinds.BOOLEAN, "never pull at the exit", False),
     Field(
         "friction",
-        k.FRICTION,
+        value_kinds.FRICTION,
         "coefficient of dry friction across the line of the contact: its greatest force as a "
         "share of the push",
         0.0,
     ),
     Field(
         "cohesion",
-        k.FORCE,
+        value_kinds.FORCE,
         "how strongly the contact also pulls: what has touched sticks",
         shown="none",
     ),
     Field(
         "reach",
-        k.SIZE,
+        value_kinds.SIZE,
         "how far beyond touching it pulls, evenly less and less",
         shown="needed with cohesion",
     ),
@@ -322,7 +332,9 @@ def tables(
         ),
         "LNL": (
             "link",
-            Record("module", "a law of a distance", (between, *law, _LENGTH), free=k.CONSTANT),
+            Record(
+                "module", "a law of a distance", (between, *law, _LENGTH), free=value_kinds.CONSTANT
+            ),
         ),
         "ATTRACTION": (
             "link",

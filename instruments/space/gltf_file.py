@@ -63,7 +63,7 @@ def read(gltf_text: str | bytes, binary: bytes | None = None) -> Mesh:
     except MalformedTextError as error:
         raise MeshFileError("it is not the JSON of a glTF file") from error
     try:
-        return _Reader(root, binary).mesh()
+        return _Reader(root, binary).read_mesh()
     except _MALFORMED_ERRORS as error:
         raise MeshFileError("it is incomplete: something that it refers to is missing") from error
 
@@ -142,7 +142,7 @@ class _Reader:
         self._faces: list[tuple[int, int, int]] = []
         self._n_items_read = 0
 
-    def mesh(self) -> Mesh:
+    def read_mesh(self) -> Mesh:
         """All meshes of the scene as a single one."""
         nodes = self._root.get("nodes", [])
         scenes = self._root.get("scenes")

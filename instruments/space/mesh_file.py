@@ -46,7 +46,7 @@ def with_mesh_of_file(values: Values, read: ReadFile, collector: Collector) -> V
     if document is not None and kind == _GLTF:
         mesh = _mesh_of_gltf(document, file_label, collector)
     elif document is not None:
-        mesh = obj_file.Reader(document, file_label, collector).mesh(place)
+        mesh = obj_file.Reader(document, file_label, collector).read_mesh(place)
     fields = {field: value for field, value in values.by_name.items() if field != "file"}
     return replace(values, by_name=fields if mesh is None else {**fields, "file": mesh})
 

@@ -63,7 +63,7 @@ class Reader:
         self._edges: dict[tuple[int, int], None] = {}
         self._faces: list[tuple[int, int, int]] = []
 
-    def mesh(self, file_place: Place) -> Mesh | None:
+    def read_mesh(self, file_place: Place) -> Mesh | None:
         """The mesh of the file; None if an error was reported."""
         for line_number, line in self._logical_lines():
             try:

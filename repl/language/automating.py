@@ -22,7 +22,7 @@ from ergon.scores.pattern.order import CHOICE_WORDS
 from ergon.scores.pattern.values import ReadAmount, parse_values
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.automatable import ALL_PARAMETERS, amount_reader
-from ergon.scores.reading.automation import AUTOMATION, parse_range
+from ergon.scores.reading.automation import AUTOMATION_RECORD, parse_range
 from ergon.scores.reading.curves import is_curve, parse_curve
 
 
@@ -78,7 +78,7 @@ def _split_options(
             error.suggestion = f"{faulty_word} {option_examples[faulty_word]}"
         raise
     for option_name, option_word in placed_options.items():
-        field_shape = AUTOMATION.by_name[option_name].shape
+        field_shape = AUTOMATION_RECORD.by_name[option_name].shape
         try:
             if option_name == "until":
                 amounts.POSITION_VALUE.read(option_word.text, scope, {})
@@ -153,12 +153,12 @@ def _option_completions(option_examples: Mapping[str, str], first_example: str =
         last_word = context.before[-1]
         if last_word in option_examples:
             yield v.Completion(
-                option_examples[last_word].split()[0], AUTOMATION.by_name[last_word].doc
+                option_examples[last_word].split()[0], AUTOMATION_RECORD.by_name[last_word].doc
             )
             return
         for name in option_examples:
             if name not in context.before:
-                yield v.Completion(name, AUTOMATION.by_name[name].doc)
+                yield v.Completion(name, AUTOMATION_RECORD.by_name[name].doc)
 
     return offers
 

@@ -17,7 +17,7 @@ from ergon.repl.language.lines import submitted_lines
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.triggers import Condition, Every, Trigger, parse_condition, parse_every
 from ergon.repl.language.values import Completion, CompletionContext, Value
-from ergon.scores.reading.sections import MAX_BLOCK
+from ergon.scores.reading.sections import BLOCK_LINES_MAX
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +90,8 @@ def _count_to_colon(words: Sequence[str]) -> int:
 
 def _block_lines(slot_text: str, *_: Any) -> tuple[str, ...]:
     block_lines = tuple(line.text.strip() for line in submitted_lines(slot_text))
-    if len(block_lines) > MAX_BLOCK:
-        message = f"this block has {len(block_lines)} lines; {MAX_BLOCK} are the most"
+    if len(block_lines) > BLOCK_LINES_MAX:
+        message = f"this block has {len(block_lines)} lines; {BLOCK_LINES_MAX} are the most"
         raise TextError(message, length=len(slot_text))
     return block_lines
 

@@ -36,7 +36,7 @@ PATTERNS = (
     ("shuffle knock lean tap", "all, in an order of its own in each round"),
     ("every 4th do mirror", "every fourth round is transformed"),
 )
-RHYTHM_EXAMPLES = tuple((form.example, form.line) for form in FORM_BY_WORD.values())
+RHYTHM_EXAMPLES = tuple((form.example, form.description) for form in FORM_BY_WORD.values())
 KEYS = (
     ("F12", "panic"),
     ("Tab", "takes the line that was suggested, or completes the word"),
@@ -80,7 +80,7 @@ def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
     if verb == "do":
         plays_words = tuple((example, "of plays of gestures") for example in EXAMPLES.values())
         plays_words += tuple(
-            (form.example, f"of plays: {form.line}") for form in TURN_FORMS.values()
+            (form.example, f"of plays: {form.description}") for form in TURN_FORMS.values()
         )
         return (
             *plays_words,

@@ -16,7 +16,7 @@ from ergon.repl.language.forms import PLAYER_SLOT, Slot, form
 from ergon.repl.language.scope import Scope
 from ergon.scores.edits.entries import Entry, entry_of_play
 from ergon.scores.gesture.notation import Notation
-from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, ARITY
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, GESTURE_ARGUMENT_COUNTS
 from ergon.scores.pattern import words as play_words
 from ergon.scores.pattern.turn_chain import Change
 from ergon.scores.reading.part import OPTION_SHAPES, PLAY_RECORD
@@ -152,11 +152,14 @@ def _completions(context: v.CompletionContext) -> Iterator[v.Completion]:
         else:
             yield from _option_value(last_word).completions(context)
         return
-    if last_word not in ("do", ",") and not ARITY.get(last_word):
+    if last_word not in ("do", ",") and not GESTURE_ARGUMENT_COUNTS.get(last_word):
         for option, hint in OPTION_HINTS.items():
             if option not in context.before:
                 yield v.Completion(option, hint)
-    if not any(word in (*play_words.OPTION_EXAMPLES, "do", *ARITY) for word in context.before):
+    if not any(
+        word in (*play_words.OPTION_EXAMPLES, "do", *GESTURE_ARGUMENT_COUNTS)
+        for word in context.before
+    ):
         yield from v.PLAYED_VALUE.completions(context)
     if last_word.endswith(",") or last_word in ("do", *ARGUMENT_COUNTS):
         yield from v.play_transform_completions(context)

@@ -26,7 +26,7 @@ from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.edits.transformed import NO_TRANSFORMS
 from ergon.scores.pattern.struck import name_of, notes_of
 from ergon.scores.pattern.words import parse_strikes
-from ergon.scores.reading.rhythms import ANY_WORD, check_text, compiled_rhythm, level_of
+from ergon.scores.reading.rhythms import ANY_WORD, checked_text, compiled_rhythm, level_of
 
 _OPTION_EXAMPLES = {
     "to": "bell",
@@ -83,7 +83,7 @@ def _read_rhythm(
         earlier_values["name"] if earlier_values["name"] in playable_instruments(scope) else ""
     )
     try:
-        check_text(rhythm)
+        checked_text(rhythm)
         _check_words(rhythm, target_name, scope, has_impulse="impulse" in strike_fields)
     except TextError as error:
         error.offset += 1

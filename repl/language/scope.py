@@ -141,7 +141,7 @@ def with_name(scope: Scope, section_name: str, new_name: str) -> Scope:
 def _family_names(piece: Piece) -> dict[str, dict[str, str]]:
     """Families that ship, and those that the score uses."""
     known_families = {
-        name: {member.name: member.about for member in members}
+        name: {member.name: member.comment for member in members}
         for name, members in library().items()
     }
     for family in piece.used:

@@ -41,7 +41,7 @@ def transform_completions(earlier_words: Sequence[str]) -> Iterator[Completion]:
     """Transformations, at the beginning and behind a comma; values behind a transformation."""
     last_form = FORM_BY_WORD.get(earlier_words[-1]) if earlier_words else None
     if not earlier_words or earlier_words[-1].endswith(","):
-        yield from (Completion(name, form.line) for name, form in FORM_BY_WORD.items())
+        yield from (Completion(name, form.description) for name, form in FORM_BY_WORD.items())
     elif last_form is not None:
         transform_words = [
             word

@@ -15,14 +15,25 @@ from ergon.notation.text.spelling import nearest
 from ergon.repl.language.scope import Scope, playable_instruments, scores_in, unused_family
 from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, UNITS_PER_METRE
-from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, ARITY, EXAMPLES
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, EXAMPLES, GESTURE_ARGUMENT_COUNTS
 from ergon.scores.pattern.turn_chain import TURN_FORMS, parse_chain
 from ergon.scores.pattern.words import OPTION_EXAMPLES
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that may follow a name in a line, so that no gesture or take may be called so.
 RESERVED = frozenset(
-    (*OPTION_EXAMPLES, *ARITY, "do", "now", "in", "sync", "over", "as", "off", "all")
+    (
+        *OPTION_EXAMPLES,
+        *GESTURE_ARGUMENT_COUNTS,
+        "do",
+        "now",
+        "in",
+        "sync",
+        "over",
+        "as",
+        "off",
+        "all",
+    )
 )
 MAX_COMPARED = 2_000  # names that did-you-mean compares with: about 10 ms
 
@@ -320,7 +331,9 @@ def _curve_completions(context: CompletionContext) -> Iterator[Completion]:
 
 def transform_completions(context: CompletionContext) -> Iterator[Completion]:
     """The names of transformations of gestures, or after one an example of its first value."""
-    yield from _example_completions(context, {word: EXAMPLES[word] for word in ARITY})
+    yield from _example_completions(
+        context, {word: EXAMPLES[word] for word in GESTURE_ARGUMENT_COUNTS}
+    )
 
 
 def play_transform_completions(context: CompletionContext) -> Iterator[Completion]:

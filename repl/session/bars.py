@@ -103,7 +103,7 @@ def _play_beginnings(
             shown_name = (
                 play_beats.places.played_name(place_index)
                 if isinstance(play_beats, PlaceBeats)
-                else part_play.what
+                else part_play.played_text
             )
             if shown_name is not None:  # a rest, or what chance leaves out
                 yield play_beats[place_index], shown_name
@@ -118,14 +118,14 @@ def _strokes(
     if strikes.is_melody:
         timed_hits = strikes.played_hits(piece, first_beat, last_beat)
         yield from (
-            (beat, hit.what) for beat, _, hit in timed_hits if first_beat <= beat < last_beat
+            (beat, hit.struck_text) for beat, _, hit in timed_hits if first_beat <= beat < last_beat
         )
     elif strikes.passing is not None:
         yield from (
             (beat, _STRIKE_SIGN) for beat in strikes.rounds(tempo) if first_beat <= beat < last_beat
         )
     elif strikes.pattern is not None:
-        steps = strikes.steps(piece)
+        steps = strikes.place_beats(piece)
         for place_index in range(n_before(steps, first_beat), n_before(steps, last_beat)):
             note = steps.places.name_in_place(place_index)
             if note is not None:

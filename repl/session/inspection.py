@@ -248,7 +248,7 @@ def playing_lines(
     for player in piece.players.values():
         placed_entries = entries.placed_entries(version.texts, piece, player.name)
         sounding_names = [played_name for name, played_name in playing if name == player.name]
-        begun = [line for line in placed_entries if line.begin <= beat_now]
+        begun = [line for line in placed_entries if line.begin_beat <= beat_now]
         ongoing = [line for line in begun if line.is_continuing(beat_now, piece)]
         # An entry that begins nothing more may still have its last occurrence in flight.
         shown_names = {name for line in ongoing for name in line.play.names}
@@ -259,7 +259,8 @@ def playing_lines(
                 if shown_name in line.play.names and shown_name not in shown_names
             ][-1:]
         later = sorted(
-            (line for line in placed_entries if line.begin > beat_now), key=lambda line: line.begin
+            (line for line in placed_entries if line.begin_beat > beat_now),
+            key=lambda line: line.begin_beat,
         )
         words = [_entry_text(line.play) for line in ongoing] or ["nothing"]
         words += [f"then {_entry_text(line.play)}" for line in later[:1]]
@@ -292,7 +293,7 @@ def _continues_after(strikes: Strikes, piece: Piece, beat_now: float) -> bool:
 
 def _striking_text(strikes: Strikes) -> str:
     struck_names = [*dict.fromkeys(target.text for target in strikes.to)]
-    struck_names = struck_names or [*dict.fromkeys(hit.what for hit in strikes.hits)]
+    struck_names = struck_names or [*dict.fromkeys(hit.struck_text for hit in strikes.hits)]
     ellipsis = ", …" if len(struck_names) > _STRUCK_MAX else ""
     struck_text = f"{', '.join(struck_names[:_STRUCK_MAX])}{ellipsis}"
     if (rhythm := strikes.rhythm) is not None:
@@ -305,7 +306,7 @@ def _striking_text(strikes: Strikes) -> str:
 
 
 def _entry_text(play: Play) -> str:
-    return f"{play.what} from {play.at.text}{_until_text(play.until)}"
+    return f"{play.played_text} from {play.at.text}{_until_text(play.until)}"
 
 
 def _until_text(position: Position | None) -> str:

@@ -57,7 +57,7 @@ def family_lines(texts: Texts, piece: Piece, family_name: str) -> list[str]:
         suggestion = nearest(family_name, known_families)
         message = f"no family of instruments is called {family_name}"
         raise NotTakenError(message, None if suggestion is None else f"instruments {suggestion}")
-    return _two_columns({member.name: member.about for member in known_families[family_name]})
+    return _two_columns({member.name: member.comment for member in known_families[family_name]})
 
 
 def gesture_lines(piece: Piece) -> list[str]:
@@ -99,8 +99,8 @@ def _family_rows(score_texts: Texts, piece: Piece) -> Mapping[str, Sequence[Memb
     known_families = dict(families.library())
     score_names, _ = score_texts.names()
     for name in piece.used:
-        if name in score_names.used:
-            known_families[name] = families.members(score_names.used[name].document)
+        if name in score_names.used_names:
+            known_families[name] = families.members(score_names.used_names[name].document)
     return known_families
 
 

@@ -60,7 +60,7 @@ class Zones:
             is_mapped = True
             if is_in_zone and _note_family(control, piece):
                 self._positions[channel, map_source] = position
-                for note in self._wheels.notes(channel):
+                for note in self._wheels.notes_of_channel(channel):
                     lines_by_name += self._note_move(control, note, position, piece)
             else:
                 lines_by_name.append((map_source, partial(line_at_position, map_source, position)))

@@ -22,10 +22,13 @@ def rehearsal_stage(piece: Piece, gesture_name: str) -> Stage | None:
     StageError.
     """
     options_by_play = {
-        (piece.players[play.player].key, _without_offsets(chain), play.manner): (play.manner, chain)
+        (piece.players[play.player].key, _without_offsets(chain), play.options): (
+            play.options,
+            chain,
+        )
         for play in piece.parts
         if gesture_name in play.names
-        for chain in play.chains
+        for chain in play.transform_chains
     }
     if not options_by_play:
         return _first_possible_stage(piece, gesture_name)

@@ -126,9 +126,9 @@ def _strokes_between(
         for stroke_beat, _, hit in strikes.played_hits(piece, first_beat, last_beat):
             if first_beat <= stroke_beat < last_beat:
                 stroke_end = (
-                    stroke_beat if hit.lasting is None else tempo.after(stroke_beat, hit.lasting)
+                    stroke_beat if hit.duration is None else tempo.after(stroke_beat, hit.duration)
                 )
-                yield begun_stroke(stroke_beat, stroke_end, hit.what, hit.place)
+                yield begun_stroke(stroke_beat, stroke_end, hit.struck_text, hit.place)
     elif strikes.passing is not None:
         assert strikes.length is not None
         for stroke_beat in strikes.rounds(tempo):
@@ -137,7 +137,7 @@ def _strokes_between(
                     stroke_beat, tempo.after(stroke_beat, strikes.length), strikes.name
                 )
     elif strikes.pattern is not None:
-        pattern_steps = strikes.steps(piece)
+        pattern_steps = strikes.place_beats(piece)
         for step_index in range(
             n_before(pattern_steps, first_beat), n_before(pattern_steps, last_beat)
         ):

@@ -111,7 +111,7 @@ def _room(command: Room, version: Version, beat: float) -> Texts:
 def _fade(command: Fade, version: Version, beat: float) -> Texts:
     texts, piece = version.texts, version.piece
     end = piece.tempo_map.after(beat, command.over)
-    return space.with_fade(texts, piece, command.name, beat, end, is_in=command.is_in)
+    return space.with_fade(texts, piece, command.name, beat, end, fades_in=command.is_in)
 
 
 @edits_texts(Remove)
@@ -158,7 +158,7 @@ def _rename(command: Rename) -> VersionEdit:
         return replace(
             edited_version,
             faders=_renamed_faders(version.faders, piece, old_name, new_name),
-            sounds_as=version.sounds_as.renamed(old_name, new_name),
+            sounds_as=version.sounds_as.with_renamed_part(old_name, new_name),
         )
 
     return edit

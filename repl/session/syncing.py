@@ -53,7 +53,7 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
         beat = strikes.rhythm.cycle_begin(tempo, begin, cycle_index)
         return [beat] if cycle_index < strikes.cycles(tempo) else []
     if strikes.pattern is not None:
-        return _next_round_beat(strikes.steps(piece), after_beat)
+        return _next_round_beat(strikes.place_beats(piece), after_beat)
     if strikes.length is not None or strikes.passing is not None:
         return strikes.rounds(tempo)
     if strikes.hits:

@@ -15,7 +15,7 @@ from ergon.repl.session.waiting_lines import WaitingLine, line_beat
 from ergon.scores.staging.cutting import cut_stage
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
-from ergon.scores.staging.version_glides import fading_links, glides
+from ergon.scores.staging.version_glides import fading_links, version_glides
 
 if TYPE_CHECKING:
     from ergon.scores.staging.live import RealHands
@@ -56,7 +56,7 @@ class Takeovers:
             running_after.start,
             ends_gestures=any(waiting_line.result().ends_gestures for waiting_line in lines),
             is_stopped=not running_after.clock.is_running,
-            resets=any(waiting_line.resets for waiting_line in lines),
+            resets_masses=any(waiting_line.resets for waiting_line in lines),
         )
         stage.recalled_outputs = place_samples(
             running_after.frozen, stage.listening, running_after.clock, stage.rate
@@ -120,7 +120,7 @@ class Takeovers:
         )
         start = frame / self.timing.rate
         old_and_new = old_version.sounding, version.sounding
-        moving_glides = glides(*old_and_new, running.glides, start, version.glide)
+        moving_glides = version_glides(*old_and_new, running.glides, start, version.glide)
         fading = fading_links(*old_and_new, running.glides, running.fading_links, start)
         return replace(
             running_after,
@@ -175,13 +175,13 @@ def continuing_spans(
     running_spans = []
     for index, (piece, window) in enumerate(old_running.spans):
         is_last = index == len(old_running.spans) - 1 and old_running.clock.is_running
-        span_end = min(window.until, leave_beat) if is_last else window.until
+        span_end = min(window.until_beat, leave_beat) if is_last else window.until_beat
         first_instant, last_instant = (
-            piece.tempo_map.seconds(beat) for beat in (window.since, span_end)
+            piece.tempo_map.seconds(beat) for beat in (window.since_beat, span_end)
         )
         if last_instant > after_instant or any(
             first_instant - JOIN_DURATION <= start <= last_instant and stop > after_instant
             for start, stop in tracked_spans
         ):
-            running_spans.append(Span(piece, Window(window.since, span_end, after_instant)))
+            running_spans.append(Span(piece, Window(window.since_beat, span_end, after_instant)))
     return running_spans

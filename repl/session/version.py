@@ -124,7 +124,7 @@ class Version:
     @property
     def sounding(self) -> Piece:
         """The piece with the names that the engine knows, and with the levels of its strikes."""
-        return self.strike_levels.scaled(self.sounds_as.piece(self.piece))
+        return self.strike_levels.scaled(self.sounds_as.sounding_piece(self.piece))
 
 
 def is_same_music(first_version: Version, other_version: Version) -> bool:

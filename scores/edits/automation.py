@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from ergon.common.changed import changed_part
 from ergon.notation.clock.meter import SAME
-from ergon.notation.tables import quantities as q
+from ergon.notation.tables import quantities
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits.lists import entry_path, without_entry
@@ -69,7 +69,7 @@ def glide(
         if module.kind != "BANK":
             current_value = value_on(piece, (part, module.name), parameter, from_beat)
             new_value = value_text(
-                piece, target_path, q.factor(new_value) * current_value, value_on
+                piece, target_path, quantities.factor(new_value) * current_value, value_on
             )
     automation_entry: dict[str, edit.Tree] = {
         "set": target_path,
@@ -169,8 +169,8 @@ def automation_end(piece: Piece, automation_entry: Automation) -> float:
     )
     if automation_entry.pattern is None:
         return end_beat
-    pattern_steps = automation_entry.steps(piece.tempo_map, piece.seed)
-    return min(end_beat, pattern_steps.beat(len(pattern_steps)))
+    place_beats = automation_entry.place_beats(piece.tempo_map, piece.seed)
+    return min(end_beat, place_beats.beat(len(place_beats)))
 
 
 def _with_automation_ended(
@@ -198,12 +198,12 @@ def _entry_indices(score_texts: Texts, piece: Piece, target_path: str) -> Sequen
         if changed_range := changed_part(old_automation, piece.automation):
             first_changed = changed_range.start  # those behind it are counted anew
             indices_by_target = {
-                key: [index for index in indices if index < first_changed]
-                for key, indices in indices_by_target.items()
+                target_and_parameter: [index for index in indices if index < first_changed]
+                for target_and_parameter, indices in indices_by_target.items()
             }
             for index, entry in enumerate(piece.automation[first_changed:], first_changed):
-                key = entry.target.text, entry.parameter
-                indices_by_target.setdefault(key, []).append(index)
+                target_and_parameter = entry.target.text, entry.parameter
+                indices_by_target.setdefault(target_and_parameter, []).append(index)
         score_texts.memory.hold("automation by target", None, (piece.automation, indices_by_target))
     module_path, _, parameter = target_path.rpartition(".")
     indices: Sequence[int] = indices_by_target.get((module_path, parameter), ())

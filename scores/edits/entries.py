@@ -87,16 +87,16 @@ class PlacedEntry:
     number: int
     entry: Entry
     play: Play
-    begin: float  # [beats of the piece]
-    starts: Sequence[float] | None  # None: only the recording holds them
+    begin_beat: float  # [beats of the piece]
+    start_beats: Sequence[float] | None  # None: only the recording holds them
     row_text: str | None = None  # row of a table as written
 
     def is_continuing(self, beat: float, piece: Piece) -> bool:
         """Whether an entry began before a beat and begins again on it or later."""
-        if self.begin >= beat - SAME:
+        if self.begin_beat >= beat - SAME:
             return False
-        if self.starts is not None:
-            return bool(self.starts) and self.starts[-1] >= beat - SAME
+        if self.start_beats is not None:
+            return bool(self.start_beats) and self.start_beats[-1] >= beat - SAME
         if self.play.until is not None:
             return piece.tempo_map.resolve(self.play.until) > beat + SAME
         return self.play.times not in (None, 1)
@@ -105,7 +105,7 @@ class PlacedEntry:
         """The number of beginnings of the entry, or of places of its pattern, that lie before a
         beat.
         """
-        return n_before(self.starts or (), before_beat - SAME)
+        return n_before(self.start_beats or (), before_beat - SAME)
 
     def entry_between(
         self, first_index: int, stop_index: int, write_position: Callable[[float], str]
@@ -113,15 +113,15 @@ class PlacedEntry:
         """The entry with only its beginnings from number `first_index` to before `stop_index`;
         `write_position` writes beats.
         """
-        starts = self.starts or ()
-        if not isinstance(starts, PlaceBeats):
+        start_beats = self.start_beats or ()
+        if not isinstance(start_beats, PlaceBeats):
             n_starts = stop_index - first_index
             excerpt = self.entry.with_fields(
-                at=write_position(starts[first_index]), until=None, times=str(n_starts)
+                at=write_position(start_beats[first_index]), until=None, times=str(n_starts)
             )
             return excerpt if n_starts > 1 else excerpt.with_fields(every=None, times=None)
         return self.entry.with_fields(
-            **starts.excerpt_fields(first_index, stop_index, write_position)
+            **start_beats.excerpt_fields(first_index, stop_index, write_position)
         )
 
 
@@ -136,17 +136,17 @@ def entry_of_play(play_words: words.PlayWords, play_text: str) -> Entry:
 
 
 def placed_entries(
-    score_texts: Texts, piece: Piece, player: str, since: float = -inf
+    score_texts: Texts, piece: Piece, player: str, since_beat: float = -inf
 ) -> list[PlacedEntry]:
     """The entries of a player's part, in the order written; only those that may begin on beat
-    `since` or later.
+    `since_beat` or later.
     """
-    earliest_start = since - SAME
+    earliest_start = since_beat - SAME
     entry_numbers = [
         number
         for number, (_, starts) in enumerate(_plays_of_player(piece, player))
         if starts is None
-        or (starts.last if isinstance(starts, PlaceBeats) else starts[-1] if starts else inf)
+        or (starts.last_beat if isinstance(starts, PlaceBeats) else starts[-1] if starts else inf)
         >= earliest_start
     ]
     return [*_placed_entries(score_texts, piece, player, entry_numbers)]
@@ -205,16 +205,16 @@ class PartEdit:
 
     player: str
     end_position: str = ""
-    ended: Sequence[PlacedEntry] = ()
-    removed: Sequence[PlacedEntry] = ()
-    added: Sequence[Entry] = ()
+    ended_entries: Sequence[PlacedEntry] = ()
+    removed_entries: Sequence[PlacedEntry] = ()
+    added_entries: Sequence[Entry] = ()
 
     def as_list_edit(self) -> ListEdit:
         """This change as the edit of a list."""
         path = ("parts", self.player)
 
-        def edited_text(list_document: document.Document, n_removed_before: int) -> str:
-            for ended_entry in self.ended:
+        def edited_list(list_document: document.Document, n_removed_before: int) -> str:
+            for ended_entry in self.ended_entries:
                 item_path = (*path, ended_entry.number - n_removed_before)
                 try:
                     edited_text = edit.put(list_document, (*item_path, "until"), self.end_position)
@@ -227,33 +227,35 @@ class PartEdit:
                 list_document = edit.read(edited_text, list_document.file)
             # Add new entries before others are removed: a list that never becomes empty keeps its
             # style.
-            if self.added:
-                entry_texts = [entry.flow_text() for entry in self.added]
+            if self.added_entries:
+                entry_texts = [entry.flow_text() for entry in self.added_entries]
                 list_document = edit.read(
                     edit.extend(list_document, path, entry_texts, SECTIONS), list_document.file
                 )
-            if self.removed:
+            if self.removed_entries:
                 return edit.remove(
                     list_document,
-                    *((*path, placed.number - n_removed_before) for placed in self.removed),
+                    *((*path, placed.number - n_removed_before) for placed in self.removed_entries),
                 )
             return list_document.text
 
-        numbers = [placed.number for placed in self.ended]
-        numbers += [placed.number - 1 for placed in self.removed]  # include an item that stays
-        return ListEdit(path, min(numbers, default=None), edited_text)
+        numbers = [placed.number for placed in self.ended_entries]
+        numbers += [
+            placed.number - 1 for placed in self.removed_entries
+        ]  # include an item that stays
+        return ListEdit(path, min(numbers, default=None), edited_list)
 
     def as_table_edit(self, table_text: str) -> Callable[[document.Document], str]:
         """This change as the edit of a table."""
         path = ("parts", self.player)
         rows_by_line: dict[int, str | None] = {
-            placed.number: _row_with_end(placed, self.end_position) for placed in self.ended
+            placed.number: _row_with_end(placed, self.end_position) for placed in self.ended_entries
         }
-        rows_by_line |= dict.fromkeys(placed.number for placed in self.removed)
+        rows_by_line |= dict.fromkeys(placed.number for placed in self.removed_entries)
 
-        def edited_text(table_document: document.Document) -> str:
+        def edited_table(table_document: document.Document) -> str:
             edited_text = table_document.text
-            for entry in self.added:
+            for entry in self.added_entries:
                 edited_text = edit.add_row(
                     edit.read(edited_text, table_document.file),
                     path,
@@ -265,7 +267,7 @@ class PartEdit:
                 else edited_text
             )
 
-        return edited_text
+        return edited_table
 
 
 def with_part_edits(score_texts: Texts, *edits: PartEdit) -> Texts:
@@ -276,7 +278,7 @@ def with_part_edits(score_texts: Texts, *edits: PartEdit) -> Texts:
     list_edits: list[ListEdit] = []
     table_edits: list[Callable[[document.Document], str]] = []
     for part_edit in edits:
-        if part_edit.ended or part_edit.removed or part_edit.added:
+        if part_edit.ended_entries or part_edit.removed_entries or part_edit.added_entries:
             node = _part_node(score_texts, part_edit.player)
             if isinstance(node, Scalar) and not node.is_empty:
                 table_edits.append(part_edit.as_table_edit(node.text))

@@ -12,7 +12,7 @@ import math
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length
-from ergon.notation.tables import quantities as q
+from ergon.notation.tables import quantities
 from ergon.notation.text import edit
 from ergon.notation.text.document import Mapping, Scalar
 from ergon.notation.text.edit import EditError
@@ -52,7 +52,9 @@ def excerpt_between(
         ]
         is_included = is_included or bool(entries_in_excerpt)
         excerpt_changes.append(
-            entries.PartEdit(player, removed=placed_entries, added=entries_in_excerpt)
+            entries.PartEdit(
+                player, removed_entries=placed_entries, added_entries=entries_in_excerpt
+            )
         )
     excerpt_texts = entries.with_part_edits(excerpt_texts, *excerpt_changes)
     for strikes in piece.strikes:
@@ -80,7 +82,7 @@ _GLIDE_CHORDS = 32  # pieces of a glide that is cut
 
 
 class _Window:
-    """The beats from `start` to `stop` of a piece, counted from `start`."""
+    """The beats from `start_beat` to `stop_beat` of a piece, counted from `start_beat`."""
 
     def __init__(
         self, piece: Piece, start_beat: float, stop_beat: float, value_on: ValueAtBeat | None
@@ -88,37 +90,39 @@ class _Window:
         self.piece = piece
         self.value_on = value_on
         self.tempo_map = piece.tempo_map
-        self.start = start_beat
-        self.stop = stop_beat
+        self.start_beat = start_beat
+        self.stop_beat = stop_beat
 
     def beats_within(self, beats: list[float]) -> list[float]:
-        return [beat for beat in beats if self.start - SAME <= beat < self.stop - SAME]
+        return [beat for beat in beats if self.start_beat - SAME <= beat < self.stop_beat - SAME]
 
-    def position(self, beats: float) -> str:
+    def position(self, beat_of_piece: float) -> str:
         """A beat of the piece as a position in the window: `bar|beat`, or beats if the window does
         not begin on a bar.
         """
-        beats = max(0.0, beats - self.start)
-        bar, _ = self.tempo_map.bar_beat(self.start)
-        beat_bar, beat = self.tempo_map.bar_beat(self.start + beats)
-        if abs(self.tempo_map.bars.start(bar) - self.start) < SAME:
+        beats_from_start = max(0.0, beat_of_piece - self.start_beat)
+        bar, _ = self.tempo_map.bar_beat(self.start_beat)
+        beat_bar, beat = self.tempo_map.bar_beat(self.start_beat + beats_from_start)
+        if abs(self.tempo_map.bars.start(bar) - self.start_beat) < SAME:
             return f"{beat_bar - bar + 1}|{beat:.12g}"
-        return f"{beats:.12g}"  # the window does not begin on a bar: count beats alone
+        return f"{beats_from_start:.12g}"  # the window does not begin on a bar: count beats alone
 
     def entry_excerpt(self, placed_entry: entries.PlacedEntry) -> entries.Entry | None:
         """The entry with only its beginnings in the window; None if there are none."""
-        if placed_entry.starts is None:
-            if not self.beats_within([placed_entry.begin]):
+        if placed_entry.start_beats is None:
+            if not self.beats_within([placed_entry.begin_beat]):
                 return None
-            part_entry = placed_entry.entry.with_fields(at=self.position(placed_entry.begin))
+            part_entry = placed_entry.entry.with_fields(at=self.position(placed_entry.begin_beat))
             if placed_entry.play.until is None:
                 return part_entry
             return part_entry.with_fields(
-                until=self.position(min(self.stop, self.tempo_map.resolve(placed_entry.play.until)))
+                until=self.position(
+                    min(self.stop_beat, self.tempo_map.resolve(placed_entry.play.until))
+                )
             )
         first_start, stop_start = (
-            placed_entry.count_before(self.start),
-            placed_entry.count_before(self.stop),
+            placed_entry.count_before(self.start_beat),
+            placed_entry.count_before(self.stop_beat),
         )
         return (
             placed_entry.entry_between(first_start, stop_start, self.position)
@@ -132,10 +136,11 @@ class _Window:
         begin_beat = self.tempo_map.resolve(strikes.at)
         if strikes.is_melody and strikes.length is None:
             hit_beats = [
-                beat for beat, *_ in strikes.played_hits(self.piece, self.start, self.stop)
+                beat
+                for beat, *_ in strikes.played_hits(self.piece, self.start_beat, self.stop_beat)
             ]
             excerpt_texts = melody_between(
-                texts, self.piece, strikes, self.start, self.stop, self.position
+                texts, self.piece, strikes, self.start_beat, self.stop_beat, self.position
             )
             return excerpt_texts, bool(self.beats_within(hit_beats))
         stop_beat = begin_beat if strikes.until is None else self.tempo_map.resolve(strikes.until)
@@ -145,15 +150,15 @@ class _Window:
         if strikes.passing is not None:  # `for` is the time of one pass
             del changed_fields["for"]
         if strikes.pattern is not None:
-            pattern_steps = strikes.steps(self.piece)
+            place_beats = strikes.place_beats(self.piece)
             first_place, stop_place = (
-                n_before(pattern_steps, bound - SAME) for bound in (self.start, self.stop)
+                n_before(place_beats, bound - SAME) for bound in (self.start_beat, self.stop_beat)
             )
             if first_place == stop_place:
                 return texts.remove(path), False
-            changed_fields |= pattern_steps.excerpt_fields(first_place, stop_place, self.position)
+            changed_fields |= place_beats.excerpt_fields(first_place, stop_place, self.position)
         elif strikes.rate is not None:
-            first_beat, last_beat = max(begin_beat, self.start), min(stop_beat, self.stop)
+            first_beat, last_beat = max(begin_beat, self.start_beat), min(stop_beat, self.stop_beat)
             if last_beat <= first_beat + SAME:
                 return texts.remove(path), False
             changed_fields |= {"at": self.position(first_beat), "until": self.position(last_beat)}
@@ -186,14 +191,14 @@ class _Window:
             coupling = self.piece.duet[entry_index]
             begin_beat = self.tempo_map.resolve(coupling.at)
             end_beat = (
-                self.stop if coupling.until is None else self.tempo_map.resolve(coupling.until)
+                self.stop_beat if coupling.until is None else self.tempo_map.resolve(coupling.until)
             )
-            if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
+            if begin_beat >= self.stop_beat - SAME or end_beat <= self.start_beat + SAME:
                 texts = without_entry(texts, "duet", entry_index)
                 continue
             end_position = (
                 self.position(end_beat)
-                if coupling.until is not None and end_beat < self.stop
+                if coupling.until is not None and end_beat < self.stop_beat
                 else None
             )
             fields = {"at": self.position(begin_beat), "until": end_position}
@@ -212,45 +217,49 @@ class _Window:
             )
             entry_fields: dict[str, str | None] = {"at": self.position(begin_beat)}
             if automation_entry.points:
-                score_texts = self._glide(
+                score_texts = self._cut_glide(
                     score_texts, entry_index, automation_entry, begin_beat, end_beat
                 )
                 continue
-            pattern_steps = (
+            place_beats = (
                 None
                 if automation_entry.pattern is None
-                else automation_entry.steps(self.tempo_map, self.piece.seed)
+                else automation_entry.place_beats(self.tempo_map, self.piece.seed)
             )
-            if pattern_steps is not None:
-                end_beat = min(end_beat, pattern_steps.beat(len(pattern_steps)))
-            if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
+            if place_beats is not None:
+                end_beat = min(end_beat, place_beats.beat(len(place_beats)))
+            if begin_beat >= self.stop_beat - SAME or end_beat <= self.start_beat + SAME:
                 score_texts = without_entry(score_texts, "automation", entry_index)
                 continue
             if end_beat < math.inf:
-                entry_fields["until"] = self.position(min(end_beat, self.stop))
-            if begin_beat < self.start - SAME and pattern_steps is not None:
-                first_place = n_before(pattern_steps, self.start - SAME)
-                if first_place == len(pattern_steps):
+                entry_fields["until"] = self.position(min(end_beat, self.stop_beat))
+            if begin_beat < self.start_beat - SAME and place_beats is not None:
+                first_place = n_before(place_beats, self.start_beat - SAME)
+                if first_place == len(place_beats):
                     score_texts = without_entry(score_texts, "automation", entry_index)
                     continue
-                entry_fields |= pattern_steps.excerpt_fields(
-                    first_place, len(pattern_steps), self.position
+                entry_fields |= place_beats.excerpt_fields(
+                    first_place, len(place_beats), self.position
                 )
-                entry_fields["until"] = self.position(min(end_beat, self.stop))
-            elif begin_beat < self.start - SAME and automation_entry.swing is not None:
+                entry_fields["until"] = self.position(min(end_beat, self.stop_beat))
+            elif begin_beat < self.start_beat - SAME and automation_entry.swing is not None:
                 period = (
                     self.tempo_map.after(begin_beat, automation_entry.swing.period) - begin_beat
                 )
-                phase = (automation_entry.swing.phase + (self.start - begin_beat) / period) % 1.0
+                phase = (
+                    automation_entry.swing.phase + (self.start_beat - begin_beat) / period
+                ) % 1.0
                 entry_fields["phase"] = f"{phase:.12g}"
-            elif begin_beat < self.start - SAME and automation_entry.moves:
+            elif begin_beat < self.start_beat - SAME and automation_entry.moves:
                 node = section_entries(score_texts, "automation")[entry_index]
                 start_node = node.get("start") if isinstance(node, Mapping) else None
                 start_quarters = (
-                    q.quantity(start_node.text, q.RATIO) if isinstance(start_node, Scalar) else 0.0
+                    quantities.quantity(start_node.text, quantities.RATIO)
+                    if isinstance(start_node, Scalar)
+                    else 0.0
                 )
                 quarters_past = self.tempo_map.bars.quarters(
-                    self.start
+                    self.start_beat
                 ) - self.tempo_map.bars.quarters(begin_beat)
                 entry_fields["start"] = f"{start_quarters + quarters_past:.12g}"
             score_texts = self._with_fields(
@@ -258,7 +267,7 @@ class _Window:
             )
         return score_texts
 
-    def _glide(
+    def _cut_glide(
         self,
         score_texts: Texts,
         entry_index: int,
@@ -267,27 +276,31 @@ class _Window:
         end_beat: float,
     ) -> Texts:
         """A glide cut to the window: one that began before becomes a curve."""
-        if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
+        if begin_beat >= self.stop_beat - SAME or end_beat <= self.start_beat + SAME:
             return without_entry(score_texts, "automation", entry_index)
         entry_fields: dict[str, str | None] = {"at": self.position(begin_beat)}
         if end_beat < math.inf:
-            entry_fields["until"] = self.position(min(end_beat, self.stop))
-        if begin_beat < self.start - SAME and self.value_on is not None:
-            entry_fields |= {"at": self.position(self.start), "over": None, "curve": None}
+            entry_fields["until"] = self.position(min(end_beat, self.stop_beat))
+        if begin_beat < self.start_beat - SAME and self.value_on is not None:
+            entry_fields |= {"at": self.position(self.start_beat), "over": None, "curve": None}
             piece, module_key, tempo = (
                 self.piece,
                 (automation_entry.target.part, automation_entry.target.module),
                 self.tempo_map,
             )
             if automation_entry.over is not None:
-                glide_end = tempo.after(begin_beat, automation_entry.over)
+                glide_end_beat = tempo.after(begin_beat, automation_entry.over)
             else:
-                glide_end = tempo.beats(tempo.instant(begin_beat, automation_entry.points[-1].at))
-            seconds_left = tempo.seconds(max(glide_end, self.start)) - tempo.seconds(self.start)
+                glide_end_beat = tempo.beats(
+                    tempo.instant(begin_beat, automation_entry.points[-1].at)
+                )
+            seconds_left = tempo.seconds(max(glide_end_beat, self.start_beat)) - tempo.seconds(
+                self.start_beat
+            )
             glide_points = []
             for step in range(_GLIDE_CHORDS + 1 if seconds_left > 0.0 else 1):
                 glide_offset = seconds_left * step / _GLIDE_CHORDS
-                beat = tempo.beats(tempo.seconds(self.start) + glide_offset)
+                beat = tempo.beats(tempo.seconds(self.start_beat) + glide_offset)
                 value = self.value_on(self.piece, module_key, automation_entry.parameter, beat)
                 value_word = value_text(piece, automation_entry.name, value, self.value_on)
                 glide_points.append(f"{value_word}@{glide_offset:.12g}s")
@@ -301,11 +314,11 @@ class _Window:
         _, _, meter = [
             meter_change
             for meter_change in self.tempo_map.bars.changes()
-            if meter_change[0] <= self.start + SAME
+            if meter_change[0] <= self.start_beat + SAME
         ][-1]
         first_entry: dict[str, edit.Tree] = {
             "at": "1|1",
-            "bpm": f"{self.tempo_map.bpm(self.start):.12g}",
+            "bpm": f"{self.tempo_map.bpm(self.start_beat):.12g}",
         }
         first_entry["meter"] = str(meter)
         tempo_entries = [first_entry]
@@ -315,13 +328,16 @@ class _Window:
                 if tempo_entry.over is None
                 else self.tempo_map.after(begin_beat, tempo_entry.over)
             )
-            if begin_beat >= self.stop - SAME or max(begin_beat, end_beat) <= self.start + SAME:
+            if (
+                begin_beat >= self.stop_beat - SAME
+                or max(begin_beat, end_beat) <= self.start_beat + SAME
+            ):
                 continue
             if tempo_entry.bpm is None and tempo_entry.meter is None:
                 continue
-            if begin_beat <= self.start + SAME:  # a ramp under way goes on
+            if begin_beat <= self.start_beat + SAME:  # a ramp under way goes on
                 first_entry["bpm"] = f"{first_entry['bpm']} -> {tempo_entry.bpm_end:.12g}"
-                first_entry["over"] = f"{end_beat - self.start:.12g}"
+                first_entry["over"] = f"{end_beat - self.start_beat:.12g}"
                 continue
             later_entry: dict[str, edit.Tree] = {"at": self.position(begin_beat)}
             if tempo_entry.bpm is not None:

@@ -44,8 +44,10 @@ def uncouple(
     score_texts: Texts, piece: Piece, from_beat: float, first_key: str, second_key: str
 ) -> Texts:
     """End the coupling of two keys at a beat. Raises EditError if there is none."""
-    score_texts, count = _with_coupling_ended(score_texts, piece, from_beat, first_key, second_key)
-    if not count:
+    score_texts, ended_count = _with_coupling_ended(
+        score_texts, piece, from_beat, first_key, second_key
+    )
+    if not ended_count:
         raise EditError(
             f"{first_key} and {second_key} are not coupled at {piece.tempo_map.written(from_beat)}"
         )

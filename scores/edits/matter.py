@@ -15,13 +15,11 @@ from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import member_table
 from ergon.instruments.transpose import (
     interval_between,
-    is_mechanics,
+    keeps_pitch,
     named_pitch,
     transposed_value,
 )
-from ergon.notation.tables import notes, tuning
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import notes, quantities, tuning, value_kinds
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text import document, edit
@@ -48,7 +46,9 @@ _UNIT_BY_FIELD = {
     **{"M": "kg", "K": "N/m", "Z": "Ns/m", "f": "Hz", "t60": "s", "gap": "m", "rest": "m"},
     **{"X0": "m", "V0": "m/s", "hardening": "N/m3", "stretching": "N/m3"},
 }
-_AMOUNT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.+-]*[^\s.+-]*)")
+_AMOUNT_PATTERN = re.compile(
+    r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.+-]*[^\s.+-]*)"
+)
 
 Changes = Mapping[str, str | None]  # fields and their new texts; None removes one
 
@@ -203,9 +203,9 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
     path = ("instruments", entry_values.context.name)
     assert instrument.pitch is not None
     target_pitch = (
-        k.PITCH.parse(pitch_text)
+        value_kinds.PITCH.parse(pitch_text)
         if not pitch_text.startswith("x")
-        else instrument.pitch * q.factor(pitch_text)
+        else instrument.pitch * quantities.factor(pitch_text)
     )
     if entry_values.written("like", "from"):
         score_texts = score_texts.put(
@@ -281,8 +281,8 @@ def number_fields(part_module: Module) -> Iterator[tuple[str, float]]:
 
 def quantity_text(value: float, name: str, *, is_ca: bool) -> str:
     """A value [SI] as a score writes it, without loss of precision."""
-    is_plain = is_ca and name in ("M", "K", "Z")
-    return f"{value!r}{'' if is_plain else _UNIT_BY_FIELD.get(name, '')}"
+    is_unitless = is_ca and name in ("M", "K", "Z")
+    return f"{value!r}{'' if is_unitless else _UNIT_BY_FIELD.get(name, '')}"
 
 
 def set_gain(score_texts: Texts, instrument_name: str | None, level_text: str) -> Texts:
@@ -437,7 +437,7 @@ def _field_changes(
     if not value_text.startswith("x"):
         return {**field_changes, field_name: value_text}
     try:
-        value_factor = q.factor(value_text)
+        value_factor = quantities.factor(value_text)
     except TextError as error:
         raise EditError(error.message) from None
     field_node = value_owner.resolved_values.nodes.get(field_name)
@@ -503,7 +503,7 @@ def _untransposed_changes(
     """
     interval = value_owner.written_values.by_name.get("transpose")
     if interval is None or (
-        value_owner.kind and is_mechanics(value_owner.kind, value_owner.resolved_values)
+        value_owner.kind and keeps_pitch(value_owner.kind, value_owner.resolved_values.by_name)
     ):
         return field_changes
     is_root = not value_owner.written_values.written("like", "from")
@@ -528,14 +528,14 @@ def _untransposed_changes(
 
 def _stiffness_and_viscosity(current_values: Mapping[str, object]) -> dict[str, float]:
     """K and Z from a damped frequency and its decay."""
-    mode_mass, frequency, decay_time = (
+    mass, frequency, decay_time = (
         _current_number(current_values, name) for name in ("M", "f", "t60")
     )
     decay_rate = LN_1000 / decay_time if decay_time else 0.0
     angular_frequency = 2.0 * math.pi * frequency
     return {
-        "K": mode_mass * (angular_frequency * angular_frequency + decay_rate * decay_rate),
-        "Z": 2.0 * mode_mass * decay_rate,
+        "K": mass * (angular_frequency * angular_frequency + decay_rate * decay_rate),
+        "Z": 2.0 * mass * decay_rate,
     }
 
 
@@ -563,7 +563,7 @@ def _scaled_text(text: str, factor: float) -> str | None:
     """A number or a range times a factor, with the same unit; None for a note or a fraction."""
     scaled_texts = []
     for amount_text in text.split(".."):
-        amount_match = _AMOUNT.fullmatch(amount_text.strip())
+        amount_match = _AMOUNT_PATTERN.fullmatch(amount_text.strip())
         if amount_match is None or amount_match[2].startswith("/"):
             return None
         scaled_texts.append(f"{float(amount_match[1]) * factor:.9g}{amount_match[2]}")
@@ -571,8 +571,8 @@ def _scaled_text(text: str, factor: float) -> str | None:
 
 
 def _amount_text(value: float, name: str, value_owner: _ValueOwner) -> str:
-    is_plain = value_owner.is_ca and name in ("M", "K", "Z")
-    return f"{value:.9g}{'' if is_plain else _UNIT_BY_FIELD.get(name, '')}"
+    is_unitless = value_owner.is_ca and name in ("M", "K", "Z")
+    return f"{value:.9g}{'' if is_unitless else _UNIT_BY_FIELD.get(name, '')}"
 
 
 def _written_node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:

@@ -57,9 +57,9 @@ def merged_texts(
         [],
         [*changed_places(old_texts, typed_texts)],
     )
-    count = -1
-    while count != len(places_left):
-        count = len(places_left)
+    n_places_before = -1
+    while n_places_before != len(places_left):
+        n_places_before = len(places_left)
         for place in places_left[:]:
             trial_texts, lost_places = _with_typed_values(old_texts, merged, typed_texts, [place])
             if lost_places or trial_texts.load().piece is not None:

@@ -37,7 +37,7 @@ def play(
     return entries.with_part_edits(
         score_texts,
         part_edit_ending_at(
-            score_texts, piece, _check_player(piece, player), from_beat, [new_entry]
+            score_texts, piece, _known_player(piece, player), from_beat, [new_entry]
         ),
     )
 
@@ -51,13 +51,13 @@ def transform(
     not ended begins again. Raises EditError.
     """
     placed_entries = entries.placed_entries(
-        score_texts, piece, _check_player(piece, player), from_beat
+        score_texts, piece, _known_player(piece, player), from_beat
     )
     playing_entries = [
         placed for placed in placed_entries if placed.is_continuing(from_beat, piece)
     ]
     beginning_entries = [
-        placed for placed in placed_entries if abs(placed.begin - from_beat) < SAME
+        placed for placed in placed_entries if abs(placed.begin_beat - from_beat) < SAME
     ]
     if not (playing_entries or beginning_entries):
         newest_entries = entries.newest_first(score_texts, piece, player)
@@ -105,7 +105,7 @@ def _remaining_entry(
     placed_entry: entries.PlacedEntry, piece: Piece, new_entry: entries.Entry, from_beat: float
 ) -> entries.Entry:
     """The part of a line that is left from a beat on, with the fields of `new_entry`."""
-    start_beats = placed_entry.starts or ()
+    start_beats = placed_entry.start_beats or ()
     n_played = placed_entry.count_before(from_beat)
     if isinstance(start_beats, PlaceBeats) and n_played < len(start_beats):
         remaining = replace(placed_entry, entry=new_entry).entry_between(
@@ -131,7 +131,7 @@ def end_part(score_texts: Texts, piece: Piece, player: str | None, beat: float) 
         for strikes_entry in named_strikes:
             score_texts = strikes.end_strikes(score_texts, piece, strikes_entry, beat)
         return score_texts
-    names = piece.players if player is None else (_check_player(piece, player),)
+    names = piece.players if player is None else (_known_player(piece, player),)
     return entries.with_part_edits(
         score_texts, *(part_edit_ending_at(score_texts, piece, name, beat) for name in names)
     )
@@ -147,8 +147,10 @@ def part_edit_ending_at(
     """The edit that ends the part of a player at a beat, and adds new entries."""
     placed_entries = entries.placed_entries(score_texts, piece, player, end_beat)
     ended_entries = [placed for placed in placed_entries if placed.is_continuing(end_beat, piece)]
-    later_lines = [placed for placed in placed_entries if placed.begin >= end_beat - SAME]
-    return PartEdit(player, position_text(piece, end_beat), ended_entries, later_lines, new_entries)
+    later_entries = [placed for placed in placed_entries if placed.begin_beat >= end_beat - SAME]
+    return PartEdit(
+        player, position_text(piece, end_beat), ended_entries, later_entries, new_entries
+    )
 
 
 def end_all_parts(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
@@ -166,7 +168,7 @@ def end_endless(score_texts: Texts, piece: Piece, end_beat: float) -> Texts:
             if ENDLESS_POSITION.fullmatch(placed_entry.entry.fields.get("until", "")) is None:
                 continue
             # An entry that begins after `end_beat` plays once.
-            until_text = position_text(piece, max(end_beat, placed_entry.begin + 1.0))
+            until_text = position_text(piece, max(end_beat, placed_entry.begin_beat + 1.0))
             score_texts = entries.with_part_edits(
                 score_texts, PartEdit(player_name, until_text, [placed_entry])
             )
@@ -182,7 +184,7 @@ def end_endless(score_texts: Texts, piece: Piece, end_beat: float) -> Texts:
     return automation.end_endless(score_texts, piece, end_beat)
 
 
-def _check_player(piece: Piece, player: str) -> str:
+def _known_player(piece: Piece, player: str) -> str:
     if player not in piece.players:
         raise EditError(f"this score has no player {quote(player)}")
     return player
@@ -194,14 +196,16 @@ def _ongoing_occurrence(
     """The last occurrence of an entry, as an entry that plays it alone; None if it has ended or not
     begun.
     """
-    tempo, gesture_name = piece.tempo_map, placed_entry.play.what
-    begin_beat = placed_entry.starts[-1] if placed_entry.starts else placed_entry.begin
-    if isinstance(placed_entry.starts, PlaceBeats):
-        places = placed_entry.starts.places
+    tempo_map, gesture_name = piece.tempo_map, placed_entry.play.played_text
+    begin_beat = (
+        placed_entry.start_beats[-1] if placed_entry.start_beats else placed_entry.begin_beat
+    )
+    if isinstance(placed_entry.start_beats, PlaceBeats):
+        places = placed_entry.start_beats.places
         last_played = next(
             (
                 place_index
-                for place_index in reversed(range(len(placed_entry.starts)))
+                for place_index in reversed(range(len(placed_entry.start_beats)))
                 if places.played_name(place_index)
             ),
             None,
@@ -209,7 +213,7 @@ def _ongoing_occurrence(
         if last_played is None:
             return None
         begin_beat, gesture_name = (
-            placed_entry.starts[last_played],
+            placed_entry.start_beats[last_played],
             places.played_name(last_played) or "",
         )
         pattern_fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH_OPTION), None)
@@ -220,12 +224,13 @@ def _ongoing_occurrence(
     gesture = piece.gestures.get(gesture_name)
     if begin_beat >= end_beat - SAME or gesture is None:
         return None
-    beat = gesture.beat(tempo, begin_beat)
+    beat = gesture.beat(tempo_map, begin_beat)
     gesture_points, _ = apply(
         gesture.points, (*gesture.do, *placed_entry.play.do), MidpointChance(), beat
     )
     return (
         placed_entry
-        if gesture.instant(tempo, begin_beat, gesture_points[-1].at) > tempo.seconds(end_beat)
+        if gesture.instant(tempo_map, begin_beat, gesture_points[-1].at)
+        > tempo_map.seconds(end_beat)
         else None
     )

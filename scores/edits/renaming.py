@@ -19,10 +19,10 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern import words
 from ergon.scores.pattern.rhythm_text import WORD
 from ergon.scores.reading.digest import digest_of
-from ergon.scores.reading.melody import Entries, WhatShape
+from ergon.scores.reading.melody import EntriesShape, StruckNamesShape
 from ergon.scores.reading.piece import Piece
-from ergon.scores.reading.rhythms import RHYTHM
-from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.rhythms import RHYTHM_SHAPE
+from ergon.scores.reading.sections import SCORE_RECORD
 from ergon.scores.reading.sounding import SoundingNames
 
 _PART_SECTIONS = "keys", "instruments"
@@ -90,7 +90,7 @@ def _check_same_piece(
     found.
     """
     piece_after = changed_texts.load().piece
-    restored_piece = None if piece_after is None else sounding_names.piece(piece_after)
+    restored_piece = None if piece_after is None else sounding_names.sounding_piece(piece_after)
     if restored_piece is None or digest_of(replace(restored_piece, takes={})) != digest_of(
         replace(piece, takes={})
     ):
@@ -112,7 +112,7 @@ def _spans_of_part(
         word, _ = section_node.entries[old_name]
         yield word.start, word.end
     yield from _spans_in_blocks(root_node.get("blocks"), old_name)
-    yield from _references(root_node, SCORE, old_name, _modules_by_owner(piece), ())
+    yield from _references(root_node, SCORE_RECORD, old_name, _modules_by_owner(piece), ())
 
 
 def _modules_by_owner(piece: Piece) -> dict[str, set[str]]:
@@ -145,13 +145,13 @@ def _references(
         for number, child_node in enumerate(value_node.items):
             inner_shape = None if value_shape is None else value_shape.inner(number)
             yield from _references(child_node, inner_shape, old_name, modules_by_owner, path)
-    elif isinstance(value_node, Scalar) and isinstance(value_shape, Entries):
+    elif isinstance(value_node, Scalar) and isinstance(value_shape, EntriesShape):
         for row, offset in words.rows(value_node.text):
             _, *placed_cells = [
                 (cell.group(), offset + cell.start()) for cell in _WORD_PATTERN.finditer(row)
             ]
             yield from _spans_of_words(value_node, placed_cells, old_name)
-    elif isinstance(value_node, Scalar) and value_shape is RHYTHM:
+    elif isinstance(value_node, Scalar) and value_shape is RHYTHM_SHAPE:
         yield from _spans_of_words(
             value_node,
             [
@@ -160,7 +160,7 @@ def _references(
             ],
             old_name,
         )
-    elif isinstance(value_node, Scalar) and isinstance(value_shape, WhatShape):
+    elif isinstance(value_node, Scalar) and isinstance(value_shape, StruckNamesShape):
         yield from _spans_of_words(
             value_node,
             [
@@ -280,8 +280,8 @@ def _span_if_same(node: Node | None, name: str) -> Iterator[Span]:
 
 def _is_named(word: str, name: str) -> bool:
     """Whether a word is a name, or an axis of the path that it names: `pour.x`."""
-    key_name, _, axis = word.rpartition(".")
-    return word == name or (key_name == name and axis in AXES)
+    path_name, _, axis = word.rpartition(".")
+    return word == name or (path_name == name and axis in AXES)
 
 
 def _spans_in_table(part_node: Scalar, old_name: str) -> Iterator[Span]:

@@ -22,8 +22,8 @@ _PLACES_MAX = 10_000  # of a pattern in a scene
 _PATTERN_FIELDS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH_OPTION))
 
 
-def entries(
-    pattern_entry: Entry, pattern_steps: PlaceBeats, n_places: int, round_beats: float
+def repeated_entries(
+    pattern_entry: Entry, place_beats: PlaceBeats, n_places: int, round_beats: float
 ) -> Iterator[tuple[float, Entry]]:
     """The entries that repeat the first `n_places` places of a pattern every `round_beats`.
 
@@ -33,9 +33,9 @@ def entries(
     _check_place_count(n_places)
     if not n_places:
         return
-    places = pattern_steps.places
-    if places.pattern.chance is None and _is_periodic(pattern_steps, n_places, round_beats):
-        yield pattern_steps[0], pattern_entry
+    places = place_beats.places
+    if places.pattern.chance is None and _is_periodic(place_beats, n_places, round_beats):
+        yield place_beats[0], pattern_entry
         return
     turns = _numbered_turns(pattern_entry) if places.pattern.turns else []
     beats_by_transforms: dict[tuple[str, ...], list[tuple[float, str]]] = {}
@@ -48,7 +48,7 @@ def entries(
                 if transform is not None
             )
             beats_by_transforms.setdefault(transforms, []).append(
-                (pattern_steps[place_index], played_name)
+                (place_beats[place_index], played_name)
             )
     for transforms, named_beats in beats_by_transforms.items():
         constant_transforms = takewhile(
@@ -57,8 +57,8 @@ def entries(
         occurrence_entry = Entry(
             pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*constant_transforms, *transforms)
         )
-        for begin, play, period in _absolute_patterns(named_beats, round_beats):
-            yield begin, occurrence_entry.with_fields(play=play).with_step(f"{period:.12g}")
+        for begin, pattern_text, period in _absolute_patterns(named_beats, round_beats):
+            yield begin, occurrence_entry.with_fields(play=pattern_text).with_step(f"{period:.12g}")
 
 
 def _numbered_turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
@@ -75,9 +75,9 @@ def _numbered_turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
     return [*zip(turns, (text for _, text in turn_pairs), strict=True)]
 
 
-def strikes(
+def repeated_strikes(
     strike_fields: Mapping[str, object],
-    pattern_steps: PlaceBeats,
+    place_beats: PlaceBeats,
     n_places: int,
     round_beats: float,
     notes_by_name: Mapping[str, str],
@@ -91,8 +91,8 @@ def strikes(
     _check_place_count(n_places)
     if not n_places:
         return
-    if _is_periodic(pattern_steps, n_places, round_beats):
-        yield pattern_steps[0], strike_fields
+    if _is_periodic(place_beats, n_places, round_beats):
+        yield place_beats[0], strike_fields
         return
     plain_fields = {
         name: value
@@ -100,8 +100,7 @@ def strikes(
         if name not in ("euclid", "swing", "skip")
     }
     places_with_names = (
-        (pattern_steps[place], pattern_steps.places.name_in_place(place))
-        for place in range(n_places)
+        (place_beats[place], place_beats.places.name_in_place(place)) for place in range(n_places)
     )
     named_beats = [(beat, name) for beat, name in places_with_names if name is not None]
     if notes_by_name:
@@ -121,14 +120,14 @@ def _check_place_count(n_places: int) -> None:
         )
 
 
-def _is_periodic(pattern_steps: PlaceBeats, n_places: int, beats: float) -> bool:
+def _is_periodic(place_beats: PlaceBeats, n_places: int, beats: float) -> bool:
     """Whether the `n_places` places after the first `n_places` repeat them `beats` later."""
-    places = pattern_steps.places
+    places = place_beats.places
     return (
         _is_sequential(places.pattern.order)
         and not places.pattern.turns
         and all(
-            abs(pattern_steps.beat(n_places + place) - pattern_steps[place] - beats) < SAME
+            abs(place_beats.beat(n_places + place) - place_beats[place] - beats) < SAME
             and places.name_in_place(n_places + place) == places.name_in_place(place)
             for place in range(n_places)
         )

@@ -77,7 +77,7 @@ def play_scene(
     stop_text = (
         endless_end(piece, from_beat) if until_beat is None else position_text(piece, until_beat)
     )
-    last_beat = math.inf if until_beat is None else until_beat - SAME
+    limit_beat = math.inf if until_beat is None else until_beat - SAME
     part_edits = []
     for player in piece.players:
         scene_players = scene.piece.players
@@ -90,7 +90,7 @@ def play_scene(
             entry.with_fields(at=position_text(piece, from_beat + begin), until=stop_text)
             for line in scene_lines
             for begin, entry in _repeated_entries(line, scene.beats)
-            if from_beat + begin < last_beat
+            if from_beat + begin < limit_beat
         ]
         part_edits.append(
             parts.part_edit_ending_at(score_texts, piece, player, from_beat, new_entries)
@@ -102,10 +102,10 @@ def play_scene(
     )
     for strikes in scene.piece.strikes:
         score_texts = _with_strikes(
-            score_texts, piece, scene, strikes, from_beat, last_beat, stop_text
+            score_texts, piece, scene, strikes, from_beat, limit_beat, stop_text
         )
     return _with_automation(
-        score_texts, piece, scene, from_beat, last_beat, None if until_beat is None else stop_text
+        score_texts, piece, scene, from_beat, limit_beat, None if until_beat is None else stop_text
     )
 
 
@@ -170,13 +170,20 @@ def _repeated_entries(
 ) -> Iterator[tuple[float, Entry]]:
     """The entries that repeat an entry every `scene_beats`, each with its first beat."""
     repeated_entry = placed_entry.entry.with_fields(times=None, until=None)
-    if isinstance(placed_entry.starts, PlaceBeats):
-        yield from scene_patterns.entries(
-            repeated_entry, placed_entry.starts, placed_entry.count_before(scene_beats), scene_beats
+    if isinstance(placed_entry.start_beats, PlaceBeats):
+        yield from scene_patterns.repeated_entries(
+            repeated_entry,
+            placed_entry.start_beats,
+            placed_entry.count_before(scene_beats),
+            scene_beats,
         )
         return
     repeated_entry = repeated_entry.with_step(f"{scene_beats:.12g}")
-    begin_beats = [placed_entry.begin] if placed_entry.starts is None else [*placed_entry.starts]
+    begin_beats = (
+        [placed_entry.begin_beat]
+        if placed_entry.start_beats is None
+        else [*placed_entry.start_beats]
+    )
     begin_beats = [begin for begin in begin_beats if begin < scene_beats - SAME]
     step_beats = scene_beats / len(begin_beats) if begin_beats else scene_beats
     if len(begin_beats) > 1 and all(
@@ -221,14 +228,14 @@ def _with_definitions(score_texts: Texts, known_names: Names | None, scene: Scen
 
 def _changed_parameters(piece: Piece, scene_piece: Piece) -> Iterator[tuple[str, str]]:
     """The parameters that differ between two pieces, each with its value in the second."""
-    pairs: list[tuple[Key | Instrument, Key | Instrument | None]] = [
+    part_pairs: list[tuple[Key | Instrument, Key | Instrument | None]] = [
         *((key, piece.keys.get(key.name)) for key in scene_piece.keys.values()),
         *(
             (instrument, piece.instruments.get(instrument.name))
             for instrument in scene_piece.instruments.values()
         ),
     ]
-    for scene_part, score_part in pairs:
+    for scene_part, score_part in part_pairs:
         score_modules = (
             {} if score_part is None else {module.name: module for module in score_part.modules}
         )
@@ -237,12 +244,12 @@ def _changed_parameters(piece: Piece, scene_piece: Piece) -> Iterator[tuple[str,
             if score_module is None or score_module.kind != scene_module.kind:
                 continue
             path = ".".join(filter(None, (scene_part.name, scene_module.name)))
-            for quantity_name, quantity_value in matter.number_fields(scene_module):
-                if quantity_value != score_module.fields.get(quantity_name):
+            for field_name, field_value in matter.number_fields(scene_module):
+                if field_value != score_module.fields.get(field_name):
                     is_ca = getattr(scene_part, "ca_rate", None) is not None
                     yield (
-                        f"{path}.{quantity_name}",
-                        matter.quantity_text(quantity_value, quantity_name, is_ca=is_ca),
+                        f"{path}.{field_name}",
+                        matter.quantity_text(field_value, field_name, is_ca=is_ca),
                     )
 
 
@@ -278,13 +285,13 @@ def _with_automation(
     piece: Piece,
     scene: Scene,
     from_beat: float,
-    last_beat: float,
+    limit_beat: float,
     until_text: str | None,
 ) -> Texts:
     """Write the automation of a scene from a beat on; all other automation ends there.
 
     Automation that ends within the scene acts only in its first round; the rest continues. What
-    begins on the beat `last_beat` or later is left out: another scene plays there.
+    begins on the beat `limit_beat` or later is left out: another scene plays there.
     """
     nodes, tempo = section_entries(scene.texts, "automation"), scene.piece.tempo_map
     for automation_node, entry in zip(nodes, scene.piece.automation, strict=True):
@@ -295,14 +302,14 @@ def _with_automation(
         module_path = entry.name.rpartition(".")[0]
         if (
             begin_beat >= scene.beats - SAME
-            or from_beat + begin_beat >= last_beat
+            or from_beat + begin_beat >= limit_beat
             or automatable.named_module(module_path, piece.keys, piece.instruments) is None
         ):
             continue
         entry_tree = edit.tree(automation_node)
         assert isinstance(entry_tree, dict)
         entry_tree = {**entry_tree, "at": position_text(piece, from_beat + begin_beat)}
-        is_endless = end_beat >= scene.beats - SAME or from_beat + end_beat >= last_beat
+        is_endless = end_beat >= scene.beats - SAME or from_beat + end_beat >= limit_beat
         if is_endless and ("until" in entry_tree or until_text is not None):
             entry_tree["until"] = until_text or endless_end(piece, from_beat)
         elif "until" in entry_tree:
@@ -319,7 +326,7 @@ def _with_strikes(
     scene: Scene,
     strikes: Strikes,
     start_beat: float,
-    last_beat: float,
+    limit_beat: float,
     end_position: str,
 ) -> Texts:
     """Write strikes of a scene from a beat on, under names that are free.
@@ -332,7 +339,9 @@ def _with_strikes(
     if strikes.span is not None:
         stop_beat = tempo.after(begin_beat, strikes.span)
     if strikes.is_melody:
-        return _with_melody(score_texts, piece, scene, strikes, start_beat, last_beat, end_position)
+        return _with_melody(
+            score_texts, piece, scene, strikes, start_beat, limit_beat, end_position
+        )
     node = scene.texts.section("strikes")
     entry_tree = edit.tree(node)
     assert isinstance(entry_tree, dict)
@@ -348,7 +357,7 @@ def _with_strikes(
         fills_scene = begin_beat < SAME and stop_beat >= scene.beats - SAME
         rate_end = start_beat + min(stop_beat, scene.beats)
         until_text = (
-            end_position if fills_scene or rate_end > last_beat else position_text(piece, rate_end)
+            end_position if fills_scene or rate_end > limit_beat else position_text(piece, rate_end)
         )
         placed_fields = (
             [(begin_beat, {**strike_fields, "until": until_text})]
@@ -356,16 +365,18 @@ def _with_strikes(
             else []
         )
     elif strikes.pattern is not None:
-        pattern_steps = strikes.steps(scene.piece)
-        n_places = n_before(pattern_steps, scene.beats - SAME)
+        place_beats = strikes.place_beats(scene.piece)
+        n_places = n_before(place_beats, scene.beats - SAME)
         notes = {name: _note_text(name, amount) for name, amount in strikes.notes.items()}
         placed_fields = [
-            *scene_patterns.strikes(strike_fields, pattern_steps, n_places, scene.beats, notes)
+            *scene_patterns.repeated_strikes(
+                strike_fields, place_beats, n_places, scene.beats, notes
+            )
         ]
     else:
         end_beat = None if strikes.until is None and strikes.span is None else stop_beat
         strike_step, times_max = strikes.every, strikes.times
-        begins = (
+        begin_beats = (
             strikes.rounds(tempo)
             if strikes.passing is not None
             else starts(
@@ -373,9 +384,11 @@ def _with_strikes(
             )
         )
         repeated_fields = {**strike_fields, "every": f"{scene.beats:.12g}"}
-        placed_fields = [(beat, repeated_fields) for beat in begins if beat < scene.beats - SAME]
+        placed_fields = [
+            (beat, repeated_fields) for beat in begin_beats if beat < scene.beats - SAME
+        ]
     for beat, fields in placed_fields:
-        if start_beat + beat < last_beat:
+        if start_beat + beat < limit_beat:
             entry_tree = {
                 "until": end_position,
                 **fields,
@@ -388,11 +401,11 @@ def _with_strikes(
     return score_texts
 
 
-def _note_text(module_name: str, amount: Amount) -> str:
+def _note_text(note_name: str, amount: Amount) -> str:
     """A note of a pattern as it is written by itself; notes of a scale have no names, so their
     frequency is written.
     """
-    return f"{amount.value!r}Hz" if "." in module_name else module_name
+    return f"{amount.value!r}Hz" if "." in note_name else note_name
 
 
 def _with_melody(
@@ -401,7 +414,7 @@ def _with_melody(
     scene: Scene,
     strikes: Strikes,
     start_beat: float,
-    last_beat: float,
+    limit_beat: float,
     end_position: str,
 ) -> Texts:
     """Write a melody of a scene as a phrase as long as the scene, under a free name."""
@@ -410,11 +423,11 @@ def _with_melody(
     melody_rows = [
         melody_entry(hit, f"{beat:.12g}") for beat, hit in timed_hits if beat < scene.beats - SAME
     ]
-    if not melody_rows or start_beat >= last_beat:
+    if not melody_rows or start_beat >= limit_beat:
         return score_texts
     phrase_name = _free_section_name(score_texts, strikes.name, "phrases")
-    phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": melody_rows}
-    score_texts = score_texts.put(("phrases", phrase_name), edit.flow(phrase))
+    phrase_tree: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": melody_rows}
+    score_texts = score_texts.put(("phrases", phrase_name), edit.flow(phrase_tree))
     play_fields: edit.Tree = {
         "play": phrase_name,
         "at": position_text(piece, start_beat),

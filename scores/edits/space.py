@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from math import acos, cos
 
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables import quantities as q
+from ergon.notation.tables import quantities
 from ergon.notation.text import document, edit
 from ergon.scores.edits import structure
 from ergon.scores.edits.lists import entry_path, section_entries
@@ -123,19 +123,22 @@ def with_fade(
     from_beat: float,
     end_beat: float,
     *,
-    is_in: bool,
+    fades_in: bool,
 ) -> Texts:
     """Fade an instrument (None: everything) in or out, between two beats. Raises EditError."""
     if instrument_name is None:
         master_fade = piece.mix.master.fade if piece.mix.master else ()
         path = ("mix", "master", "fade")
         return score_texts.put(
-            path, edit.flow(_fade_points(piece, master_fade, from_beat, end_beat, is_in=is_in))
+            path,
+            edit.flow(_fade_points(piece, master_fade, from_beat, end_beat, fades_in=fades_in)),
         )
     score_texts = structure.with_default_routes(score_texts, piece)
     members = {instrument_name, *piece.families.get(instrument_name, ())}
     fade_points = next((route.fade for route in piece.mix.routes if route.part in members), ())
-    points_text = edit.flow(_fade_points(piece, fade_points, from_beat, end_beat, is_in=is_in))
+    points_text = edit.flow(
+        _fade_points(piece, fade_points, from_beat, end_beat, fades_in=fades_in)
+    )
     for route_path in _route_paths(score_texts, instrument_name):
         score_texts = score_texts.put((*route_path, "fade"), points_text)
     return score_texts
@@ -159,7 +162,7 @@ def fade_level(fade: Fade, tempo: TempoMap, beat: float) -> float:
             share = (beat_instant - previous_instant) / (point_instant - previous_instant)
             share = share * share * (3.0 - 2.0 * share) if is_smooth else share
             if previous_gain > 0.0 and point_gain > 0.0:
-                return q.level_between(previous_gain, point_gain, share)
+                return quantities.level_between(previous_gain, point_gain, share)
             return previous_gain + (point_gain - previous_gain) * share
         previous_point = point_instant, point_gain
     return 1.0 if previous_point is None else previous_point[1]
@@ -231,11 +234,11 @@ def _written_instrument_name(piece: Piece, route: Route) -> str:
 
 
 def _fade_points(
-    piece: Piece, fade: Fade, from_beat: float, end_beat: float, *, is_in: bool
+    piece: Piece, fade: Fade, from_beat: float, end_beat: float, *, fades_in: bool
 ) -> list[edit.Tree]:
     tempo = piece.tempo_map
     fade_points: list[edit.Tree] = []
-    if fade or not is_in:
+    if fade or not fades_in:
         fade_points.append(
             {
                 "at": position_text(piece, from_beat),
@@ -246,7 +249,10 @@ def _fade_points(
         silent_beat = tempo.beats(tempo.seconds(from_beat) + _SILENCE_SECONDS)
         fade_points.append({"at": position_text(piece, from_beat), "gain": "0dB"})
         fade_points.append({"at": position_text(piece, silent_beat), "gain": "x0"})
-    return [*fade_points, {"at": position_text(piece, end_beat), "gain": "0dB" if is_in else "x0"}]
+    return [
+        *fade_points,
+        {"at": position_text(piece, end_beat), "gain": "0dB" if fades_in else "x0"},
+    ]
 
 
 def _ratio_text(ratio: float) -> str:

@@ -9,8 +9,7 @@ from math import inf
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text import edit
 from ergon.scores.edits.names import free_name
-from ergon.scores.edits.positions import endless_end as distant
-from ergon.scores.edits.positions import position_text
+from ergon.scores.edits.positions import endless_end, position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Hit, Piece, Strikes
 
@@ -24,7 +23,7 @@ def strike(
 ) -> Texts:
     """Write strikes from a beat on; they replace earlier strikes of the same name.
 
-    `strike_fields` are those of a score as texts; modules in `target_words` are separated by
+    `strike_fields` are those of a score as texts; modules in `to` are separated by
     spaces, transformations in `do` by commas. Repeated strikes without an end continue for ever.
     Raises EditError.
     """
@@ -53,7 +52,7 @@ def strike(
         {"times", "until"} if fields.keys() & {"sweep", "path"} else {"times", "for", "until"}
     )
     if fields.keys() & {"rate", "every", "euclid", "rhythm"} and not fields.keys() & bound_fields:
-        fields["until"] = distant(piece, from_beat)
+        fields["until"] = endless_end(piece, from_beat)
     return score_texts.put(("strikes", new_name), edit.flow(fields))
 
 
@@ -85,8 +84,8 @@ def end_strikes(score_texts: Texts, piece: Piece, strikes: Strikes, from_beat: f
     elif strikes.rhythm is not None and strikes.until is None:
         stop_beat = strikes.rhythm.cycle_begin(tempo, begin_beat, strikes.cycles(tempo))
     elif strikes.pattern is not None and strikes.until is None:
-        pattern_steps = strikes.steps(piece)
-        stop_beat = pattern_steps.beat(len(pattern_steps))
+        place_beats = strikes.place_beats(piece)
+        stop_beat = place_beats.beat(len(place_beats))
     elif strikes.has_rounds and strikes.until is None:
         stop_beat = strikes.rounds(tempo)[-1] + 2 * SAME
     elif strikes.times is not None and strikes.every is not None and strikes.until is None:

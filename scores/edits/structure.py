@@ -16,7 +16,7 @@ from ergon.scores.edits.lists import entry_path, section_entries, without_entry
 from ergon.scores.edits.names import free_name
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
-from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.sections import SCORE_RECORD
 
 USUAL_LOUDNESS = "-20LUFS"  # loudness of a stroke at mf by default
 LINKS_INSTRUMENT = "links"  # the instrument that holds links between others
@@ -177,7 +177,7 @@ def remove_named(score_texts: Texts, piece: Piece, removed_name: str) -> Texts:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class SectionEntry:
     """A named entry of a section, or a module of one, such as `bell.m`; without a name, the section
     itself or a file.
     """
@@ -191,44 +191,44 @@ class Entry:
             return self.section
         if "." in self.name:
             return f"module {quote(self.name)}"
-        shape = SCORE.by_name[self.section].shape
+        shape = SCORE_RECORD.by_name[self.section].shape
         assert isinstance(shape, NamesOf)
         return f"{shape.noun} {quote(self.name)}"
 
 
-def entries_with_mistakes(score_texts: Texts) -> list[Entry]:
+def entries_with_mistakes(score_texts: Texts) -> list[SectionEntry]:
     """The entries of a score in which there are mistakes, in the order of the text, each once."""
     errors = [
         diagnostic
         for diagnostic in score_texts.load().diagnostics
         if diagnostic.severity == "error"
     ]
-    score = score_texts.document() if errors else None
+    score_document = score_texts.document() if errors else None
     entries = (
-        Entry(error.place.file)
-        if score is None or error.place.file != score.file
-        else _entry_at(score, error.place)
+        SectionEntry(error.place.file)
+        if score_document is None or error.place.file != score_document.file
+        else _entry_at(score_document, error.place)
         for error in errors
     )
     return [*dict.fromkeys(entries)]
 
 
-def _entry_at(score: document.Document, place: Place) -> Entry:
+def _entry_at(score_document: document.Document, place: Place) -> SectionEntry:
     """The entry of the score in which a place lies."""
-    text_index = score.line_span(place.line - 1)[0] + place.column - 1
-    assert isinstance(score.root, document.Mapping)
-    section_name = _entry_name_before(score.root, text_index)
-    section_node = score.root.entries[section_name][1]
-    if not isinstance(SCORE.by_name[section_name].shape, NamesOf) or not isinstance(
+    text_index = score_document.line_span(place.line - 1)[0] + place.column - 1
+    assert isinstance(score_document.root, document.Mapping)
+    section_name = _entry_name_before(score_document.root, text_index)
+    section_node = score_document.root.entries[section_name][1]
+    if not isinstance(SCORE_RECORD.by_name[section_name].shape, NamesOf) or not isinstance(
         section_node, document.Mapping
     ):
-        return Entry(section_name)
+        return SectionEntry(section_name)
     entry_name = _entry_name_before(section_node, text_index)
     body = section_node.entries[entry_name][1]
     modules = body.get("modules") if isinstance(body, document.Mapping) else None
     if isinstance(modules, document.Mapping) and modules.start <= text_index < modules.end:
         entry_name = f"{entry_name}.{_entry_name_before(modules, text_index)}"
-    return Entry(section_name, entry_name)
+    return SectionEntry(section_name, entry_name)
 
 
 def _entry_name_before(node: document.Mapping, index: int) -> str:

@@ -27,10 +27,10 @@ from ergon.notation.text.spans import Splice, apply_splices
 from ergon.notation.text.syntax import MAX_BYTES, decode
 from ergon.notation.text.window import Window, last_items, line_window
 from ergon.scores.reading.load import Loaded, load
-from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.sections import SCORE_RECORD
 from ergon.scores.reading.uses import Names, Uses
 
-SECTIONS = tuple(SCORE.by_name)  # the order of sections
+SECTIONS = tuple(SCORE_RECORD.by_name)  # the order of sections
 
 
 def _new_memory() -> Memory:

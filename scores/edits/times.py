@@ -42,8 +42,12 @@ def change_tempo(
         return score_texts.put(
             (*entry_path(score_texts, "tempo", current_index), "over"), ramp_length
         )
-    ramp = {} if ramp_length is None else {"over": ramp_length}
-    tempo_line: dict[str, edit.Tree] = {"at": position_text(piece, from_beat), "bpm": bpm, **ramp}
+    ramp_fields = {} if ramp_length is None else {"over": ramp_length}
+    tempo_line: dict[str, edit.Tree] = {
+        "at": position_text(piece, from_beat),
+        "bpm": bpm,
+        **ramp_fields,
+    }
     if from_beat <= SAME and piece.tempo and piece.tempo[0].tempos:
         return score_texts.put(entry_path(score_texts, "tempo", 0), edit.flow(tempo_line))
     return _with_inserted_entry(score_texts, next_index, tempo_line)
@@ -92,8 +96,8 @@ def _without_later_fields(
         tempo_entry = piece.tempo[entry_index]
         if piece.tempo_map.resolve(tempo_entry.at) <= from_beat + SAME:
             continue
-        values: dict[str, object] = {"bpm": tempo_entry.bpm, "meter": tempo_entry.meter}
-        if values.pop(field_names[0]) is not None and not any(values.values()):
+        other_fields: dict[str, object] = {"bpm": tempo_entry.bpm, "meter": tempo_entry.meter}
+        if other_fields.pop(field_names[0]) is not None and not any(other_fields.values()):
             score_texts = without_entry(score_texts, "tempo", entry_index)
             next_index = None if next_index is None else next_index - 1
             continue

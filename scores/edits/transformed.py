@@ -58,7 +58,7 @@ def transform(
             "at": position_text(piece, cycle_beat),
             **_with_transforms_added(strike_fields, transforms_text),
         }
-        if first_cycle := rhythm.first + n_passed_cycles:
+        if first_cycle := rhythm.first_cycle + n_passed_cycles:
             strike_fields["skip"] = str(first_cycle)
         if strike_times is not None:
             strike_fields["times"] = str(strike_times - n_passed_cycles)

@@ -76,9 +76,9 @@ def value_combinations(
             for varied_target in varied_targets
         )
         raise EditError(f"pairs need as many values of each: {counts_text}")
-    count = value_counts[0] if is_zipped else math.prod(value_counts)
-    if count > VARIANTS_MAX:
-        raise EditError(f"these are {count:,} variants; a sweep has at most {VARIANTS_MAX:,}")
+    n_variants = value_counts[0] if is_zipped else math.prod(value_counts)
+    if n_variants > VARIANTS_MAX:
+        raise EditError(f"these are {n_variants:,} variants; a sweep has at most {VARIANTS_MAX:,}")
     columns = [varied_target.values for varied_target in varied_targets]
     return list(zip(*columns, strict=True) if is_zipped else itertools.product(*columns))
 

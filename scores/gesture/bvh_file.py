@@ -56,7 +56,7 @@ class _WordReader:
         self._unread_words: list[str] = []  # unread words of the line, last word first
         self.line_number = 0
 
-    def word(self) -> str:
+    def next_word(self) -> str:
         """The next word; empty at the end of the file."""
         while not self._unread_words:
             numbered_line = next(self._lines, None)
@@ -73,11 +73,11 @@ class _WordReader:
     def damage_error(self, message: str, line: int | None = None) -> TakeError:
         return TakeError(message, self._path, line or self.line_number or None)
 
-    def numbers(self, count: int, noun: str) -> list[float]:
+    def next_numbers(self, count: int, noun: str) -> list[float]:
         read_numbers: list[float] = []
         first_line = None
         for _ in range(count):
-            word = self.word()
+            word = self.next_word()
             first_line = first_line or self.line_number
             try:
                 number = float(word)
@@ -97,7 +97,7 @@ def read(path: Path) -> Motion:
         words = _WordReader(file, path)
         joints, n_channels = _read_hierarchy(words)
         frame_count, rate = _read_motion_header(words)
-        n_numbers = sum(1 for _ in iter(words.word, ""))
+        n_numbers = sum(1 for _ in iter(words.next_word, ""))
     n_complete, n_extra = divmod(n_numbers, n_channels) if n_channels else (frame_count, 0)
 
     def blocks() -> Iterator[Floats]:
@@ -109,7 +109,7 @@ def read(path: Path) -> Motion:
             rows_left = frame_count
             while rows_left:
                 frame_rows = [
-                    file_words.numbers(n_channels, "a frame")
+                    file_words.next_numbers(n_channels, "a frame")
                     for _ in range(min(rows_left, rows_max))
                 ]
                 rows_left -= len(frame_rows)
@@ -137,12 +137,12 @@ def read(path: Path) -> Motion:
 
 def _read_hierarchy(file_words: _WordReader) -> tuple[list[_Joint], int]:
     """The joints, parents first, and how many numbers a frame has."""
-    if file_words.word().upper() != "HIERARCHY":
+    if file_words.next_word().upper() != "HIERARCHY":
         raise file_words.damage_error("this is not a BVH file")
     joints: list[_Joint] = []
     open_joints: list[int] = []  # joints whose braces are open
     n_channels = 0
-    while (word := file_words.word().upper()) != "MOTION":
+    while (word := file_words.next_word().upper()) != "MOTION":
         match word:
             case "ROOT" | "JOINT" if (word == "ROOT") == (not open_joints):
                 joints.append(
@@ -156,7 +156,7 @@ def _read_hierarchy(file_words: _WordReader) -> tuple[list[_Joint], int]:
             case "}" if open_joints:
                 open_joints.pop()
             case "OFFSET" if open_joints:
-                joints[open_joints[-1]].offset = file_words.numbers(3, "an offset")
+                joints[open_joints[-1]].offset = file_words.next_numbers(3, "an offset")
             case "CHANNELS" if open_joints:
                 channels = joints[open_joints[-1]].channels
                 channel_kinds = _read_channels(file_words)
@@ -174,7 +174,7 @@ def _read_hierarchy(file_words: _WordReader) -> tuple[list[_Joint], int]:
 def _read_name(file_words: _WordReader) -> str:
     """The words before a brace that opens."""
     name_words: list[str] = []
-    while (read_word := file_words.word()) != "{":
+    while (read_word := file_words.next_word()) != "{":
         if not read_word or read_word == "}" or read_word.upper() in _KEYWORDS:
             raise file_words.damage_error(
                 "this line is out of place in a BVH file: a brace opens no joint"
@@ -185,9 +185,9 @@ def _read_name(file_words: _WordReader) -> str:
 
 def _read_channels(file_words: _WordReader) -> list[int]:
     """The kinds of channels that a joint has."""
-    count_text, line_number = file_words.word(), file_words.line_number
+    count_text, line_number = file_words.next_word(), file_words.line_number
     channel_kinds: list[int] = []
-    while (word := file_words.word().lower()) in _CHANNELS:
+    while (word := file_words.next_word().lower()) in _CHANNELS:
         channel_kinds.append(_CHANNELS.index(word))
     file_words.push_back(word)
     if count_text != str(len(channel_kinds)):
@@ -209,7 +209,7 @@ def _read_motion_header(file_words: _WordReader) -> tuple[int, float]:
     if period_text is None:
         raise file_words.damage_error("after `Frames:` comes `Frame Time:` and seconds")
     file_words.push_back(period_text)
-    (frame_duration,) = file_words.numbers(1, "the time of a frame")
+    (frame_duration,) = file_words.next_numbers(1, "the time of a frame")
     if not frame_duration > 1e-6:
         raise file_words.damage_error("the time of a frame must be above a microsecond")
     return int(frame_count_text), 1 / frame_duration
@@ -218,14 +218,14 @@ def _read_motion_header(file_words: _WordReader) -> tuple[int, float]:
 def _word_after_label(file_words: _WordReader, *label: str) -> str | None:
     """The word after a label and its colon, with or without spaces; None without the label."""
     *first_words, last_word = label
-    if any(file_words.word().lower() != expected_word for expected_word in first_words):
+    if any(file_words.next_word().lower() != expected_word for expected_word in first_words):
         return None
-    name, colon, value_text = file_words.word().partition(":")
+    name, colon, value_text = file_words.next_word().partition(":")
     if name.lower() != last_word:
         return None
     if not colon:
-        colon, value_text = (next_word := file_words.word())[:1], next_word[1:]
-    return (value_text or file_words.word()) if colon == ":" else None
+        colon, value_text = (next_word := file_words.next_word())[:1], next_word[1:]
+    return (value_text or file_words.next_word()) if colon == ":" else None
 
 
 def _joint_positions(joints: list[_Joint], frame_rows: Floats) -> Floats:
@@ -258,11 +258,11 @@ def _joint_positions(joints: list[_Joint], frame_rows: Floats) -> Floats:
 
 def _rotation_matrices(axis: int, degrees: Floats) -> Floats:
     """Rotations about an axis, (n, 3, 3)."""
-    angle = degrees * (math.pi / 180)
+    angles = degrees * (math.pi / 180)
     j, k = (axis + 1) % 3, (axis + 2) % 3
-    matrices = np.zeros((len(angle), 3, 3))
+    matrices = np.zeros((len(angles), 3, 3))
     matrices[:, axis, axis] = 1.0
-    matrices[:, j, j] = matrices[:, k, k] = np.cos(angle)
-    matrices[:, k, j] = np.sin(angle)
+    matrices[:, j, j] = matrices[:, k, k] = np.cos(angles)
+    matrices[:, k, j] = np.sin(angles)
     matrices[:, j, k] = -matrices[:, k, j]
     return matrices

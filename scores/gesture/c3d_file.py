@@ -45,15 +45,15 @@ class _NumberFormat:
         self.byte_order = _BYTE_ORDER_BY_PROCESSOR[processor]
         self._is_dec = processor == _DEC_PROCESSOR
 
-    def word(self, data: bytes, offset: int) -> int:
+    def read_word(self, data: bytes, offset: int) -> int:
         """16 bits without a sign."""
         value: int = struct.unpack_from(f"{self.byte_order}H", data, offset)[0]
         return value
 
-    def real(self, data: bytes, offset: int) -> float:
-        return float(self.reals(data[offset : offset + 4])[0])
+    def read_real(self, data: bytes, offset: int) -> float:
+        return float(self.read_reals(data[offset : offset + 4])[0])
 
-    def reals(self, data: bytes) -> Floats:
+    def read_reals(self, data: bytes) -> Floats:
         """Numbers of 32 bits. In DEC's format the two halves are swapped, and the value is four
         times as large.
         """
@@ -110,26 +110,32 @@ def _layouts(
         return value if value is not None and math.isfinite(value) and value >= 0 else None
 
     frame_count = _frame_count(
-        number_format.word(header_bytes, 6),
-        number_format.word(header_bytes, 8),
+        number_format.read_word(header_bytes, 6),
+        number_format.read_word(header_bytes, 8),
         parameter_values,
         number_format,
     )
     header = _FrameLayout(
-        number_format.word(header_bytes, 2),
-        number_format.word(header_bytes, 4),
+        number_format.read_word(header_bytes, 2),
+        number_format.read_word(header_bytes, 4),
         frame_count,
-        number_format.real(header_bytes, 12),
+        number_format.read_real(header_bytes, 12),
     )
     point_counts, analog_counts, frame_counts = [header.n_points], [header.n_analog], [frame_count]
     if (n_points := parameter_number("POINT", "USED")) is not None:
         point_counts.append(int(n_points) & _HEADER_FRAMES_MAX)
     if (n_analog_used := parameter_number("ANALOG", "USED")) is not None:
-        rates = parameter_number("ANALOG", "RATE"), parameter_number("POINT", "RATE")
-        analog_counts.append(int(n_analog_used) * number_format.word(header_bytes, 18))
-        if rates[0] and rates[1]:
+        analog_and_point_rates = (
+            parameter_number("ANALOG", "RATE"),
+            parameter_number("POINT", "RATE"),
+        )
+        analog_counts.append(int(n_analog_used) * number_format.read_word(header_bytes, 18))
+        if analog_and_point_rates[0] and analog_and_point_rates[1]:
             analog_counts.append(
-                int(n_analog_used) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX)
+                int(n_analog_used)
+                * min(
+                    round(analog_and_point_rates[0] / analog_and_point_rates[1]), _HEADER_FRAMES_MAX
+                )
             )
     if n_frames := parameter_number("POINT", "FRAMES"):
         frame_counts.append(int(n_frames))
@@ -186,8 +192,8 @@ def read(path: Path) -> Motion:
         )
         rate = _first_number(
             parameter_values, "POINT", "RATE", number_format
-        ) or number_format.real(header_bytes, 20)
-        start_offset = _SECTOR_BYTES * (number_format.word(header_bytes, 16) - 1)
+        ) or number_format.read_real(header_bytes, 20)
+        start_offset = _SECTOR_BYTES * (number_format.read_word(header_bytes, 16) - 1)
         header, *other_layouts = _layouts(header_bytes, parameter_values, number_format)
         if (
             not math.isfinite(header.scale)
@@ -197,7 +203,7 @@ def read(path: Path) -> Motion:
         ):
             raise TakeError("this is not a C3D file that can be read: its header is damaged", path)
         layout = _fitting_layout([header, *other_layouts], open_file, start_offset, path)
-    n_points, n_frames, is_real, frame_size = (
+    n_points, n_frames, is_real, bytes_per_frame = (
         layout.n_points,
         layout.n_frames,
         layout.is_real,
@@ -206,8 +212,8 @@ def read(path: Path) -> Motion:
     # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
     factor = 1.0 if is_real else layout.scale
     number_bytes = layout.bytes_per_number
-    if start_offset + n_frames * frame_size > file_size:
-        n_complete = max(0, (file_size - start_offset) // frame_size)
+    if start_offset + n_frames * bytes_per_frame > file_size:
+        n_complete = max(0, (file_size - start_offset) // bytes_per_frame)
         raise TakeError(f"the file is cut: of {n_frames:,} frames {n_complete:,} are there", path)
     has_rate = math.isfinite(rate) and rate > 0
     metres = metres_of(_parameter_text(parameter_values, "POINT", "UNITS").replace("\0", " "))
@@ -217,17 +223,17 @@ def read(path: Path) -> Motion:
             open_file.seek(start_offset)
             frames_left, frames_max = (
                 n_frames,
-                max(1, BLOCK_NUMBERS_MAX * number_bytes // max(frame_size, 1)),
+                max(1, BLOCK_NUMBERS_MAX * number_bytes // max(bytes_per_frame, 1)),
             )
             while frames_left:
-                block_bytes = open_file.read(frame_size * min(frames_left, frames_max))
-                if len(block_bytes) != frame_size * min(frames_left, frames_max):
+                block_bytes = open_file.read(bytes_per_frame * min(frames_left, frames_max))
+                if len(block_bytes) != bytes_per_frame * min(frames_left, frames_max):
                     raise TakeError("the file is shorter than its header says", path)
-                frames_left -= len(block_bytes) // frame_size
+                frames_left -= len(block_bytes) // bytes_per_frame
                 yield (
                     _point_positions(
                         block_bytes,
-                        len(block_bytes) // frame_size,
+                        len(block_bytes) // bytes_per_frame,
                         n_points,
                         number_format,
                         is_real,
@@ -250,7 +256,7 @@ def _point_positions(
 ) -> Floats:
     """Positions (n, points, 3); NaN if the fourth word of a point is negative."""
     if is_real:
-        frame_numbers = number_format.reals(block_bytes)
+        frame_numbers = number_format.read_reals(block_bytes)
     else:
         frame_numbers = np.frombuffer(block_bytes, f"{number_format.byte_order}i2").astype(
             np.float64
@@ -286,7 +292,7 @@ def _parameters(
         cursor += name_length
         if not name_length or cursor + 2 > len(section_bytes):
             break
-        entry_distance = number_format.word(section_bytes, cursor)
+        entry_distance = number_format.read_word(section_bytes, cursor)
         if group_number >= 0x80:
             group_names[0x100 - group_number] = parameter_name
         elif (value := _read_parameter(section_bytes, cursor + 2)) is not None:
@@ -328,11 +334,15 @@ def _first_number(
     """
     number_type, _, value_bytes = parameter_values.get((group_name, parameter_name), (0, (), b""))
     if number_type == 4 and len(value_bytes) >= 4:
-        return number_format.real(value_bytes, 0)
+        return number_format.read_real(value_bytes, 0)
     if number_type == 2 and len(value_bytes) >= 4:
-        return number_format.word(value_bytes, 0) + 0x10000 * number_format.word(value_bytes, 2)
+        return number_format.read_word(value_bytes, 0) + 0x10000 * number_format.read_word(
+            value_bytes, 2
+        )
     return (
-        number_format.word(value_bytes, 0) if number_type == 2 and len(value_bytes) >= 2 else None
+        number_format.read_word(value_bytes, 0)
+        if number_type == 2 and len(value_bytes) >= 2
+        else None
     )
 
 
@@ -344,18 +354,20 @@ def _frame_count(
 ) -> int:
     """The number of frames; from parameters if it is too large for the header."""
     if last_frame == _HEADER_FRAMES_MAX:
-        first = _first_number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
-        last = _first_number(parameter_values, "TRIAL", "ACTUAL_END_FIELD", number_format)
-        if first and last and math.isfinite(first) and math.isfinite(last):
-            return int(last) - int(first) + 1
+        start_field = _first_number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
+        end_field = _first_number(parameter_values, "TRIAL", "ACTUAL_END_FIELD", number_format)
+        if start_field and end_field and math.isfinite(start_field) and math.isfinite(end_field):
+            return int(end_field) - int(start_field) + 1
         for name in ("LONG_FRAMES", "FRAMES"):
-            n = _first_number(parameter_values, "POINT", name, number_format)
-            if n and math.isfinite(n):
-                return int(n)
+            frame_count = _first_number(parameter_values, "POINT", name, number_format)
+            if frame_count and math.isfinite(frame_count):
+                return int(frame_count)
     return last_frame - first_frame + 1
 
 
-def _point_names(parameter_values: dict[tuple[str, str], _Parameter], n: int) -> tuple[str, ...]:
+def _point_names(
+    parameter_values: dict[tuple[str, str], _Parameter], n_points: int
+) -> tuple[str, ...]:
     """Names of points, (n,)."""
     point_names: list[str] = []
     label_index = 1
@@ -369,4 +381,4 @@ def _point_names(parameter_values: dict[tuple[str, str], _Parameter], n: int) ->
         )
         point_names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]
         label_index += 1
-    return unique_names([*point_names, *[""] * n][:n])
+    return unique_names([*point_names, *[""] * n_points][:n_points])

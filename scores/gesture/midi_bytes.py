@@ -58,7 +58,7 @@ class MidiBytes:
         """The error for damage at a byte."""
         return TakeError(f"the file is damaged at byte {offset:,}: {description}", self.path)
 
-    def header(self) -> MidiHeader:
+    def read_header(self) -> MidiHeader:
         """The chunks of the file. Raises TakeError."""
         file_bytes = self.data
         if file_bytes[:4] != b"MThd":
@@ -111,7 +111,7 @@ class MidiBytes:
         )
         return MidiHeader(midi_format, division, tuple(track_spans), n_others, n_after, n_missing)
 
-    def track(self, span: tuple[int, int]) -> Iterator[MidiEvent]:
+    def track_events(self, span: tuple[int, int]) -> Iterator[MidiEvent]:
         """The events of a track in order, up to the event that ends it. Raises TakeError."""
         byte_offset, track_stop = span
         tick, status, n_events = 0, 0, 0

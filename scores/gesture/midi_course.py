@@ -26,18 +26,18 @@ Course = tuple[tuple[float, float], ...]
 def read_course(path: Path, channel: int | None, midi_source: MidiSource) -> Course:
     """How something moves on a channel from 1 to 16, or on all. Raises TakeError."""
     try:
-        return _read(path, channel, midi_source, state_of(path))
+        return _read_course(path, channel, midi_source, state_of(path))
     except OSError as error:
         raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
 
 
 @lru_cache(32)
-def _read(path: Path, channel: int | None, midi_source: MidiSource, _: FileState) -> Course:
+def _read_course(path: Path, channel: int | None, midi_source: MidiSource, _: FileState) -> Course:
     midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
+    header = midi_bytes.read_header()
     events = [
         event
-        for event in chain.from_iterable(map(midi_bytes.track, header.track_spans))
+        for event in chain.from_iterable(map(midi_bytes.track_events, header.track_spans))
         if event.kind == midi_source.kind
         and (not midi_source.numbers or event.number in midi_source.numbers)
     ]
@@ -64,14 +64,16 @@ def _ticks_and_positions(
 
     The upper bits of a pair put the lower ones at 0, until these come (MIDI 1.0, control change).
     """
-    upper, lower = 0, 0
+    upper_bits, lower_bits = 0, 0
     for event in midi_events:
         value = event.content[-1]
         if midi_source.kind == PITCH_BEND:
             position = wheel_position(event.content[0] | value << 7)
         elif midi_source.kind == CONTROLLER and len(midi_source.numbers) == 2:
-            upper, lower = (value, 0) if event.number == midi_source.numbers[0] else (upper, value)
-            position = pair_position(upper, lower)
+            upper_bits, lower_bits = (
+                (value, 0) if event.number == midi_source.numbers[0] else (upper_bits, value)
+            )
+            position = pair_position(upper_bits, lower_bits)
         else:
             position = seven_bit_position(value)
         yield event.tick, position

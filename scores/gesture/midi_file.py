@@ -54,8 +54,8 @@ FileState = tuple[int, ...]  # changes when the content of a file changes
 
 def state_of(path: Path) -> FileState:
     """The state of a file. Raises OSError."""
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size, status.st_ino
+    file_status = path.stat()
+    return file_status.st_mtime_ns, file_status.st_size, file_status.st_ino
 
 
 def read_bytes(path: Path) -> MidiBytes:
@@ -69,21 +69,21 @@ def read_bytes(path: Path) -> MidiBytes:
 def read_notes(path: Path, channel: str | None = None) -> MidiNotes:
     """The notes of a channel from 1 to 16, or of all. Raises TakeError."""
     try:
-        return _read(path, channel, state_of(path))
+        return _read_notes(path, channel, state_of(path))
     except OSError as error:
         raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
 
 
 @lru_cache(8)
-def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
+def _read_notes(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
     channel = channel_number(path, channel_name)
     midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
+    header = midi_bytes.read_header()
     events_by_channel: dict[int, list[_ChannelEvent]] = {}
     channels_with_notes: set[int] = set()
     end_tick, n_notes = 0, 0
     for track in header.track_spans:
-        for track_event in midi_bytes.track(track):
+        for track_event in midi_bytes.track_events(track):
             end_tick = max(end_tick, track_event.tick)
             note_event = _channel_event(track_event)
             if note_event.kind == _OTHER_KIND:
@@ -108,14 +108,22 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
             message, field = "it has no notes", "file"
         raise TakeError(message, path, field=field)
     timed_notes.sort(key=lambda note: note[:2])
-    ticks = header.ticks_per_quarter
+    ticks_per_quarter = header.ticks_per_quarter
     notes = tuple(
-        MidiNote(tick / ticks, number, velocity, None if n_ticks is None else n_ticks / ticks)
+        MidiNote(
+            tick / ticks_per_quarter,
+            number,
+            velocity,
+            None if n_ticks is None else n_ticks / ticks_per_quarter,
+        )
         for tick, number, velocity, n_ticks in timed_notes
     )
     last_quarter = notes[-1].at
     return MidiNotes(
-        notes, end_tick / ticks if end_tick / ticks > last_quarter else int(last_quarter) + 1.0
+        notes,
+        end_tick / ticks_per_quarter
+        if end_tick / ticks_per_quarter > last_quarter
+        else int(last_quarter) + 1.0,
     )
 
 

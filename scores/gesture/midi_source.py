@@ -22,7 +22,7 @@ SOURCES = {
     "pressure": "the pressure on the keys (channel pressure)",
     "pressure C4": "the pressure on one key (polyphonic pressure)",
 }
-_KINDS_BY_WORD = {"bend": PITCH_BEND, "pressure": CHANNEL_PRESSURE}
+_KIND_BY_WORD = {"bend": PITCH_BEND, "pressure": CHANNEL_PRESSURE}
 _SEVEN_BIT_MAX = 127
 _FOURTEEN_BIT_MAX = 16383
 _WHEEL_CENTRE = 8192
@@ -43,7 +43,7 @@ class MidiSource(NamedTuple):
             return f"cc {'/'.join(map(str, self.numbers))}"
         if self.kind == KEY_PRESSURE:
             return f"pressure {self.numbers[0]}"
-        return next(word for word, kind in _KINDS_BY_WORD.items() if kind == self.kind)
+        return next(word for word, kind in _KIND_BY_WORD.items() if kind == self.kind)
 
 
 def parse_source(written_text: str) -> MidiSource:
@@ -52,19 +52,19 @@ def parse_source(written_text: str) -> MidiSource:
     source_text = source_text.strip()
     if prefix == "cc":
         return MidiSource(
-            CONTROLLER, _controllers(source_text, len(written_text) - len(source_text))
+            CONTROLLER, _parse_controllers(source_text, len(written_text) - len(source_text))
         )
     if prefix == "pressure" and source_text:
         return MidiSource(KEY_PRESSURE, (note_number(source_text),))
-    if prefix in _KINDS_BY_WORD and not source_text:
-        return MidiSource(_KINDS_BY_WORD[prefix])
+    if prefix in _KIND_BY_WORD and not source_text:
+        return MidiSource(_KIND_BY_WORD[prefix])
     message = (
         f"{quote(written_text)} is not what moves in MIDI: write cc 21, cc 1/33, bend, pressure or "
     )
     raise TextError(f"{message}pressure C4", length=max(1, len(written_text)), code="E201")
 
 
-def _controllers(controllers_text: str, text_offset: int) -> tuple[int, ...]:
+def _parse_controllers(controllers_text: str, text_offset: int) -> tuple[int, ...]:
     """`21`, or `1/33`: the controllers of the upper and of the lower seven bits."""
     match = _CONTROLLERS_PATTERN.fullmatch(controllers_text)
     controller_numbers = (
@@ -91,9 +91,9 @@ def seven_bit_position(value: int) -> float:
     return value / _SEVEN_BIT_MAX
 
 
-def pair_position(upper: int, lower: int) -> float:
+def pair_position(upper_bits: int, lower_bits: int) -> float:
     """The joint position of two controllers, from 0 to 1."""
-    return (upper << 7 | lower) / _FOURTEEN_BIT_MAX
+    return (upper_bits << 7 | lower_bits) / _FOURTEEN_BIT_MAX
 
 
 def wheel_position(wheel_value: int) -> float:

@@ -114,11 +114,14 @@ class MidiSurvey:
 
     def seconds(self, quarters: float) -> float:
         """The instant of a place of the file, by its own tempos [s]."""
-        starts = [(0.0, DEFAULT_QUARTER_MICROSECONDS), *self.tempos]
-        n_changes = bisect_right(starts, quarters, key=lambda change: change[0])
-        ends = [*(start for start, _ in starts[1:n_changes]), quarters]
-        pairs = zip(starts[:n_changes], ends, strict=True)
-        return sum((end - start) * microseconds for (start, microseconds), end in pairs) / 1e6
+        tempo_changes = [(0.0, DEFAULT_QUARTER_MICROSECONDS), *self.tempos]
+        n_changes = bisect_right(tempo_changes, quarters, key=lambda change: change[0])
+        end_quarters = [*(start for start, _ in tempo_changes[1:n_changes]), quarters]
+        changes_and_ends = zip(tempo_changes[:n_changes], end_quarters, strict=True)
+        return (
+            sum((end - start) * microseconds for (start, microseconds), end in changes_and_ends)
+            / 1e6
+        )
 
 
 def survey(path: Path) -> MidiSurvey:
@@ -131,8 +134,8 @@ def survey(path: Path) -> MidiSurvey:
 
 @lru_cache(16)
 def _survey(path: Path, _: FileState) -> MidiSurvey:
-    midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
+    file_bytes = read_bytes(path)
+    header = file_bytes.read_header()
     contents = MidiSurvey(
         header.format, header.ticks_per_quarter, header.n_other_chunks, header.n_bytes_after
     )
@@ -143,7 +146,7 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
         track = MidiTrack()
         contents.tracks.append(track)
         sounding_counts = Counter[tuple[int, int]]()
-        for event in midi_bytes.track(span):
+        for event in file_bytes.track_events(span):
             _count_sounding(event, sounding_counts)
             last_tick = max(last_tick, event.tick)
             if event.kind != m.META:
@@ -157,7 +160,7 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
         if n_hanging := sounding_counts.total():
             contents.odd_counts["note that nothing ends"] += n_hanging
     ticks_per_quarter = contents.ticks_per_quarter
-    contents.length, contents.n_bytes_unread = last_tick / ticks_per_quarter, midi_bytes.n_unread
+    contents.length, contents.n_bytes_unread = last_tick / ticks_per_quarter, file_bytes.n_unread
     contents.n_missing = header.n_missing
     contents.n_tempos, contents.n_meters = len(tempos), len(meters)
     contents.tempos = [

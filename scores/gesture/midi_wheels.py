@@ -32,25 +32,25 @@ _KIND_ORDER = {CONTROLLER: 0, PITCH_BEND: 1, NOTE_ON: 2}
 NoteCurves = Mapping[int, tuple[tuple[float, float], ...]]
 
 
-def read_wheels(path: Path, channel: str | None, cents: float) -> NoteCurves:
-    """How the notes of a channel, or of all, glide; `cents` is the range of a wheel of which the
-    file does not say it. Raises TakeError.
+def read_wheels(path: Path, channel: str | None, default_range: float) -> NoteCurves:
+    """How the notes of a channel, or of all, glide; `default_range` [cents] is the range of a wheel
+    of which the file does not say it. Raises TakeError.
     """
     try:
-        return _read(path, channel, cents, state_of(path))
+        return _read_wheels(path, channel, default_range, state_of(path))
     except OSError as error:
         raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
 
 
 @lru_cache(8)
-def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCurves:
+def _read_wheels(path: Path, channel: str | None, default_range: float, _: FileState) -> NoteCurves:
     wanted_channel = channel_number(path, channel)
     midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
-    file_events = [*chain.from_iterable(map(midi_bytes.track, header.track_spans))]
+    header = midi_bytes.read_header()
+    file_events = [*chain.from_iterable(map(midi_bytes.track_events, header.track_spans))]
     file_events = [event for event in file_events if event.kind in _KIND_ORDER]
     file_events.sort(key=lambda event: (event.tick, _KIND_ORDER[event.kind]))
-    wheels, curve_points = Wheels(cents), dict[int, dict[float, float]]()
+    wheels, curve_points = Wheels(default_range), dict[int, dict[float, float]]()
     n_points = 0
     for wheel_event in file_events:
         for note_number, sounding_channel in wheels.follow(wheel_event):
@@ -73,17 +73,17 @@ class _Wheel:
     chosen.
     """
 
-    range: float
-    value: float = 0.0
+    range_cents: float
+    position: float = 0.0
     parameter: list[int] = field(default_factory=lambda: [127, 127])  # none
 
 
 class Wheels:
     """The wheels of all channels, and the channel on which each note was played last."""
 
-    def __init__(self, cents: float) -> None:
-        """Begin without zones; `cents` is the range of a wheel that says none."""
-        self._wheels = {channel: _Wheel(cents) for channel in range(1, 17)}
+    def __init__(self, default_range: float) -> None:
+        """Begin without zones; `default_range` is the range of a wheel that says none."""
+        self._wheels = {channel: _Wheel(default_range) for channel in range(1, 17)}
         self._master_by_channel: dict[int, int] = {}  # master of each channel in a zone
         self._channel_by_note: dict[int, int] = {}  # by the number of a note
 
@@ -92,7 +92,7 @@ class Wheels:
         master = self._master_by_channel.get(channel)
         channels = (channel,) if master is None else (channel, master)
         return sum(
-            self._wheels[channel_number].value * self._wheels[channel_number].range
+            self._wheels[channel_number].position * self._wheels[channel_number].range_cents
             for channel_number in channels
         )
 
@@ -100,7 +100,7 @@ class Wheels:
         """Whether a channel belongs to a zone, as its master or not."""
         return channel in self._master_by_channel or channel in self._master_by_channel.values()
 
-    def notes(self, channel: int) -> list[int]:
+    def notes_of_channel(self, channel: int) -> list[int]:
         """The notes that were played last on a channel, or on those of which it is the master."""
         return [
             number
@@ -126,12 +126,12 @@ class Wheels:
             yield event_content[0], channel
             return
         if event.kind == PITCH_BEND:
-            self._wheels[channel].value = (
+            self._wheels[channel].position = (
                 event_content[0] + 128 * event_content[1] - _WHEEL_CENTRE
             ) / _WHEEL_CENTRE
         elif not self._follow_controller(channel, *event_content):
             return
-        for number in self.notes(channel):
+        for number in self.notes_of_channel(channel):
             yield number, self._channel_by_note[number]
 
     def _follow_controller(
@@ -154,8 +154,8 @@ class Wheels:
             _DATA_FINE,
         ):
             return False
-        semitones, cents = divmod(wheel.range, 100.0)
-        wheel.range = (
+        semitones, cents = divmod(wheel.range_cents, 100.0)
+        wheel.range_cents = (
             controller_value * 100.0 + cents
             if controller_number == _DATA_COARSE
             else semitones * 100.0 + controller_value
@@ -163,7 +163,7 @@ class Wheels:
         if channel in self._master_by_channel:  # the range of one channel of a zone is that of all
             for other_channel, master in self._master_by_channel.items():
                 if master == self._master_by_channel[channel]:
-                    self._wheels[other_channel].range = wheel.range
+                    self._wheels[other_channel].range_cents = wheel.range_cents
         return True
 
     def _set_zone(self, master: int, n_channels: int) -> None:
@@ -176,6 +176,6 @@ class Wheels:
         channels = list(_ZONE_CHANNELS_BY_MASTER[master])[: min(n_channels, 15)]
         self._master_by_channel |= dict.fromkeys(channels, master)
         if channels:
-            self._wheels[master].range = _MASTER_RANGE_CENTS
+            self._wheels[master].range_cents = _MASTER_RANGE_CENTS
         for channel in channels:
-            self._wheels[channel].range = _MEMBER_RANGE_CENTS
+            self._wheels[channel].range_cents = _MEMBER_RANGE_CENTS

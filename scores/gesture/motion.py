@@ -41,7 +41,7 @@ class Motion:
     `rate` [Hz] is None if the file does not state it, as is `unit_metres`, the length of 1.0 in the
     file. `blocks` gives positions as (frames, points, 3), some frames at a time, in the file's
     unit; a point that is not seen is NaN there. `note` says what is wrong with a file that can be
-    read, `unread` what is in it beside the points.
+    read, `unread_contents` what is in it beside the points.
     """
 
     points: tuple[str, ...]
@@ -50,7 +50,7 @@ class Motion:
     unit_metres: float | None
     blocks: Callable[[], Iterator[Floats]]
     note: str | None = None
-    unread: tuple[str, ...] = ()
+    unread_contents: tuple[str, ...] = ()
 
 
 def metres_of(unit: str) -> float | None:
@@ -82,12 +82,12 @@ def unique_names(column_names: Sequence[str]) -> tuple[str, ...]:
 
 
 def row_positions(
-    cells: Sequence[str], starts: Iterable[int], path: Path, line_number: int
+    cells: Sequence[str], first_columns: Iterable[int], path: Path, line_number: int
 ) -> list[float]:
-    """Three numbers from each of the columns `starts` on; NaN for cells that are empty or say
-    `NULL`. Raises TakeError.
+    """Three numbers from each of the columns `first_columns` on; NaN for cells that are empty or
+    say `NULL`. Raises TakeError.
     """
-    words = [cell.strip() for column in starts for cell in cells[column : column + 3]]
+    words = [cell.strip() for column in first_columns for cell in cells[column : column + 3]]
     try:
         coordinates = [nan if word.upper() in _HIDDEN_WORDS else float(word) for word in words]
     except ValueError:
@@ -154,11 +154,11 @@ def chosen_point_and_axis(
     return list(point_names).index(point_name), axis_name
 
 
-def metres_per_unit(file_unit: float | None, metre_unit: float | None, path: Path) -> float:
-    """The length of 1.0 in a file [m], by the file or by `metre_unit`. Raises TakeError."""
-    if file_unit is not None and metre_unit is not None:
+def metres_per_unit(file_unit: float | None, written_unit: float | None, path: Path) -> float:
+    """The length of 1.0 in a file [m], by the file or by `written_unit`. Raises TakeError."""
+    if file_unit is not None and written_unit is not None:
         raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
-    metres = metre_unit if file_unit is None else file_unit
+    metres = written_unit if file_unit is None else file_unit
     if metres is None:
         raise TakeError(
             "the file does not state the unit of its lengths; write what 1.0 means, "
@@ -169,8 +169,8 @@ def metres_per_unit(file_unit: float | None, metre_unit: float | None, path: Pat
     return metres
 
 
-def track(
-    motion: Motion, channel: str | None, rate: float | None, metre_unit: float | None, path: Path
+def channel_track(
+    motion: Motion, channel: str | None, rate: float | None, written_unit: float | None, path: Path
 ) -> tuple[Floats, Floats, str | None]:
     """Instants [s] and positions [m] of a channel, both (seen,), and a note on damage and on gaps
     that the spline fills.
@@ -179,7 +179,7 @@ def track(
     TakeError.
     """
     point_index, axis_name = chosen_point_and_axis(motion.points, channel, path)
-    metres = metres_per_unit(motion.unit_metres, metre_unit, path)
+    metres = metres_per_unit(motion.unit_metres, written_unit, path)
     if motion.rate is not None and rate is not None:
         raise TakeError("the file states its own rate; remove `rate`", path, field="rate")
     sample_rate = motion.rate if rate is None else rate
@@ -197,11 +197,11 @@ def track(
     positions = positions[seen_frames]
     positions -= positions[0]
     if axis_name == "auto":
-        x = positions @ _path_direction(positions, motion.points[point_index], path)
+        coordinates = positions @ _path_direction(positions, motion.points[point_index], path)
     else:
-        x = positions[:, AXES.index(axis_name)]
+        coordinates = positions[:, AXES.index(axis_name)]
     notes = "; ".join(filter(None, (motion.note, damage)))
-    return seen_frames / sample_rate, x * metres, notes or None
+    return seen_frames / sample_rate, coordinates * metres, notes or None
 
 
 def _hidden_note(
@@ -211,12 +211,12 @@ def _hidden_note(
     long gaps.
     """
     gaps = np.diff(seen_frames)
-    longest = int(gaps.argmax())
-    if (gaps[longest] - 1) / rate > _HIDDEN_DURATION_MAX:
+    longest_index = int(gaps.argmax())
+    if (gaps[longest_index] - 1) / rate > _HIDDEN_DURATION_MAX:
         raise TakeError(
-            f"'{point_name[:60]}' is not seen from {(seen_frames[longest] + 1) / rate:.3f} s to "
-            f"{seen_frames[longest + 1] / rate:.3f} s; fill the gap in the program that captured "
-            "it, or take another point",
+            f"'{point_name[:60]}' is not seen from {(seen_frames[longest_index] + 1) / rate:.3f} s "
+            f"to {seen_frames[longest_index + 1] / rate:.3f} s; fill the gap in the program that "
+            "captured it, or take another point",
             path,
         )
     n_hidden = int((gaps - 1).sum())
@@ -225,11 +225,11 @@ def _hidden_note(
     return f"'{point_name[:60]}' is not seen in {n_hidden:,} frames; a spline runs across them"
 
 
-def _path_direction(places: Floats, point_name: str, path: Path) -> Floats:
+def _path_direction(positions: Floats, point_name: str, path: Path) -> Floats:
     """The direction of the straight line that fits a path best, a unit vector (3,), towards its
     farther end.
     """
-    deviations = places - places.mean(axis=0)
+    deviations = positions - positions.mean(axis=0)
     # Relative to the largest value, so that no square overflows or underflows.
     scale = float(np.abs(deviations).max())
     if not scale:

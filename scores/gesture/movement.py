@@ -10,7 +10,7 @@ from ergon._core import Take
 from ergon.scores.gesture.take_file import Floats
 
 CUTOFF_HZ = 20.0  # Hz: hands move below; differentiated sensor noise is above
-RATE = 50.0  # times the cutoff: samples a second at which derivatives are taken
+RATE_OVER_CUTOFF = 50.0  # times the cutoff: samples a second at which derivatives are taken
 _CUTOFF_RATIO_MAX = 0.45  # largest cutoff over the sample rate
 _REVERSAL_SHARE_MIN = 0.05  # smallest reversal over the range
 _STRIKE_RMS_RATIO = 3.0  # times the rms of the acceleration
@@ -62,7 +62,7 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF_HZ) -> MovementS
     t, x = np.asarray(t, float) - t[0], np.asarray(x, float)
     duration = float(t[-1])
     mean_rate = (len(t) - 1) / duration
-    rate = max(mean_rate, RATE * cutoff)
+    rate = max(mean_rate, RATE_OVER_CUTOFF * cutoff)
     n_samples = max(int(duration * rate), 8)
     rate = n_samples / duration
     smoothed_positions = _smoothed_positions(

@@ -113,7 +113,7 @@ def _score_of_root(score_root: Element) -> XmlScore:
     measure_columns = _measure_columns(score_root)
     skipped_counts: Counter[str] = Counter()
     meters: list[tuple[int, str]] = []  # index of the measure, text
-    measures = _read_measures(
+    events_of_measures = _read_measures(
         measure_columns, {part_id: MeasureReader(skipped_counts) for part_id in part_ids}, meters
     )
     played_order = playing_order(
@@ -124,7 +124,7 @@ def _score_of_root(score_root: Element) -> XmlScore:
     tempos: list[tuple[Fraction, float]] = []
     n_notes = 0
     for start_quarter, index in zip(measure_starts, played_order, strict=True):
-        for part_id, part_events in measures[index].items():
+        for part_id, part_events in events_of_measures[index].items():
             events_by_part[part_id] += ((start_quarter, event) for event in part_events)
             n_notes += sum(event.pitch is not None for event in part_events)
             tempos += (
@@ -173,23 +173,23 @@ def _played_bars(
     """Where each measure that is played begins, where the last ends, and the meters from where
     they hold, in quarters. An upbeat fills the end of a bar that is whole.
     """
-    measure_start = Fraction(0)
-    starts: list[Fraction] = []
+    measure_quarter = Fraction(0)
+    start_quarters: list[Fraction] = []
     placed_meters: list[tuple[Fraction, str]] = []
     for play_index, index in enumerate(played_order):
         measure_column, meter = measure_columns[index], _meter_of_measure(meters, index)
         is_upbeat = play_index == 0 and measure_column.is_upbeat
         if is_upbeat:
-            measure_start = _bar_quarters(meter) - measure_column.length
+            measure_quarter = _bar_quarters(meter) - measure_column.length
         is_edge_bar = is_upbeat or play_index + 1 == len(played_order)
         bar_meter = _meter_of_length(meter, Fraction(0) if is_edge_bar else measure_column.length)
         if not placed_meters or placed_meters[-1][1] != bar_meter:
-            placed_meters.append((measure_start if play_index else Fraction(0), bar_meter))
-        starts.append(measure_start)
-        measure_start += measure_column.length
-        if measure_start.denominator > _COMMON_DENOMINATOR_MAX:
+            placed_meters.append((measure_quarter if play_index else Fraction(0), bar_meter))
+        start_quarters.append(measure_quarter)
+        measure_quarter += measure_column.length
+        if measure_quarter.denominator > _COMMON_DENOMINATOR_MAX:
             raise ValueError("the lengths of its bars fit no common grid")
-    return starts, measure_start, placed_meters
+    return start_quarters, measure_quarter, placed_meters
 
 
 def _read_measures(
@@ -203,7 +203,7 @@ def _read_measures(
     for measure_index, measure_column in enumerate(measure_columns):
         content_by_part: dict[str, MeasureContent] = {}
         for part_id, measure in measure_column.measures.items():
-            part_content = content_by_part[part_id] = readers[part_id].measure(measure)
+            part_content = content_by_part[part_id] = readers[part_id].read_measure(measure)
             if (part_content.meter is not None and part_content.meter != meter) or (
                 part_content.meter and not meters
             ):

@@ -34,9 +34,9 @@ _FALLING_DYNAMICS |= {"sfp": ("f", "p"), "sfzp": ("f", "p"), "sfpp": ("f", "pp")
 _UNIT_NAMES = "maxima long breve whole half quarter eighth 16th 32nd 64th 128th 256th 512th 1024th"
 _QUARTERS_BY_UNIT = {name: Fraction(32, 2**place) for place, name in enumerate(_UNIT_NAMES.split())}
 _DIVISIONS_MAX = 10**15  # smallest common multiple of the divisions of a part
-_NUMBER = re.compile(r"\s*([+-]?[0-9]{1,12}(\.[0-9]{1,12})?)\s*")
-_FIRST_NUMBER = re.compile(r"[0-9]{1,6}(\.[0-9]{1,6})?")
-_METER = re.compile(r"[0-9]{1,3}(\+[0-9]{1,3}){0,15}/[0-9]{1,3}")
+_NUMBER_PATTERN = re.compile(r"\s*([+-]?[0-9]{1,12}(\.[0-9]{1,12})?)\s*")
+_FIRST_NUMBER_PATTERN = re.compile(r"[0-9]{1,6}(\.[0-9]{1,6})?")
+_METER_PATTERN = re.compile(r"[0-9]{1,3}(\+[0-9]{1,3}){0,15}/[0-9]{1,3}")
 
 
 class Pitch(NamedTuple):
@@ -82,7 +82,7 @@ class MeasureContent:
 
 def parse_number(text: str | None) -> Fraction | None:
     """A number of a score; None if it is none."""
-    match = _NUMBER.fullmatch(text or "")
+    match = _NUMBER_PATTERN.fullmatch(text or "")
     return None if match is None else Fraction(match[1])
 
 
@@ -91,29 +91,29 @@ class MeasureReader:
 
     def __init__(self, unplayed_counts: Counter[str]) -> None:
         """Start; what nothing plays is counted in `unplayed_counts`."""
-        self._unplayed = UnplayedCounter(unplayed_counts)
+        self._unplayed_counter = UnplayedCounter(unplayed_counts)
         self._divisions = Fraction(1)
         self._divisions_lcm = 1
         self._diatonic_shift, self._chromatic_shift = 0, Fraction(0)
         self._is_respelled = False
 
-    def measure(self, measure: Element) -> MeasureContent:
+    def read_measure(self, measure: Element) -> MeasureContent:
         """The content of the next measure."""
         measure_content = MeasureContent()
         cursor = onset = Fraction(0)
         grace_chords: list[list[Event]] = []  # notes of a chord are together
         for element in measure:
             if element.tag == "attributes":
-                self._attributes(element, measure_content)
+                self._read_attributes(element, measure_content)
             elif element.tag in ("backup", "forward"):
                 step = self._duration(element)
                 cursor = max(
                     Fraction(0), cursor - step if element.tag == "backup" else cursor + step
                 )
             elif element.tag == "direction" or element.tag == "sound":
-                measure_content.events += self._direction(element, cursor)
+                measure_content.events += self._events_of_direction(element, cursor)
             elif element.tag != "note":
-                self._unplayed.count_measure_element(element)
+                self._unplayed_counter.count_measure_element(element)
             else:
                 is_chord = element.find("chord") is not None
                 event_start = onset if is_chord else cursor
@@ -122,12 +122,12 @@ class MeasureReader:
                     measure_content.events += _grace_notes_before(grace_chords, event_start)
                     grace_chords = []
                     onset, cursor = event_start, cursor + note_length
-                note_event = self._note(
+                note_event = self._read_note(
                     element, event_start, _GRACE_QUARTERS if is_grace else note_length
                 )
                 if element.find("rest") is None:
                     measure_content.sounding_length = max(measure_content.sounding_length, cursor)
-                measure_content.events += self._dynamics(
+                measure_content.events += self._events_of_dynamics(
                     element.iterfind("notations/dynamics"), event_start
                 )
                 if note_event is not None and not is_grace:
@@ -145,22 +145,24 @@ class MeasureReader:
             / self._divisions
         )
 
-    def _attributes(self, attributes: Element, measure_content: MeasureContent) -> None:
+    def _read_attributes(self, attributes: Element, measure_content: MeasureContent) -> None:
         divisions = parse_number(attributes.findtext("divisions"))
-        self._unplayed.count_attributes(attributes)
+        self._unplayed_counter.count_attributes(attributes)
         if divisions is not None and divisions > 0:
             self._divisions = divisions
             self._divisions_lcm = math.lcm(self._divisions_lcm, divisions.numerator)
             if self._divisions_lcm > _DIVISIONS_MAX:
                 raise ValueError("its divisions of a quarter fit no common grid")
-        time = attributes.find("time")
-        if time is not None and time.find("beats") is not None:
-            pairs = zip(time.iterfind("beats"), time.iterfind("beat-type"), strict=False)
+        time_element = attributes.find("time")
+        if time_element is not None and time_element.find("beats") is not None:
+            pairs = zip(
+                time_element.iterfind("beats"), time_element.iterfind("beat-type"), strict=False
+            )
             measure_content.meter = _meter_text(
                 ["/".join("".join((part.text or "").split()) for part in pair) for pair in pairs]
             )
             if measure_content.meter is None:
-                self._unplayed.counts["meter"] += 1
+                self._unplayed_counter.counts["meter"] += 1
         transpose = attributes.find("transpose")
         if transpose is not None:
             octaves = int(parse_number(transpose.findtext("octave-change")) or 0)
@@ -170,8 +172,8 @@ class MeasureReader:
             chromatic = parse_number(transpose.findtext("chromatic")) or Fraction(0)
             self._chromatic_shift = chromatic + 12 * octaves
 
-    def _note(self, note: Element, cursor: Fraction, note_length: Fraction) -> Event | None:
-        self._unplayed.count_note(note)
+    def _read_note(self, note: Element, cursor: Fraction, note_length: Fraction) -> Event | None:
+        self._unplayed_counter.count_note(note)
         if note.find("rest") is not None:
             return None
         pitch_element = note.find("pitch")
@@ -180,7 +182,7 @@ class MeasureReader:
             noun = "unpitched note" if pitch_element is None else "unplayable note"
             if note_pitch is not None:
                 noun = "cue note" if note.find("cue") is not None else "durationless note"
-            self._unplayed.counts[noun] += 1
+            self._unplayed_counter.counts[noun] += 1
             return None
         ties = {tie.get("type") for tie in note.iterfind("tie")}
         played_marks = {mark.tag for mark in note.iterfind("notations/articulations/*")}
@@ -229,15 +231,15 @@ class MeasureReader:
             cents = 100 * (alteration - semitones)
         return Pitch(f"{note_name}{float(cents):+g}cents" if cents else note_name, nearest_key)
 
-    def _direction(self, direction: Element, cursor: Fraction) -> Iterator[Event]:
+    def _events_of_direction(self, direction: Element, cursor: Fraction) -> Iterator[Event]:
         event_start = cursor
         if (offset := parse_number(direction.findtext("offset"))) is not None:
             event_start = max(Fraction(0), cursor + offset / self._divisions)
         sound_element = direction if direction.tag == "sound" else direction.find("sound")
-        self._unplayed.count_direction(direction)
+        self._unplayed_counter.count_direction(direction)
         if sound_element is not None:
-            self._unplayed.count_sound(sound_element)
-        marks = self._dynamics(direction.iterfind("direction-type/dynamics"), event_start)
+            self._unplayed_counter.count_sound(sound_element)
+        marks = self._events_of_dynamics(direction.iterfind("direction-type/dynamics"), event_start)
         yield from marks
         dynamics_percent = (
             None if sound_element is None else parse_number(sound_element.get("dynamics"))
@@ -248,9 +250,11 @@ class MeasureReader:
             directions = {"crescendo": 1, "diminuendo": -1, "stop": 0}
             if (hairpin := directions.get(wedge.get("type", ""))) is not None:
                 yield Event(event_start, hairpin=hairpin)
-        yield from self._tempo(direction, sound_element, event_start)
+        yield from self._tempo_events(direction, sound_element, event_start)
 
-    def _tempo(self, direction: Element, sound: Element | None, begin: Fraction) -> Iterator[Event]:
+    def _tempo_events(
+        self, direction: Element, sound: Element | None, begin: Fraction
+    ) -> Iterator[Event]:
         stated_tempo = None if sound is None else sound.get("tempo")
         marks = direction.findall("direction-type/metronome")
         tempo = parse_number(stated_tempo) or next(
@@ -259,24 +263,26 @@ class MeasureReader:
         if tempo is not None and tempo > 0:
             yield Event(begin, tempo=float(tempo))
         elif marks or stated_tempo is not None:
-            self._unplayed.counts["tempo"] += 1
+            self._unplayed_counter.counts["tempo"] += 1
 
-    def _dynamics(self, groups: Iterable[Element], begin: Fraction) -> list[Event]:
+    def _events_of_dynamics(self, groups: Iterable[Element], begin: Fraction) -> list[Event]:
         """The mark of dynamics of a direction or of a note, or none."""
         words = [mark.tag for group in groups for mark in group]
         mark = next(filter(None, map(_dynamic_of_word, words)), None)
         if words and mark is None:
-            self._unplayed.counts["dynamic mark"] += 1
+            self._unplayed_counter.counts["dynamic mark"] += 1
         return [] if mark is None else [replace(mark, at=begin)]
 
 
 def _grace_notes_before(
-    grace_chords: Sequence[Sequence[Event]], main_beat: Fraction
+    grace_chords: Sequence[Sequence[Event]], main_quarter: Fraction
 ) -> Iterator[Event]:
     """Grace notes and chords of them, one after the other before an instant."""
     for index, chord in enumerate(grace_chords):
         for grace_note in chord:
-            yield replace(grace_note, at=main_beat - (len(grace_chords) - index) * _GRACE_QUARTERS)
+            yield replace(
+                grace_note, at=main_quarter - (len(grace_chords) - index) * _GRACE_QUARTERS
+            )
 
 
 def _semitones_above_c0(staff_step: int) -> int:
@@ -290,7 +296,7 @@ def _strength_of_percent(percent: Fraction) -> float:
 
 def _meter_text(meter_texts: Sequence[str]) -> str | None:
     """A meter as a score writes it; of several parts as one sum over their smallest note."""
-    if not meter_texts or not all(_METER.fullmatch(text) for text in meter_texts):
+    if not meter_texts or not all(_METER_PATTERN.fullmatch(text) for text in meter_texts):
         return None
     meter_units = [int(text.partition("/")[2]) for text in meter_texts]
     smallest_unit = max(meter_units)
@@ -324,7 +330,7 @@ def _quarters_per_minute(metronome: Element) -> Fraction | None:
     """Quarters a minute of a metronome mark."""
     beat_unit = _QUARTERS_BY_UNIT.get((metronome.findtext("beat-unit") or "").strip())
     # The first number of "c. 80" and of "80-84".
-    stated_number = _FIRST_NUMBER.search(metronome.findtext("per-minute") or "")
+    stated_number = _FIRST_NUMBER_PATTERN.search(metronome.findtext("per-minute") or "")
     if beat_unit is None or stated_number is None or len(metronome.findall("beat-unit")) != 1:
         return None
     dots = min(len(metronome.findall("beat-unit-dot")), 4)
@@ -337,7 +343,7 @@ class Loudness:
     def __init__(self, marks: Sequence[tuple[Fraction, Event]]) -> None:
         """`marks` are instants with their events, in the order in which they are written."""
         marks = sorted(marks, key=lambda mark: mark[0])
-        self._accent_beats = {
+        self._accent_quarters = {
             beat for beat, event in marks if event.pitch is None and event.is_accented
         }
         self._levels = [(beat, event) for beat, event in marks if event.level is not None]
@@ -365,29 +371,27 @@ class Loudness:
             self._hairpins.append((begin, end, low_strength, high_strength))
             self._hairpin_ends.append(end)
 
-    def _level_from(self, event_beat: Fraction) -> float | None:
+    def _level_from(self, quarter: Fraction) -> float | None:
         """The strength without hairpins that go on at an instant."""
-        n_marks = bisect_right(self._instants, event_beat)
+        n_marks = bisect_right(self._instants, quarter)
         mark = self._levels[n_marks - 1] if n_marks else None
-        n_over = bisect_right(self._hairpin_ends, event_beat)
+        n_over = bisect_right(self._hairpin_ends, quarter)
         last_hairpin = self._hairpins[n_over - 1] if n_over else None
         if mark is None or (last_hairpin is not None and last_hairpin[1] > mark[0]):
             return None if last_hairpin is None else last_hairpin[3]
         instant, event = mark
-        return (
-            event.level if event.level_after is None or instant == event_beat else event.level_after
-        )
+        return event.level if event.level_after is None or instant == quarter else event.level_after
 
-    def strength(self, beat: Fraction, event: Event) -> float | None:
+    def strength(self, quarter: Fraction, event: Event) -> float | None:
         """The strength of a note; None if nothing is said."""
-        n_begun = bisect_right(self._hairpin_starts, beat)
+        n_begun = bisect_right(self._hairpin_starts, quarter)
         note_strength = event.strength
         if note_strength is None:
-            note_strength = self._level_from(beat)
-            if n_begun and beat < self._hairpins[n_begun - 1][1]:
+            note_strength = self._level_from(quarter)
+            if n_begun and quarter < self._hairpins[n_begun - 1][1]:
                 begin, end, low, high = self._hairpins[n_begun - 1]
-                note_strength = low + (high - low) * float((beat - begin) / (end - begin))
-        if event.is_accented or beat in self._accent_beats:
+                note_strength = low + (high - low) * float((quarter - begin) / (end - begin))
+        if event.is_accented or quarter in self._accent_quarters:
             note_strength = min(
                 1.0, (_MEZZO_FORTE if note_strength is None else note_strength) + _DYNAMIC_STEP
             )

@@ -152,10 +152,10 @@ def _walk_measures(measures: Sequence[MeasureOrderMarks]) -> Iterator[int]:
             has_jumped, pass_number = True, 1
             continue
         measure_index += 1
-        is_over = (
+        ends_endings = (
             measure_index < len(measures) and marks.endings and not measures[measure_index].endings
         )
-        if marks.n_passes or is_over:
+        if marks.n_passes or ends_endings:
             section_start, pass_number = measure_index, 1
 
 

@@ -19,9 +19,9 @@ from ergon.scores.gesture.points import (
     CURVES,
     POINT_PATTERN,
     ROW_PATTERN,
-    curve_word,
-    instant,
-    metres,
+    checked_curve,
+    parse_metres,
+    parse_time,
     point_error,
     row_error,
 )
@@ -30,7 +30,7 @@ MAX_DEPTH = 8  # groups inside groups
 MAX_EVENTS = 500_000  # points after expansion: some 140 MB while they are read
 ROUNDING_TOLERANCE = 1e-9  # tolerance for rounding: beats, seconds, metres
 
-_TOKEN = re.compile(r"(\()|(\))(?:\s*+\*\s*+([^\s()|]++))?|(\|)|([^\s()|]++)")
+_TOKEN_PATTERN = re.compile(r"(\()|(\))(?:\s*+\*\s*+([^\s()|]++))?|(\|)|([^\s()|]++)")
 
 
 class HoldMovesError(TextError):
@@ -78,8 +78,8 @@ class _Group:
         """Add the point of `match`. Raises TextError if it lies before the last."""
         point_word = match.group()
         x, x_unit, plus, t, denominator, t_unit = match.groups()
-        x_metres = metres(x, x_unit, offset)
-        beats, seconds = instant(t, denominator, t_unit, offset + match.start(4))
+        x_metres = parse_metres(x, x_unit, offset)
+        beats, seconds = parse_time(t, denominator, t_unit, offset + match.start(4))
         if plus:
             beats += self.beats
             seconds += self.seconds
@@ -90,10 +90,12 @@ class _Group:
         """Add the point of a table row."""
         t, denominator, t_unit, x, x_unit, curve_name = match.groups()
         row_start = offset + match.start(1)
-        beats, seconds = instant(t, denominator, t_unit, row_start)
-        x_metres = metres(x, x_unit, offset + match.start(4))
+        beats, seconds = parse_time(t, denominator, t_unit, row_start)
+        x_metres = parse_metres(x, x_unit, offset + match.start(4))
         curve = (
-            default_curve if curve_name is None else curve_word(curve_name, offset + match.start(6))
+            default_curve
+            if curve_name is None
+            else checked_curve(curve_name, offset + match.start(6))
         )
         self._advance(beats, seconds, row_start, match.end(3) - match.start(1))
         stop = match.end(5) if curve_name is None else match.end(6)
@@ -108,7 +110,7 @@ class _Group:
         """Add the events of a closed group `count` times, each from the end of the one before."""
         if len(self.events) + count * len(group.events) > self.events_max:
             raise TextError(
-                _too_many_error("this group makes", self.events_max), offset=offset, length=1
+                _too_many_message("this group makes", self.events_max), offset=offset, length=1
             )
         if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
             raise TextError("this group lasts too long", offset=offset, length=1)
@@ -156,8 +158,8 @@ def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) 
     poll()
     stack = [_Group(0, events_max)]
     pending_curve: tuple[str, int] | None = None  # a curve word without its point
-    for token_match in _TOKEN.finditer(text):
-        open_sign, close_sign, count_text, bar_sign, curve_name = token_match.groups()
+    for token_match in _TOKEN_PATTERN.finditer(text):
+        open_sign, close_sign, count_text, bar_sign, point_or_curve = token_match.groups()
         if open_sign:
             _require_point(stack, token_match.start(1), open_sign)
             if len(stack) > MAX_DEPTH:
@@ -171,20 +173,20 @@ def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) 
         elif bar_sign:
             _require_point(stack, token_match.start(4), bar_sign)
             stack[-1].add_bar_check(token_match.start(4))
-        elif point := POINT_PATTERN.fullmatch(curve_name):
+        elif point := POINT_PATTERN.fullmatch(point_or_curve):
             stack[-1].add_point(point, first_curve, token_match.start(5))
             pending_curve = None
         else:
             word_offset = token_match.start(5)
-            if "@" in curve_name:
-                raise point_error(curve_name, word_offset)
-            _require_point(stack, word_offset, curve_name)
+            if "@" in point_or_curve:
+                raise point_error(point_or_curve, word_offset)
+            _require_point(stack, word_offset, point_or_curve)
             _refuse_pending_curve(pending_curve)
-            first_curve = curve_word(curve_name, word_offset)
-            pending_curve = (curve_name, word_offset)
+            first_curve = checked_curve(point_or_curve, word_offset)
+            pending_curve = (point_or_curve, word_offset)
         if len(stack[-1].events) > events_max:
             raise TextError(
-                _too_many_error("this notation has", events_max), offset=token_match.start()
+                _too_many_message("this notation has", events_max), offset=token_match.start()
             )
     _refuse_pending_curve(pending_curve)
     if len(stack) > 1:
@@ -208,7 +210,7 @@ def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) 
         if row_match.group(1) is not None:
             group.add_row(row_match, curve, line_offset)
             if len(group.events) > events_max:
-                raise TextError(_too_many_error("this table has", events_max), offset=line_offset)
+                raise TextError(_too_many_message("this table has", events_max), offset=line_offset)
         line_offset += len(table_line) + 1
     return _checked_points(group.events)
 
@@ -257,7 +259,7 @@ def _close_group(stack: list[_Group], token_match: re.Match[str], count_text: st
 def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
     """Check points against their neighbours, and leave out points that repeat the one before."""
     joined_points: list[Point] = []
-    checks: list[BarCheck] = []
+    bar_checks: list[BarCheck] = []
     last_event: _TimedEvent | None = None
     notation_events.reverse()
     while notation_events:  # popped, to free memory: there may be a million
@@ -265,14 +267,14 @@ def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
         x = next_event.x
         time = Time(next_event.beats, next_event.seconds)
         if x is None:
-            checks.append(BarCheck(time, next_event.offset))
+            bar_checks.append(BarCheck(time, next_event.offset))
             continue
         if last_event is not None and last_event.x is not None:
             is_still = abs(x - last_event.x) <= ROUNDING_TOLERANCE
             if next_event.curve == "hold" and not is_still:
                 raise HoldMovesError(
-                    f"'hold' keeps the position {_millimetres(last_event.x)}; "
-                    f"this point is at {_millimetres(x)}",
+                    f"'hold' keeps the position {_millimetres_text(last_event.x)}; "
+                    f"this point is at {_millimetres_text(x)}",
                     offset=next_event.offset,
                     length=next_event.length,
                     suggestion="smooth",
@@ -294,14 +296,14 @@ def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
         last_event = next_event
     if not joined_points:
         raise TextError("a gesture needs a point, such as 0mm@0")
-    return Notation(tuple(joined_points), tuple(checks))
+    return Notation(tuple(joined_points), tuple(bar_checks))
 
 
-def _too_many_error(subject: str, count_max: int) -> str:
+def _too_many_message(subject: str, count_max: int) -> str:
     if count_max > 0:
         return f"{subject} more than {count_max:,} points"
     return f"the gestures of the piece have more than {MAX_EVENTS:,} points together"
 
 
-def _millimetres(x: float) -> str:
+def _millimetres_text(x: float) -> str:
     return f"{x * 1e3:g}mm"

@@ -24,10 +24,10 @@ def read_notes(path: Path, part_name: str | None = None) -> MidiNotes:
     if not is_musicxml(path):
         return midi_file.read_notes(path, part_name)
     notes, length = musicxml_file.part_notes(path, part_name)
-    return MidiNotes(tuple(_note(note) for note in notes), length)
+    return MidiNotes(tuple(_midi_note(note) for note in notes), length)
 
 
-def _note(note: musicxml_file.XmlNote) -> MidiNote:
+def _midi_note(note: musicxml_file.XmlNote) -> MidiNote:
     strength = MEZZO_FORTE.low if note.strength is None else note.strength
     velocity = max(1, round(127.0 * strength))
     return MidiNote(note.at, note.key, velocity, note.length, note.word, note.strength)

@@ -118,18 +118,18 @@ class Npz:
 
     def blocks(self, row: Row) -> Iterator[Floats]:
         """The numbers of a row, some at a time. Raises TakeError."""
-        n_values = row.length
+        n_left = row.length
         with _as_take_error(self._path), self._archive.open(row.member) as open_file:
             open_file.read(row.offset)
             while True:
                 # Read once more at the end, so that zipfile checks the checksum.
-                file_bytes = open_file.read(min(n_values, _BLOCK_NUMBERS) * row.dtype.itemsize or 1)
-                if not n_values:
+                file_bytes = open_file.read(min(n_left, _BLOCK_NUMBERS) * row.dtype.itemsize or 1)
+                if not n_left:
                     return
                 block_numbers = np.frombuffer(file_bytes, dtype=row.dtype)
-                if len(block_numbers) != min(n_values, _BLOCK_NUMBERS):
+                if len(block_numbers) != min(n_left, _BLOCK_NUMBERS):
                     raise TakeError(f"'{row.name[:40]}' is cut short", self._path)
-                n_values -= len(block_numbers)
+                n_left -= len(block_numbers)
                 with np.errstate(all="ignore"):
                     yield block_numbers.astype(np.float64)
 

@@ -128,18 +128,22 @@ def _read_header(path: Path) -> tuple[Mapping[str, str], _RowLayout]:
         (row for row in padded_rows if "Name" in row[:2]), padded_rows[min(1, len(padded_rows) - 1)]
     )
     column_kinds = padded_rows[-1]
-    starts = [
+    point_columns = [
         column
         for column in range(2, header_width - 2)
         if line_cells[column : column + 3] == ["X", "Y", "Z"]
         and column_kinds[column : column + 3] == ["Position"] * 3
     ]
-    if not starts:
+    if not point_columns:
         raise TakeError(
             "this file of Motive has no columns called Position, X, Y, Z", path, line_number
         )
     return header, _RowLayout(
-        path, line_number + 1, header_width, [column_names[column] for column in starts], starts
+        path,
+        line_number + 1,
+        header_width,
+        [column_names[column] for column in point_columns],
+        point_columns,
     )
 
 

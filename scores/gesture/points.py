@@ -27,7 +27,7 @@ _POSITION_REGEX = re.compile(_POSITION_PATTERN)
 _TIME_REGEX = re.compile(_TIME_PATTERN)
 
 
-def curve_word(curve_name: str, word_offset: int) -> str:
+def checked_curve(curve_name: str, word_offset: int) -> str:
     """Return `curve_name` if it names a curve. Raises TextError."""
     if curve_name in CURVES:
         return curve_name
@@ -45,7 +45,7 @@ def curve_word(curve_name: str, word_offset: int) -> str:
     )
 
 
-def metres(number_text: str, unit_text: str, number_offset: int) -> float:
+def parse_metres(number_text: str, unit_text: str, number_offset: int) -> float:
     """Return metres; `number_offset` is where the number begins."""
     divisor = UNITS_PER_METRE.get(unit_text)
     if divisor is None:
@@ -65,15 +65,15 @@ def metres(number_text: str, unit_text: str, number_offset: int) -> float:
     return x
 
 
-def instant(
+def parse_time(
     number_text: str, denominator: str | None, unit_text: str, number_offset: int
 ) -> tuple[float, float]:
     """Return (beats, seconds), one of them 0; `number_offset` is where the number begins."""
     time = time_of(number_text, denominator, number_offset)
-    if (scale := UNITS_PER_BEAT.get(unit_text)) is not None:
-        return time / scale, 0.0
-    if (scale := UNITS_PER_SECOND.get(unit_text)) is not None:
-        return 0.0, time / scale
+    if (divisor := UNITS_PER_BEAT.get(unit_text)) is not None:
+        return time / divisor, 0.0
+    if (divisor := UNITS_PER_SECOND.get(unit_text)) is not None:
+        return 0.0, time / divisor
     time_length = (
         len(number_text) if denominator is None else len(number_text) + 1 + len(denominator)
     )

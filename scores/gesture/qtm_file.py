@@ -22,7 +22,7 @@ from ergon.scores.gesture.motion import (
 from ergon.scores.gesture.take_file import Floats, TakeError, content_lines, open_take, open_text
 
 _FIRST_WORDS = (b"FILE_VERSION", b"NO_OF_FRAMES")
-_AFTER_NAMES = ("TRAJECTORY_TYPES", "EVENT")
+_LABELS_AFTER_NAMES = ("TRAJECTORY_TYPES", "EVENT")
 _LEADING_COLUMNS_MAX = 2  # columns before the positions: the number of the frame, its time
 _COLUMNS_BY_NAMES_FIELD = {"MARKER_NAMES": 3, "BODY_NAMES": 16}  # columns of each
 
@@ -106,7 +106,7 @@ def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
             label_word, *values = numbered_line[1].split("\t")
             if header.keys().isdisjoint(_COLUMNS_BY_NAMES_FIELD):
                 header[label_word.strip()] = values
-            elif label_word not in _AFTER_NAMES:
+            elif label_word not in _LABELS_AFTER_NAMES:
                 first_data_line = numbered_line
                 break
     name_kind = next((kind for kind in _COLUMNS_BY_NAMES_FIELD if kind in header), "MARKER_NAMES")
@@ -124,10 +124,10 @@ def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     # Column titles may come first. Every line may end in a tab; then the line of names does too.
     has_titles = any(cell[:1].isalpha() for cell in cells)
     is_tabbed = not header[name_kind][-1].strip()
-    leading = min(
+    n_leading = min(
         max(len(cells) - n_columns * len(marker_names) - is_tabbed, 0), _LEADING_COLUMNS_MAX
     )
-    return header, _RowLayout(path, marker_names, row_number + has_titles, leading, n_columns)
+    return header, _RowLayout(path, marker_names, row_number + has_titles, n_leading, n_columns)
 
 
 def _frame_count(cells: list[str], path: Path) -> int:

@@ -50,12 +50,12 @@ def sampled_positions(
         try:
             simulation.process(no_samples)
         except DivergedError:
-            index = next(
+            point_index = next(
                 (k for k, instant in enumerate(instants) if instant * rate >= i + 1),
                 len(instants) - 1,
             )
             message = "the path to this point, or on from it, is too fast for any mass"
-            raise _point_error(gesture_points, index, message) from None
+            raise _point_error(gesture_points, point_index, message) from None
     return samples
 
 

@@ -54,11 +54,11 @@ _Key = tuple[bytes, int, int, int]  # matrix, stream, row, column; from 0
 class Column:
     """Values and their instants [s], in the order of the frames."""
 
-    t: array[float]
-    x: array[float]
+    instants: array[float]
+    values: array[float]
 
 
-def columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]:
+def read_columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]:
     """All columns of a file by name; what is not a column is counted in `unread`. Raises
     TakeError, also if there are more than a take may have.
     """
@@ -79,16 +79,18 @@ def columns(path: Path, unread: Counter[str] | None = None) -> dict[str, Column]
                     if len(columns_by_key) == MAX_CHANNELS:
                         raise TakeError(_TOO_MANY, path)
                     column = columns_by_key[column_key] = Column(array("d"), array("d"))
-                column.t.append(t)
-                column.x.append(column_value)
+                column.instants.append(t)
+                column.values.append(column_value)
     if not columns_by_key:
         raise TakeError("the file has no matrices of numbers", path)
     return _columns_by_name(columns_by_key, declared_columns)
 
 
-def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tuple[Floats, Floats]:
+def read_track(
+    path: Path, channel_name: str | None, written_unit: float | None
+) -> tuple[Floats, Floats]:
     """Instants [s] and positions [m] of a column, both counted from its first value."""
-    all_columns = columns(path)
+    all_columns = read_columns(path)
     if channel_name is None and len(all_columns) == 1:
         (channel_name,) = all_columns
     listed_names = ", ".join(list(all_columns)[:_STREAMS_LISTED_MAX])
@@ -105,8 +107,11 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
             suggestion=nearest(channel_name, all_columns),
             field="channel",
         )
-    metres = metres_per_unit(None, metre_unit, path)
-    t, x = np.frombuffer(all_columns[channel_name].t), np.frombuffer(all_columns[channel_name].x)
+    metres = metres_per_unit(None, written_unit, path)
+    t, x = (
+        np.frombuffer(all_columns[channel_name].instants),
+        np.frombuffer(all_columns[channel_name].values),
+    )
     return t - t[0], (x - x[0]) * metres
 
 

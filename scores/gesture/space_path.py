@@ -17,8 +17,8 @@ from ergon.scores.gesture import notation
 from ergon.scores.gesture.notation import MAX_EVENTS, Notation
 
 # Brackets with a comma and without a time (a group has times).
-_POSITIONS = re.compile(r"\(([^()|@]*,[^()|@]*)\)")
-_POSITION_WITHOUT_BRACKETS = re.compile(r"[^\s()|@]*@\S*")
+_POSITIONS_PATTERN = re.compile(r"\(([^()|@]*,[^()|@]*)\)")
+_BARE_POSITION_PATTERN = re.compile(r"[^\s()|@]*@\S*")
 
 
 class _Brackets(NamedTuple):
@@ -41,7 +41,7 @@ class _PositionInText(NamedTuple):
 
 def axis_count(text: str) -> int:
     """The number of positions that each point of a notation has; 1 if it is not a path in space."""
-    match = _POSITIONS.search(text)
+    match = _POSITIONS_PATTERN.search(text)
     return 1 if match is None else match[1].count(",") + 1
 
 
@@ -63,7 +63,9 @@ def parse(
 
     Raises TextError with the characters at fault.
     """
-    bracket_points = [_bracketed_positions(match) for match in _POSITIONS.finditer(path_text)]
+    bracket_points = [
+        _bracketed_positions(match) for match in _POSITIONS_PATTERN.finditer(path_text)
+    ]
     n_axes = axis_count(path_text)
     _check_positions(path_text, bracket_points, n_axes)
     return tuple(
@@ -93,7 +95,7 @@ def _check_positions(path_text: str, points: Sequence[_Brackets], n_axes: int) -
         if path_text[bracket_stop : bracket_stop + 1] != "@":
             message = f"'{point_text[:40]}' has no time; write {point_text[:40]}@1/4"
             raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
-    for bare_match in _POSITION_WITHOUT_BRACKETS.finditer(path_text):
+    for bare_match in _BARE_POSITION_PATTERN.finditer(path_text):
         if path_text[bare_match.start() - 1 : bare_match.start()] != ")" or bare_match[0][0] != "@":
             example = ", ".join(("0mm",) * n_axes)
             message = f"this point has one position; write one for each axis: ({example})@…"

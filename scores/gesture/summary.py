@@ -15,7 +15,7 @@ from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, s
 from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import open_npz
 from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
-from ergon.scores.gesture.table_file import sheet
+from ergon.scores.gesture.table_file import read_sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     Floats,
@@ -35,10 +35,10 @@ class Column:
     """
 
     name: str
-    low: float = math.inf
-    high: float = -math.inf
-    first: float = math.nan
-    last: float = math.nan
+    low_value: float = math.inf
+    high_value: float = -math.inf
+    first_value: float = math.nan
+    last_value: float = math.nan
     n_values: int = 0
     n_missing: int = 0
     first_missing: int | None = None  # sample, from 1 on
@@ -61,11 +61,11 @@ class Column:
         values = values[is_finite]
         if not values.size:
             return
-        if math.isnan(self.first):
-            self.first = float(values[0])
-        self.last = float(values[-1])
-        self.low = min(self.low, float(values.min()))
-        self.high = max(self.high, float(values.max()))
+        if math.isnan(self.first_value):
+            self.first_value = float(values[0])
+        self.last_value = float(values[-1])
+        self.low_value = min(self.low_value, float(values.min()))
+        self.high_value = max(self.high_value, float(values.max()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,19 +97,19 @@ def summary(path: Path) -> Table:
 def _read_table(path: Path) -> Table:
     with open_text(path) as file:
         try:
-            table = sheet(file, path)
+            table = read_sheet(file, path)
             columns = tuple(Column(name) for name in table.names)
             if len(columns) > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
-            time = next((i for i, column in enumerate(columns) if column.is_time), None)
+            time_index = next((i for i, column in enumerate(columns) if column.is_time), None)
             block: list[list[float]] = []
             n_rows, last_instant = 0, -math.inf
             for line_number, cells in table.rows:
                 block.append(values := _row_numbers(table.names, cells, path, line_number))
                 if not all(map(math.isfinite, values)):
                     _note_missing_line(columns, values, line_number)
-                if time is not None:
-                    instant = parse_cell(cells[time], path, line_number)
+                if time_index is not None:
+                    instant = parse_cell(cells[time_index], path, line_number)
                     if not instant > last_instant:
                         raise time_order_error(instant, last_instant, path, line_number)
                     last_instant = instant
@@ -123,8 +123,10 @@ def _read_table(path: Path) -> Table:
 
 def _playing_mistake(columns: Sequence[Column]) -> str | None:
     """What keeps a take of a table from being played, if anything does."""
-    words = [column.name.partition("[")[0].strip() for column in columns]
-    if (repeated_word := next((word for word in words if words.count(word) > 1), None)) is not None:
+    column_names = [column.name.partition("[")[0].strip() for column in columns]
+    if (
+        repeated_word := next((word for word in column_names if column_names.count(word) > 1), None)
+    ) is not None:
         return f"two columns are called {repeated_word[:40]!r}: a take of them is refused"
     units = {column.name: column.name.partition("[")[2].rstrip("] ") for column in columns}
     for column in columns:
@@ -220,7 +222,9 @@ def _points_summariser(read_motion: Callable[[Path], Motion]) -> Callable[[Path]
             for column, values_of_column in zip(columns, values, strict=True):
                 column.add(values_of_column)
         if not motion.rate:
-            return Table(motion.n_frames, columns, motion.note, motion.unread, has_hidden=True)
+            return Table(
+                motion.n_frames, columns, motion.note, motion.unread_contents, has_hidden=True
+            )
         time = Column(
             "t [s]",
             0.0,
@@ -229,7 +233,7 @@ def _points_summariser(read_motion: Callable[[Path], Motion]) -> Callable[[Path]
             (motion.n_frames - 1) / motion.rate,
         )
         columns = (time, *columns)
-        return Table(motion.n_frames, columns, motion.note, motion.unread, has_hidden=True)
+        return Table(motion.n_frames, columns, motion.note, motion.unread_contents, has_hidden=True)
 
     return summarise
 
@@ -242,14 +246,14 @@ def _summarise_sdif(path: Path) -> Table:
     n_rows = 0
     unread = Counter[str]()
     note = None
-    for name, column in sdif_file.columns(path, unread).items():
-        if note is None and not (np.diff(np.frombuffer(column.t)) > 0.0).all():
+    for name, column in sdif_file.read_columns(path, unread).items():
+        if note is None and not (np.diff(np.frombuffer(column.instants)) > 0.0).all():
             note = f"the instants of {name[:40]!r} do not rise: a take of it is refused"
         columns.append(Column(name))
-        columns[-1].add(np.frombuffer(column.x))
-        if len(column.t) > n_rows:
-            n_rows, times = len(column.t), Column("t [s]")
-            times.add(np.frombuffer(column.t))
+        columns[-1].add(np.frombuffer(column.values))
+        if len(column.instants) > n_rows:
+            n_rows, times = len(column.instants), Column("t [s]")
+            times.add(np.frombuffer(column.instants))
     unread_names = (
         f"{matrix_type}, {n} times" if n > 1 else matrix_type for matrix_type, n in unread.items()
     )

@@ -19,8 +19,10 @@ from ergon.scores.gesture.take_file import TakeError, content_lines
 
 _SEPARATORS = ";,\t"
 _QUOTED_PATTERN = re.compile(r'"[^"]*"')
-_STATED_SEPARATOR = re.compile(r'"?sep=(.)"?[,;\t]*', re.IGNORECASE)
-_NUMBER = re.compile(r"[+-]?[0-9]*[.,]?[0-9]+([eE][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
+_STATED_SEPARATOR_PATTERN = re.compile(r'"?sep=(.)"?[,;\t]*', re.IGNORECASE)
+_NUMBER_PATTERN = re.compile(
+    r"[+-]?[0-9]*[.,]?[0-9]+([eE][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE
+)
 _NAME_WITH_UNIT_PATTERN = re.compile(r"(.*\S)\s*(?:\((.*)\)|\[(.*)\])")
 _THOUSANDS_PATTERN = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 _UNITS = {unit for unit in (*UNITS_PER_METRE, *UNITS_PER_SECOND) if unit}
@@ -36,19 +38,19 @@ class Sheet(NamedTuple):
     rows: Iterator[tuple[int, list[str]]]
 
 
-def sheet(file: IO[str], path: Path) -> Sheet:
-    """The table in a text, row by row. Raises TakeError, here and in the rows."""
+def read_sheet(file: IO[str], path: Path) -> Sheet:
+    """Read the table in a text, row by row. Raises TakeError, here and in the rows."""
     numbered_lines = content_lines(file, path)
     header_number, header = next(numbered_lines, (1, ""))
     separator = None
-    if stated_separator := _STATED_SEPARATOR.fullmatch(header):
+    if stated_separator := _STATED_SEPARATOR_PATTERN.fullmatch(header):
         separator = stated_separator[1]
         header_number, header = next(numbered_lines, (header_number, ""))
     separator = separator or _separator(header)
     column_names = [name.strip() for name in _split_cells(header, separator, path, header_number)]
     while len(column_names) > 1 and not column_names[-1]:
         column_names.pop()  # each line ends with a separator
-    if all(map(_NUMBER.fullmatch, column_names)):
+    if all(map(_NUMBER_PATTERN.fullmatch, column_names)):
         raise TakeError(
             "this line is numbers, but the first line of a table names its columns; write such a "
             "line above it: t [s],x [mm]",
@@ -87,19 +89,19 @@ def _units_of_row(column_names: list[str], cells: list[str]) -> list[str] | None
 
 def _names_with_units(column_names: list[str]) -> list[str]:
     """The names with their units in brackets, and `t` for a column that is called time."""
-    named_columns = []
+    names_and_units = []
     for name in column_names:
         unit_match = _NAME_WITH_UNIT_PATTERN.fullmatch(name)
         name_text, unit_text = name, None
         if unit_match and (unit_match[2] is None or unit_match[2].strip() in _UNITS):
             name_text, unit_text = unit_match[1], (unit_match[2] or unit_match[3] or "").strip()
-        named_columns.append((name_text, unit_text))
-    words = [word.casefold() for word, _ in named_columns]
-    if "t" not in [word for word, _ in named_columns]:
-        time_columns = [i for i, word in enumerate(words) if word in ("t", "time")]
+        names_and_units.append((name_text, unit_text))
+    lower_names = [word.casefold() for word, _ in names_and_units]
+    if "t" not in [word for word, _ in names_and_units]:
+        time_columns = [i for i, word in enumerate(lower_names) if word in ("t", "time")]
         if len(time_columns) == 1:
-            named_columns[time_columns[0]] = ("t", named_columns[time_columns[0]][1])
-    return [word if unit is None else f"{word} [{unit}]" for word, unit in named_columns]
+            names_and_units[time_columns[0]] = ("t", names_and_units[time_columns[0]][1])
+    return [word if unit is None else f"{word} [{unit}]" for word, unit in names_and_units]
 
 
 def _rows(
@@ -125,11 +127,11 @@ def _rows(
         yield line_number, line_cells
 
 
-def _split_cells(written_text: str, separator: str, path: Path, line_number: int) -> list[str]:
-    if '"' not in written_text:
-        return written_text.split(separator)
+def _split_cells(line_text: str, separator: str, path: Path, line_number: int) -> list[str]:
+    if '"' not in line_text:
+        return line_text.split(separator)
     try:
-        return next(csv.reader([written_text], delimiter=separator, strict=True))
+        return next(csv.reader([line_text], delimiter=separator, strict=True))
     except csv.Error:
         raise TakeError("a quotation in this line is not closed", path, line_number) from None
 

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 SUFFIXES = (".take", ".csv", ".tsv", ".wav", ".npz", ".c3d", ".bvh", ".trc", ".sdif")
 MAX_SAMPLES = 20_000_000  # two hours at 2.8 kHz; what `ergon._core.Take` accepts
 MAX_BYTES = 1 << 30  # largest CSV or npz file, and largest unpacked npz file
-MAX_LINE = 65_536  # characters; a thousand channels fit
+LINE_LENGTH_MAX = 65_536  # characters; a thousand channels fit
 MAX_CHANNELS = 1024
 _BLOCK_BYTES = 1 << 20  # bytes of a text that are looked at together
 
@@ -112,10 +112,12 @@ def content_lines(open_file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
     TakeError.
     """
     line_number = 0
-    while text_line := open_file.readline(MAX_LINE):
+    while text_line := open_file.readline(LINE_LENGTH_MAX):
         line_number += 1
-        if len(text_line) == MAX_LINE:
-            raise TakeError(f"this line has more than {MAX_LINE:,} characters", path, line_number)
+        if len(text_line) == LINE_LENGTH_MAX:
+            raise TakeError(
+                f"this line has more than {LINE_LENGTH_MAX:,} characters", path, line_number
+            )
         if (text := text_line.strip(" \r\n")) and text[0] != "#":
             yield line_number, text
 

@@ -38,7 +38,7 @@ from ergon.scores.gesture import (
 )
 from ergon.scores.gesture.npz import Npz, open_npz
 from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
-from ergon.scores.gesture.table_file import Sheet, sheet
+from ergon.scores.gesture.table_file import Sheet, read_sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
@@ -102,14 +102,14 @@ def read(
 
 
 def _read_table(
-    path: Path, channel: str | None, rate: float | None, metre_unit: float | None
+    path: Path, channel: str | None, rate: float | None, written_unit: float | None
 ) -> Samples:
     with open_text(path) as file:
         try:
-            take_table = sheet(file, path)
+            take_table = read_sheet(file, path)
             table_columns = _columns(take_table.names, path, take_table.line)
             value_column, x_unit = _chosen_column(table_columns, channel, path)
-            divisor = _column_divisor(take_table, value_column, x_unit, metre_unit, path)
+            divisor = _column_divisor(take_table, value_column, x_unit, written_unit, path)
             has_times = "t" in table_columns
             time_column, t_unit = table_columns.get("t", (value_column, "s"))
             _check_rate(has_times, rate, path)
@@ -141,20 +141,20 @@ def _column_divisor(
     take_table: Sheet,
     column_index: int,
     stated_unit: str | None,
-    metre_unit: float | None,
+    written_unit: float | None,
     path: Path,
 ) -> float:
-    """Units of a column in a metre, by its header or by `metre_unit` [m]. Raises TakeError."""
+    """Units of a column in a metre, by its header or by `written_unit` [m]. Raises TakeError."""
     if stated_unit is not None:
-        _check_unit(metre_unit, path)
+        _check_unit(written_unit, path)
         return _unit_divisor(stated_unit, UNITS_PER_METRE, "position", path)
-    if metre_unit is None:
+    if written_unit is None:
         message = (
             f"'{take_table.names[column_index][:40]}' has no unit; write a header such as t [s],x "
             "[mm], or what 1.0 means, such as unit: 1mm"
         )
         raise TakeError(message, path, take_table.line, field="unit")
-    return 1.0 / metre_unit
+    return 1.0 / written_unit
 
 
 def _columns(
@@ -248,15 +248,15 @@ def _checked_samples(t: Floats, x: Floats, path: Path) -> Samples:
 
 
 def _read_wav(
-    path: Path, channel: str | None, rate: float | None, metre_unit: float | None
+    path: Path, channel: str | None, rate: float | None, written_unit: float | None
 ) -> Samples:
     import soundfile  # 80 ms that a score without WAV takes need not spend
 
     patches = _wav_patches(path)
     try:
         with (
-            open_regular(path) as raw,
-            soundfile.SoundFile(_PatchedFile(raw, patches) if patches else path) as sound_file,
+            open_regular(path) as raw_file,
+            soundfile.SoundFile(_PatchedFile(raw_file, patches) if patches else path) as sound_file,
         ):
             _check_rate(True, rate, path)
             channels_by_name = {str(i + 1): (i, "m") for i in range(sound_file.channels)}
@@ -279,7 +279,7 @@ def _read_wav(
                 sample_blocks.append(value_block[:, column_index].copy())
             x = np.concatenate(sample_blocks) if sample_blocks else np.empty(0)
             return _checked_samples(
-                np.arange(len(x)) / float(sound_file.samplerate), x * (metre_unit or 1.0), path
+                np.arange(len(x)) / float(sound_file.samplerate), x * (written_unit or 1.0), path
             )
     except soundfile.LibsndfileError as error:
         raise TakeError(
@@ -389,10 +389,10 @@ def _read_array(arrays: Npz, column_index: int, path: Path) -> Floats:
 
 
 def _read_recording(
-    path: Path, channel_name: str | None, rate: float | None, metre_unit: float | None
+    path: Path, channel_name: str | None, rate: float | None, written_unit: float | None
 ) -> Samples:
     _check_rate(True, rate, path)
-    _check_unit(metre_unit, path)
+    _check_unit(written_unit, path)
     try:
         recording = _core.read_recording(path)
     except _core.EngineError as error:
@@ -437,7 +437,7 @@ def _read_csv(path: Path, channel: str | None, rate: float | None, unit: float |
 
 def _read_sdif(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     _check_rate(True, rate, path)
-    return _checked_samples(*sdif_file.track(path, channel, unit), path)
+    return _checked_samples(*sdif_file.read_track(path, channel, unit), path)
 
 
 def _capture_reader(read_motion: Callable[[Path], motion.Motion]) -> _Reader:
@@ -446,7 +446,7 @@ def _capture_reader(read_motion: Callable[[Path], motion.Motion]) -> _Reader:
     def read_points(
         path: Path, channel: str | None, rate: float | None, unit: float | None
     ) -> Samples:
-        t, x, damage = motion.track(read_motion(path), channel, rate, unit, path)
+        t, x, damage = motion.channel_track(read_motion(path), channel, rate, unit, path)
         return _checked_samples(t, x, path)._replace(damage=damage)
 
     return read_points

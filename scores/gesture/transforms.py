@@ -15,7 +15,7 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.numbers import NUMBER, UNIT
 from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Point, Time
-from ergon.scores.gesture.points import instant, metres
+from ergon.scores.gesture.points import parse_metres, parse_time
 
 NO_TIME = Time()
 NO_OTHER_VERBS: Mapping[str, str] = {}
@@ -24,9 +24,9 @@ FACTOR_MAX = 1e4  # of a scale or stretch
 JITTER_RATIO_MAX = 0.45
 SAME_INSTANT_TOLERANCE = 1e-9  # [s]: tolerance for rounding of instants
 
-_TIME = re.compile(rf"({NUMBER})(?:/({NUMBER}))?({UNIT})")
-_POSITION = re.compile(rf"({NUMBER})({UNIT})")
-_RATIO = re.compile(rf"([+-]?)({NUMBER})(?:/({NUMBER}))?")
+_TIME_PATTERN = re.compile(rf"({NUMBER})(?:/({NUMBER}))?({UNIT})")
+_POSITION_PATTERN = re.compile(rf"({NUMBER})({UNIT})")
+_RATIO_PATTERN = re.compile(rf"([+-]?)({NUMBER})(?:/({NUMBER}))?")
 
 
 class Chance(Protocol):
@@ -83,7 +83,7 @@ class TakeTransform:
     back_cut: float = 0.0
 
 
-class _Transformed(NamedTuple):
+class _TransformedPoints(NamedTuple):
     points: tuple[Point, ...]
     note: str | None = None
 
@@ -143,8 +143,8 @@ def parse_transform(
         verb_arguments, verb.arguments, strict=True
     ):
         fields[name] = read_argument(argument, word_offset, verb.example)
-    end = placed_words[-1][1] + len(placed_words[-1][0])
-    return Transform(verb_word, offset=verb_offset, length=end - verb_offset, **fields)  # type: ignore[arg-type]
+    end_offset = placed_words[-1][1] + len(placed_words[-1][0])
+    return Transform(verb_word, offset=verb_offset, length=end_offset - verb_offset, **fields)  # type: ignore[arg-type]
 
 
 def parse_chain(written_text: str) -> tuple[Transform, ...]:
@@ -204,25 +204,31 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
     return TakeTransform(scale, stretch, reverse, shift, *cuts)
 
 
-def _scale(points: tuple[Point, ...], transform: Transform, _: Chance, __: float) -> _Transformed:
-    return _Transformed(tuple(_moved_point(p, p.at, p.x * transform.amount) for p in points))
+def _scale(
+    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
+) -> _TransformedPoints:
+    return _TransformedPoints(tuple(_moved_point(p, p.at, p.x * transform.amount) for p in points))
 
 
-def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Transformed:
-    return _Transformed(tuple(_moved_point(p, p.at, 0.0 - p.x) for p in points))
+def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformedPoints:
+    return _TransformedPoints(tuple(_moved_point(p, p.at, 0.0 - p.x) for p in points))
 
 
-def _stretch(points: tuple[Point, ...], transform: Transform, _: Chance, __: float) -> _Transformed:
+def _stretch(
+    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
+) -> _TransformedPoints:
     factor = transform.time_factor
-    return _Transformed(
+    return _TransformedPoints(
         tuple(
             _moved_point(p, Time(p.at.beats * factor, p.at.seconds * factor), p.x) for p in points
         )
     )
 
 
-def _shift(points: tuple[Point, ...], transform: Transform, _: Chance, __: float) -> _Transformed:
-    return _Transformed(
+def _shift(
+    points: tuple[Point, ...], transform: Transform, _: Chance, __: float
+) -> _TransformedPoints:
+    return _TransformedPoints(
         tuple(
             _moved_point(
                 p,
@@ -236,22 +242,23 @@ def _shift(points: tuple[Point, ...], transform: Transform, _: Chance, __: float
 
 def _start_from(
     points: tuple[Point, ...], transform: Transform, _: Chance, beat_duration: float
-) -> _Transformed:
+) -> _TransformedPoints:
     """Leave out the points before an instant, which becomes the start; the last point stays.
 
     The first point that is left gets the curve of the gesture's first point.
     """
-    start = transform.time.beats * beat_duration + transform.time.seconds
+    start_seconds = transform.time.beats * beat_duration + transform.time.seconds
     later_indices = (
         i
         for i, p in enumerate(points)
-        if p.at.beats * beat_duration + p.at.seconds >= start - SAME_INSTANT_TOLERANCE
+        if p.at.beats * beat_duration + p.at.seconds >= start_seconds - SAME_INSTANT_TOLERANCE
     )
     first_index = next(later_indices, None)
     if first_index is None:
-        end = _moved_point(points[-1], NO_TIME, points[-1].x)
-        return _Transformed(
-            (end,), "from: the start lies after the last point, so only the last position remains"
+        last_point = _moved_point(points[-1], NO_TIME, points[-1].x)
+        return _TransformedPoints(
+            (last_point,),
+            "from: the start lies after the last point, so only the last position remains",
         )
     times = [
         Time(p.at.beats - transform.time.beats, p.at.seconds - transform.time.seconds)
@@ -261,10 +268,10 @@ def _start_from(
         _moved_point(p, new_time, p.x)
         for p, new_time in zip(points[first_index:], times, strict=True)
     ]
-    return _Transformed((replace(moved_points[0], curve=points[0].curve), *moved_points[1:]))
+    return _TransformedPoints((replace(moved_points[0], curve=points[0].curve), *moved_points[1:]))
 
 
-def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Transformed:
+def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformedPoints:
     """Play the points backward, between the first and the last point's instants.
 
     The curve that led into point i now leads into point i-1.
@@ -272,7 +279,7 @@ def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) ->
     first_time, last_time = points[0].at, points[-1].at
     beats, seconds = (first_time.beats + last_time.beats, first_time.seconds + last_time.seconds)
     curves = [points[0].curve, *(p.curve for p in reversed(points[1:]))]
-    return _Transformed(
+    return _TransformedPoints(
         tuple(
             Point(Time(beats - p.at.beats, seconds - p.at.seconds), p.x, curve, p.offset, p.length)
             for p, curve in zip(reversed(points), curves, strict=True)
@@ -282,7 +289,7 @@ def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) ->
 
 def _jitter(
     points: tuple[Point, ...], transform: Transform, chance: Chance, beat_duration: float
-) -> _Transformed:
+) -> _TransformedPoints:
     """Move every point but the first by a draw in time, then one in position.
 
     A point moves at most JITTER_RATIO_MAX of the way to a neighbour, so that a tenth of the way
@@ -294,27 +301,29 @@ def _jitter(
     for i in range(1, len(points)):
         point = points[i]
         dt, dx = chance.uniform(-1.0, 1.0) * time_max, chance.uniform(-1.0, 1.0) * transform.x
-        earliest = -JITTER_RATIO_MAX * (instants[i] - instants[i - 1])
-        dt = max(dt, earliest)
+        dt_min = -JITTER_RATIO_MAX * (instants[i] - instants[i - 1])
+        dt = max(dt, dt_min)
         if i + 1 < len(points):
             dt = min(dt, JITTER_RATIO_MAX * (instants[i + 1] - instants[i]))
         x = moved_points[-1].x if point.curve == "hold" else point.x + dx
         moved_points.append(_moved_point(point, Time(point.at.beats, point.at.seconds + dt), x))
-    return _Transformed(tuple(moved_points))
+    return _TransformedPoints(tuple(moved_points))
 
 
 def _quantise(
     points: tuple[Point, ...], transform: Transform, _: Chance, beat_duration: float
-) -> _Transformed:
+) -> _TransformedPoints:
     """Move points to the nearest multiple of q beats, halves later; merge those that meet.
 
     The merged point has the position of the last; its curve is the last that is not a hold.
     """
-    grid = transform.amount
+    grid_beats = transform.amount
     merged_points: list[Point] = []
     for point in points:
         rounded_time = Time(
-            floor((point.at.beats + point.at.seconds / beat_duration) / grid + 0.5) * grid, 0.0
+            floor((point.at.beats + point.at.seconds / beat_duration) / grid_beats + 0.5)
+            * grid_beats,
+            0.0,
         )
         curve = point.curve
         if merged_points and rounded_time.beats <= merged_points[-1].at.beats:
@@ -323,11 +332,11 @@ def _quantise(
         merged_points.append(Point(rounded_time, point.x, curve, point.offset, point.length))
     n_lost = len(points) - len(merged_points)
     if not n_lost:
-        return _Transformed(tuple(merged_points))
+        return _TransformedPoints(tuple(merged_points))
     count_text = "points fall" if n_lost > 1 else "point falls"
-    return _Transformed(
+    return _TransformedPoints(
         tuple(merged_points),
-        f"quantise {grid:g}: {n_lost} {count_text} on the time of the next point",
+        f"quantise {grid_beats:g}: {n_lost} {count_text} on the time of the next point",
     )
 
 
@@ -336,7 +345,7 @@ def _moved_point(point: Point, time: Time, x: float) -> Point:
 
 
 def _read_ratio(word: str, offset: int, example: str) -> float:
-    ratio_match = _RATIO.fullmatch(word)
+    ratio_match = _RATIO_PATTERN.fullmatch(word)
     if ratio_match is None:
         raise _misread_error(word, offset, "a number", example)
     divisor = 1.0 if ratio_match[3] is None else float(ratio_match[3])
@@ -354,23 +363,23 @@ def _read_positive_time(word: str, offset: int, example: str) -> float:
 
 
 def _read_span(word: str, offset: int, example: str) -> Time:
-    match = _TIME.fullmatch(word)
+    match = _TIME_PATTERN.fullmatch(word)
     if match is None:
         raise _misread_error(word, offset, "a time", example)
-    return Time(*instant(match[1], match[2], match[3], offset))
+    return Time(*parse_time(match[1], match[2], match[3], offset))
 
 
-def _signed_span(word: str, offset: int, example: str) -> Time:
+def _read_signed_span(word: str, offset: int, example: str) -> Time:
     sign = word[:1] if word[:1] in ("+", "-") else ""
     time = _read_span(word[len(sign) :], offset + len(sign), example)
     return Time(-time.beats, -time.seconds) if sign == "-" else time
 
 
 def _read_distance(word: str, offset: int, example: str) -> float:
-    match = _POSITION.fullmatch(word)
+    match = _POSITION_PATTERN.fullmatch(word)
     if match is None:
         raise _misread_error(word, offset, "a distance", example)
-    return metres(match[1], match[2], offset)
+    return parse_metres(match[1], match[2], offset)
 
 
 def _misread_error(read_word: str, word_offset: int, kind: str, example: str) -> TextError:
@@ -381,7 +390,7 @@ def _misread_error(read_word: str, word_offset: int, kind: str, example: str) ->
     )
 
 
-_ApplyTransform = Callable[[tuple[Point, ...], Transform, Chance, float], _Transformed]
+_ApplyTransform = Callable[[tuple[Point, ...], Transform, Chance, float], _TransformedPoints]
 _ReadArgument = Callable[[str, int, str], float | Time]
 
 
@@ -400,7 +409,7 @@ _VERBS = {
     "mirror": _Verb("mirror", (), _mirror),
     "reverse": _Verb("reverse", (), _reverse),
     "jitter": _Verb("jitter 4ms 0.2mm", (("time", _read_span), ("x", _read_distance)), _jitter),
-    "shift": _Verb("shift 1/8", (("time", _signed_span),), _shift),
+    "shift": _Verb("shift 1/8", (("time", _read_signed_span),), _shift),
     "quantise": _Verb("quantise 1/8", (("amount", _read_positive_time),), _quantise),
     "rev": _Verb("rev", (), _reverse),
     "fast": _Verb("fast 2", (("amount", _read_positive_time),), _stretch),
@@ -440,6 +449,8 @@ _ROUND_WORDS = (
     "degrade",
 )
 ARGUMENT_COUNTS = {word: len(verb.arguments) for word, verb in _VERBS.items()}
-ARITY = {word: count for word, count in ARGUMENT_COUNTS.items() if word not in _RHYTHM_WORDS}
+GESTURE_ARGUMENT_COUNTS = {
+    word: count for word, count in ARGUMENT_COUNTS.items() if word not in _RHYTHM_WORDS
+}
 EXAMPLES = {word: verb.example for word, verb in _VERBS.items()}
 MEANINGS = {word: f"a transformation, such as {example}" for word, example in EXAMPLES.items()}

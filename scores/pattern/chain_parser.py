@@ -15,18 +15,18 @@ from ergon.scores.pattern.cycle_forms import Form
 
 T = TypeVar("T")
 
-_WORD = re.compile(r"[^\s,()]+")
-_VALUE = re.compile(r"[+-]?\.?[0-9][^\s,()]*")
+_WORD_PATTERN = re.compile(r"[^\s,()]+")
+_VALUE_PATTERN = re.compile(r"[+-]?\.?[0-9][^\s,()]*")
 
 
 class ChainParser(ABC, Generic[T]):
     """Reads a text from left to right; `place` is the next character."""
 
-    def __init__(self, text: str, start: int = 0, place: int = 0) -> None:
+    def __init__(self, text: str, start: int = 0, cursor: int = 0) -> None:
         """Take a text; offsets of mistakes count from `start` before it."""
         self.text = text
         self.start = start
-        self.cursor = place
+        self.cursor = cursor
 
     @abstractmethod
     def read_transform(self) -> T:
@@ -73,7 +73,7 @@ class ChainParser(ABC, Generic[T]):
             may_end = form.takes_change or any(
                 len(argument_readers) == len(argument_words) for argument_readers in form.arguments
             )
-            if not argument_word or (may_end and not _VALUE.fullmatch(argument_word)):
+            if not argument_word or (may_end and not _VALUE_PATTERN.fullmatch(argument_word)):
                 break
             argument_words.append((argument_word, self.cursor))
             self.cursor += len(argument_word)
@@ -107,7 +107,7 @@ class ChainParser(ABC, Generic[T]):
 
     def next_word(self) -> str:
         """The word that begins here; empty if none does."""
-        match = _WORD.match(self.text, self.cursor)
+        match = _WORD_PATTERN.match(self.text, self.cursor)
         return match.group() if match else ""
 
     def mistake(

@@ -26,8 +26,8 @@ MAX_LENGTH = 8  # length of a stroke over the distance to the next
 
 Argument = int | float | str | Fraction | Repeats
 
-_RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)(?:/([0-9]+(?:\.[0-9]+)?))?")
-_INTERVAL = re.compile(r"([+-]?[0-9]{1,5}(?:\.[0-9]{1,6})?)(st|cents?)")
+_RATIO_PATTERN = re.compile(r"([0-9]+(?:\.[0-9]+)?)(?:/([0-9]+(?:\.[0-9]+)?))?")
+_INTERVAL_PATTERN = re.compile(r"([+-]?[0-9]{1,5}(?:\.[0-9]{1,6})?)(st|cents?)")
 _BEAT_BY_WORD: Mapping[str, bool] = {
     "t": True,
     "x": True,
@@ -65,7 +65,7 @@ class Reader:
 
 def ratio(word: str) -> Fraction | None:
     """A number without a sign such as `2`, `1.5` or `3/2`; None if the word is none."""
-    ratio_match = _RATIO.fullmatch(word)
+    ratio_match = _RATIO_PATTERN.fullmatch(word)
     if ratio_match is None or max(len(part or "") for part in ratio_match.groups()) > MAX_DIGITS:
         return None
     divisor = Fraction(ratio_match[2] or 1)
@@ -97,7 +97,7 @@ def _read_semitones(typed_word: str) -> float | None:
     they are keys of a scale.
     """
     semitones: float
-    if interval_match := _INTERVAL.fullmatch(typed_word):
+    if interval_match := _INTERVAL_PATTERN.fullmatch(typed_word):
         amount = Fraction(interval_match[1])
         is_integer = interval_match[2] == "st" and amount.denominator == 1
         semitones = (

@@ -18,7 +18,7 @@ Pattern = Cycles[Struck]
 
 @dataclass(frozen=True, slots=True)
 class CycleTransform:
-    """A transformation, the values of its arguments, and the `inner` ones that it takes.
+    """A transformation, the values of its arguments, and the `inner_transforms` ones that it takes.
 
     `number` is that of its draws by chance; `offset` and `length` are its place in the text.
     """
@@ -27,7 +27,7 @@ class CycleTransform:
     form: Form
     number: int
     values: tuple[Any, ...]
-    inner: tuple[CycleTransform, ...]
+    inner_transforms: tuple[CycleTransform, ...]
     offset: int
     length: int
 
@@ -38,7 +38,7 @@ class CycleTransform:
 
     def change(self, part: Pattern) -> Pattern:
         """The pattern after the inner transformations."""
-        return apply(part, self.inner)
+        return apply(part, self.inner_transforms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +50,9 @@ class Form:
     returns what is wrong with arguments together.
     """
 
-    line: str
+    description: str
     example: str
-    act: Callable[[CycleTransform, Pattern], Pattern]
+    transform_pattern: Callable[[CycleTransform, Pattern], Pattern]
     arguments: tuple[tuple[Reader, ...], ...] = ((),)
     takes_change: bool = False
     takes_rhythm: bool = False
@@ -62,7 +62,7 @@ class Form:
 def apply(cycles: Pattern, transforms: Sequence[CycleTransform]) -> Pattern:
     """Transform a pattern, from left to right. Raises TextError where it becomes too large."""
     for transform in transforms:
-        cycles = transform.form.act(transform, cycles)
+        cycles = transform.form.transform_pattern(transform, cycles)
         excess = cycles.excess()
         if excess is not None:
             message = f"after this transformation {excess}; remove it, or make the rhythm simpler"

@@ -199,4 +199,6 @@ FORM_BY_WORD: Mapping[str, Form] = {
     "scale": Form("stronger by a factor", "scale 0.5", _scale, ((read.FACTOR,),)),
     **PHRASING,
 }
-MEANINGS = {word: f"{form.line}, such as {form.example}" for word, form in FORM_BY_WORD.items()}
+MEANINGS = {
+    word: f"{form.description}, such as {form.example}" for word, form in FORM_BY_WORD.items()
+}

@@ -71,7 +71,7 @@ class _Parser(ChainParser[CycleTransform]):
 
     def __init__(self, text: str, start: int) -> None:
         super().__init__(text, start)
-        self.count = 0
+        self.n_transforms = 0
 
     def example(self, transform: CycleTransform) -> tuple[str, str]:
         """The word of a transformation, and an example of it."""
@@ -84,11 +84,11 @@ class _Parser(ChainParser[CycleTransform]):
         transform_form = FORM_BY_WORD.get(typed_word)
         if transform_form is None:
             raise self.unknown_word_error(typed_word)
-        self.count += 1
-        if self.count > MAX_TRANSFORMS:
+        self.n_transforms += 1
+        if self.n_transforms > MAX_TRANSFORMS:
             message = f"a pattern has at most {MAX_TRANSFORMS} transformations; remove some"
             raise self.mistake(message, begin_place, len(typed_word))
-        first_number = self.count * _OPERATOR_NUMBERS_PER_TRANSFORM
+        first_number = self.n_transforms * _OPERATOR_NUMBERS_PER_TRANSFORM
         self.cursor += len(typed_word)
         transform_values = self.read_values(transform_form, begin_place, typed_word)
         if transform_form.takes_rhythm:

@@ -28,7 +28,9 @@ def _roll(t: CycleTransform, changed_pattern: Pattern) -> Pattern:
         float(factor) for factor in [*factors, *_DEFAULT_SWELL_FACTORS[len(factors) :]]
     ]
     if isinstance(strokes, Repeats):
-        return act.repeated(strokes._replace(first=first_level, last=last_level), changed_pattern)
+        return act.repeated(
+            strokes._replace(first_factor=first_level, last_factor=last_level), changed_pattern
+        )
     return act.tremolo(strokes, changed_pattern, first_level, last_level)
 
 

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
-from ergon.notation.tables import quantities as q
+from ergon.notation.tables import quantities
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.numbers import stripped
 
@@ -51,7 +51,7 @@ def parse_swing(swing_text: str) -> float:
 
     Raises TextError.
     """
-    ratio = q.quantity(swing_text, q.CHANCE)
+    ratio = quantities.quantity(swing_text, quantities.CHANCE)
     if not _SWING_MIN <= ratio <= _SWING_MAX:
         message = (
             f"'{swing_text.strip()}' is not a swing: the first of two steps takes "

@@ -34,14 +34,14 @@ class PlaceBeats(Sequence[float]):
         count: int,
         make_beats: Callable[[PlaceSequence], PlaceBeats],
     ) -> None:
-        """Take `count` places, each on the beat that `beat` gives; `last` becomes the beat of the
-        last one.
+        """Take `count` places, each on the beat that `beat` gives; `last_beat` becomes the beat of
+        the last one.
 
         `make_beats` makes the beats of another course.
         """
         self.places = places
         self.beat = beat
-        self.last = beat(count - 1) if count else -inf
+        self.last_beat = beat(count - 1) if count else -inf
         self._count = count
         self._make_beats = make_beats
 

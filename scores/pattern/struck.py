@@ -18,8 +18,8 @@ class Repeats(NamedTuple):
     """
 
     rate: float
-    first: float = 1.0
-    last: float = 1.0
+    first_factor: float = 1.0
+    last_factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ _WORD = re.compile(r"\S+")
 class TurnForm:
     """A word that changes some of what is played: what it does, an example, and its rule."""
 
-    line: str
+    description: str
     example: str
     rule: Callable[..., Rule]
 
@@ -165,7 +165,7 @@ class _Parser(ChainParser[Change]):
     ) -> None:
         super().__init__(text, start, place)
         self.other_words = other_words
-        self.count = 0
+        self.n_transforms = 0
 
     def read_transform(self) -> Change:
         """One transformation, with what it takes."""
@@ -174,8 +174,8 @@ class _Parser(ChainParser[Change]):
         change_form = TURN_FORMS.get(typed_word)
         if change_form is None:
             return self.read_gesture_transform()
-        self.count += 1
-        if self.count > MAX_TRANSFORMS:
+        self.n_transforms += 1
+        if self.n_transforms > MAX_TRANSFORMS:
             message = f"a line has at most {MAX_TRANSFORMS} transformations of rounds; remove some"
             raise self.mistake(message, begin_place, len(typed_word))
         form_with_example = replace(FORM_BY_WORD[typed_word], example=change_form.example)

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ergon import _core
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import tuning
+from ergon.notation.tables import quantities, tuning
 from ergon.notation.tables.notes import SCALES, chord
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
@@ -58,7 +57,7 @@ def parse_values(
 
 def _scale(scale_word: str) -> dict[str, Amount]:
     root_note, _, scale_name = tuning.spelled(scale_word).partition(".")
-    base_frequency = q.frequency(root_note)
+    base_frequency = quantities.frequency(root_note)
     if scale_name not in SCALES:
         message = f"{quote(scale_name)} is not the name of a scale or a chord"
         suggestion = nearest(scale_name, SCALES)
@@ -70,7 +69,7 @@ def _scale(scale_word: str) -> dict[str, Amount]:
         )
     if not tuning.current().is_plain:
         words = zip(SCALES[scale_name], chord(root_note, scale_name), strict=True)
-        return {f"{scale_word}.{n}": Amount(q.frequency(note)) for n, note in words}
+        return {f"{scale_word}.{n}": Amount(quantities.frequency(note)) for n, note in words}
     return {
         f"{scale_word}.{n}": Amount(
             base_frequency * _core.pow(2.0, n / 12.0) if n else base_frequency

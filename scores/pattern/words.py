@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ergon.notation.tables.strengths import is_level
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
-from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, ARITY
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, GESTURE_ARGUMENT_COUNTS
 from ergon.scores.pattern.order import Group, name_of
 from ergon.scores.pattern.order import parse as parse_order
 from ergon.scores.pattern.turn_chain import Change, parse_first
@@ -44,7 +44,7 @@ OPTION_EXAMPLES = {
 NTH_OPTION = "nth"
 # Options of a pattern that may also be names of gestures: the first word of a play is a name.
 _PATTERN_WORDS = ("chance", "euclid", "swing", "skip")
-_KNOWN_WORDS = (*OPTION_EXAMPLES, "do", *ARITY)
+_KNOWN_WORDS = (*OPTION_EXAMPLES, "do", *GESTURE_ARGUMENT_COUNTS)
 _SIGNS = frozenset(",()*~")  # signs that a single name does not have
 _WORD = re.compile(r",|[^\s,]+")
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
@@ -105,7 +105,7 @@ def parse(pattern_text: str, text_start: int = 0, read_name: ReadName | None = N
     while word_index < len(placed_words):
         option_word, option_offset = placed_words[word_index]
         option_place = text_start + option_offset
-        if option_word in ARITY or unfinished_word is not None:
+        if option_word in GESTURE_ARGUMENT_COUNTS or unfinished_word is not None:
             change, change_end = parse_first(pattern_text, option_offset, text_start, _KNOWN_WORDS)
             transforms.append(change)
             unfinished_word, word_index = (
@@ -377,7 +377,7 @@ def _end_of_turns(placed_words: list[Word], first_turn: int) -> int:
             break
         words_stop += 1
         while words_stop < len(placed_words) and (
-            placed_words[words_stop].text in (*ARITY, ",")
+            placed_words[words_stop].text in (*GESTURE_ARGUMENT_COUNTS, ",")
             or placed_words[words_stop - 1].text in ("do", ",")
         ):
             words_stop = (

@@ -15,26 +15,26 @@ from ergon.instruments.module_kinds import LINK_KINDS
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.memory import Memory
 
-ModulePath = tuple[str, str]  # a part and a module
+ModuleKey = tuple[str, str]  # a part and a module
 
 
 def without_modes_above(
     instruments: dict[str, Instrument],
-    transposed: Mapping[str, str],
-    used_modules: Iterable[ModulePath],
+    reported_name_by_part: Mapping[str, str],
+    used_modules: Iterable[ModuleKey],
     rate: float,
     collector: Collector,
     memory: Memory | None,
 ) -> dict[str, Instrument]:
-    """The instruments without CELs of `transposed` ones that lie above half the `rate` [Hz], and
-    without the links to them; reports N405 for what is left out.
+    """The instruments without CELs of `reported_name_by_part` ones that lie above half the `rate`,
+    and without the links to them; reports N405 for what is left out.
 
-    `transposed` are instruments, each with the name under which it is reported. What is
+    `reported_name_by_part` are instruments, each with the name under which it is reported. What is
     `used_modules` (struck, automated, joined by other instruments, written at its own pitch) stays,
     and is refused by the engine.
     """
     high_modes_by_name: dict[str, dict[str, float]] = {}
-    for instrument_name in transposed:
+    for instrument_name in reported_name_by_part:
         transposed_instrument = instruments.get(instrument_name)
         if (
             transposed_instrument is not None
@@ -65,12 +65,14 @@ def without_modes_above(
             is not None
         ):
             thinned_instruments[instrument_name] = thinned_instrument
-            report_rows = (
+            named_frequencies = (
                 (f"{instrument_name}.{module}", high_modes[module])
                 for module in high_modes
                 if module in thinned_names
             )
-            removed_by_name.setdefault(transposed[instrument_name], []).extend(report_rows)
+            removed_by_name.setdefault(reported_name_by_part[instrument_name], []).extend(
+                named_frequencies
+            )
     for instrument_name, removed_modes in removed_by_name.items():
         _report(instrument_name, removed_modes, instruments, rate, collector)
     return thinned_instruments
@@ -81,7 +83,7 @@ def _cell_hertz(module: Module) -> float:
     return float(module.fields.get("f") or 0.0) if module.kind == "CEL" else 0.0
 
 
-def _modules_joined_elsewhere(instruments: Mapping[str, Instrument]) -> Iterator[ModulePath]:
+def _modules_joined_elsewhere(instruments: Mapping[str, Instrument]) -> Iterator[ModuleKey]:
     """The modules that other instruments join, and those that something follows."""
     for entry_name, instrument in instruments.items():
         for module in instrument.modules:

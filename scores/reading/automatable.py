@@ -12,15 +12,14 @@ from typing import Any, NamedTuple
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS, LINK_KINDS
 from ergon.instruments.transpose import is_interval, keeps_pitch, parse_interval
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import quantities, value_kinds
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote, with_article
 from ergon.scores.pattern.values import Amount, ReadAmount
 
 # By the kind of a module; a generator changes as a whole.
 GLIDE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
-    **{name: kind.gliding for name, kind in KINDS.items() if kind.gliding},
+    **{name: kind.glidable_parameters for name, kind in KINDS.items() if kind.glidable_parameters},
     "INSTRUMENT": ("f",),
 }
 ALL_PARAMETERS = tuple(dict.fromkeys(chain.from_iterable(GLIDE_PARAMETERS.values())))
@@ -144,8 +143,8 @@ def refusal(part_module: Module, parameter_name: str, *, is_ca: bool) -> str | N
             f"has several modules: of the whole only f changes; name a module for {parameter_name}"
         )
     if parameter_name not in known_parameters:
-        word = " and ".join(known_parameters)
-        return f"is a {part_module.kind}, of which only {word} change while it plays"
+        parameters_text = " and ".join(known_parameters)
+        return f"is a {part_module.kind}, of which only {parameters_text} change while it plays"
     if part_module.kind == "BUT" and part_module.fields.get("contact") == "magic":
         return "is a magic contact, which chooses its own K and Z"
     if part_module.kind in ("STRING", "PLATE") and parameter_name == "t60":
@@ -170,7 +169,8 @@ def reader(part_module: Module, parameter_name: str, *, is_one_of_many: bool = F
         return amount_reader(_parse_factor, parameter_name)
     if parameter_name in ("f", "t60"):
         return amount_reader(
-            (k.PITCH if parameter_name == "f" else k.DURATION).parse, parameter_name
+            (value_kinds.PITCH if parameter_name == "f" else value_kinds.DURATION).parse,
+            parameter_name,
         )
     shape = KINDS[part_module.kind].table.by_name[parameter_name].shape
     assert isinstance(shape, Text)
@@ -182,14 +182,14 @@ def amount_reader(read_number: Callable[[str], float], parameter: str) -> ReadAm
     of the parameter's own value; of a pitch also an interval (`2st`, `-50cents`).
     """
 
-    def amount(amount_word: str) -> Amount:
+    def read_amount(amount_word: str) -> Amount:
         if amount_word.startswith("x"):
-            return Amount(q.factor(amount_word), is_factor=True)
+            return Amount(quantities.factor(amount_word), is_factor=True)
         if parameter == "f" and is_interval(amount_word):
             return Amount(parse_interval(amount_word).ratio, is_factor=True)
         return Amount(read_number(amount_word))
 
-    return amount
+    return read_amount
 
 
 def _parse_factor(text: str) -> float:

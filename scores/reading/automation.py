@@ -9,8 +9,7 @@ from typing import Literal, cast
 from ergon.instruments.model import Target
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import quantities, value_kinds
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.named_values import literal, parse_with_names
 from ergon.notation.tables.shapes import Reference, Text, choice
@@ -27,8 +26,8 @@ from ergon.scores.reading.curves import CurvePoint, is_curve, parse_curve
 from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.patterns import PATTERN_TABLE, PatternValues, pattern_of
 
-Shape = Literal["sine", "triangle", "ramp", "square"]
-SHAPES: tuple[Shape, ...] = ("sine", "triangle", "ramp", "square")
+WaveShape = Literal["sine", "triangle", "ramp", "square"]
+WAVE_SHAPES: tuple[WaveShape, ...] = ("sine", "triangle", "ramp", "square")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ class Swing:
     low: Amount
     high: Amount
     period: Length
-    shape: Shape
+    shape: WaveShape
     phase: float
 
 
@@ -62,7 +61,7 @@ class Automation:
     swing: Swing | None
     place: Place
     begin_place: Place
-    struck: str = ""  # strikes that the values are for; set before they fall
+    strikes_name: str = ""  # strikes that the values are for; set before they fall
     points: tuple[CurvePoint, ...] = field(default=(), metadata={"hash_omits_empty": True})
     over: Length | None = field(default=None, metadata={"hash_omits_empty": True})
     moves: tuple[tuple[Length, Amount], ...] = field(
@@ -82,11 +81,13 @@ class Automation:
         """The parameter as it is written: `bell.m.f`."""
         return f"{self.target.text}.{self.parameter}"
 
-    def steps(self, tempo: TempoMap, seed: int) -> PlaceBeats:
+    def place_beats(self, tempo: TempoMap, seed: int) -> PlaceBeats:
         """When a pattern sets values. Raises TextError."""
         assert self.pattern is not None
         until_beat = None if self.until is None else tempo.resolve(self.until)
-        place_sequence = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
+        place_sequence = PlaceSequence(
+            self.pattern, Draws(seed, self.strikes_name or f"set/{self.name}")
+        )
         begin = tempo.resolve(self.at)
         return entry_place_beats(
             tempo,
@@ -98,7 +99,7 @@ class Automation:
         )
 
 
-AUTOMATION = Record(
+AUTOMATION_RECORD = Record(
     "automation",
     "a parameter that glides, follows a pattern of values or a MIDI file (`set`), or swings "
     "(`lfo`)",
@@ -117,13 +118,13 @@ AUTOMATION = Record(
             ),
             "the value that it glides to, its curve, or the pattern of its values",
         ),
-        Field("over", k.LENGTH, "how long it glides to a value"),
+        Field("over", value_kinds.LENGTH, "how long it glides to a value"),
         Field("curve", choice("line", "smooth"), "the way to that value", "line"),
-        Field("every", k.LENGTH, "length of a step"),
-        Field("times", k.TIMES, "number of rounds", shown="once, or until `until`"),
+        Field("every", value_kinds.LENGTH, "length of a step"),
+        Field("times", value_kinds.TIMES, "number of rounds", shown="once, or until `until`"),
         *PATTERN_TABLE,
-        Field("from", k.PATH, "a MIDI file that it follows"),
-        Field("channel", k.integer(1, 16, "1"), "of that file", shown="all together"),
+        Field("from", value_kinds.PATH, "a MIDI file that it follows"),
+        Field("channel", value_kinds.integer(1, 16, "1"), "of that file", shown="all together"),
         Field(
             "by",
             Text(
@@ -134,18 +135,18 @@ AUTOMATION = Record(
             "what it follows of the file: a controller, two of them (14 bits), the pitch wheel, "
             "the pressure of a channel or of a key (pressure C4)",
         ),
-        Field("start", k.RATIO, "quarter notes of the file that are left out", 0.0),
+        Field("start", value_kinds.RATIO, "quarter notes of the file that are left out", 0.0),
         Field("lfo", Reference("a parameter, such as bell.m.K", ("modules",)), "what swings"),
         Field(
             "range",
             Text(str, "two values or factors, such as 0.8..1.2", has_values=True),
             "between what",
         ),
-        Field("period", k.LENGTH, "length of one swing"),
-        Field("shape", choice(*SHAPES), "the way from one end to the other and back", "sine"),
-        Field("phase", k.UNIT_RATIO, "where in its period it begins", 0.0),
-        Field("at", k.WHEN, "where it begins", required=True),
-        Field("until", k.WHEN, "where the parameter has its own value again"),
+        Field("period", value_kinds.LENGTH, "length of one swing"),
+        Field("shape", choice(*WAVE_SHAPES), "the way from one end to the other and back", "sine"),
+        Field("phase", value_kinds.UNIT_RATIO, "where in its period it begins", 0.0),
+        Field("at", value_kinds.WHEN, "where it begins", required=True),
+        Field("until", value_kinds.WHEN, "where the parameter has its own value again"),
     ),
     meant={"glide": "set", "ramp": "set"},
 )
@@ -161,7 +162,7 @@ _FIELDS_BY_KIND = {
 }
 
 
-def check(automation_values: Values) -> bool:
+def has_required_fields(automation_values: Values) -> bool:
     """Whether the fields of the written kind (`set` or `lfo`) are there, and no others; reports an
     error if not.
     """
@@ -169,8 +170,8 @@ def check(automation_values: Values) -> bool:
     if len(written_kinds) != 1:
         automation_values.error("E103", "automation needs either `set` or `lfo`, and a parameter")
         return False
-    is_file = written_kinds[0] == "set" and bool(automation_values.written("from"))
-    written_kind = "from" if is_file else written_kinds[0]
+    follows_file = written_kinds[0] == "set" and bool(automation_values.written("from"))
+    written_kind = "from" if follows_file else written_kinds[0]
     required_fields, contrary_fields = _FIELDS_BY_KIND[written_kind]
     for field_name in required_fields:
         if not automation_values.written(field_name):
@@ -211,10 +212,10 @@ def build_automation(
     automated_target: Target,
     parameter_name: str,
     read_amount: ReadAmount,
-    midi: MidiUses,
+    midi_uses: MidiUses,
 ) -> Automation | None:
     """The automation of a known parameter, whose amounts `read_amount` reads; None if an error was
-    reported. A file that it follows is noted in `midi`.
+    reported. A file that it follows is noted in `midi_uses`.
     """
     fields, pattern, swing = values, None, None
     moves: tuple[tuple[Length, Amount], ...] = ()
@@ -226,7 +227,9 @@ def build_automation(
             range_ends = parse_with_names(
                 _field_node(fields, "range"), lambda text: parse_range(text, read_amount)
             )
-            moves = _glide_values(range_ends, parameter_name, midi.course(fields), fields)
+            moves = _followed_values(
+                range_ends, parameter_name, midi_uses.followed_course(fields), fields
+            )
             if not moves:  # a mistake of the file was reported
                 return None
         elif fields.written("set") and is_curve(fields["to"]):
@@ -288,31 +291,33 @@ def build_automation(
     )
 
 
-def _glide_values(
+def _followed_values(
     range_ends: tuple[Amount, Amount],
     parameter_name: str,
     controller_course: Course,
-    section_values: Values,
+    automation_values: Values,
 ) -> tuple[tuple[Length, Amount], ...]:
     """The values of a parameter whose ends are those of a controller, from a place of its file on.
 
     Raises TextError for ends between which there is no way.
     """
-    (low_amount, high_amount), text_start, range_length = (
+    (low_amount, high_amount), start_quarter, range_length = (
         range_ends,
-        section_values["start"],
-        len(str(section_values["range"])),
+        automation_values["start"],
+        len(str(automation_values["range"])),
     )
     if low_amount.is_factor != high_amount.is_factor:
         message = "write two values or two factors: there is no way from a value to a factor"
         raise TextError(message, length=range_length, code="E202")
     if parameter_name in ("f", "t60") and not min(low_amount.value, high_amount.value) > 0.0:
         raise TextError(f"{parameter_name} must stay above 0", length=range_length, code="E202")
-    last_positions = [share for quarter, share in controller_course if quarter <= text_start][-1:]
+    last_positions = [share for quarter, share in controller_course if quarter <= start_quarter][
+        -1:
+    ]
     shares_after = [
-        (quarter - text_start, share)
+        (quarter - start_quarter, share)
         for quarter, share in controller_course
-        if quarter > text_start
+        if quarter > start_quarter
     ]
     return tuple(
         (
@@ -361,7 +366,7 @@ def parse_range(range_text: str, read_amount: ReadAmount) -> tuple[Amount, Amoun
         try:
             is_ratio = _has_no_unit(low_text) and _has_no_unit(high_text)
             range_ends.append(
-                Amount(q.quantity(end_text, q.RATIO), is_factor=True)
+                Amount(quantities.quantity(end_text, quantities.RATIO), is_factor=True)
                 if is_ratio
                 else read_amount(end_text)
             )

@@ -18,7 +18,7 @@ from ergon.scores.reading.matter import PartsReader
 from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.piece import Strikes
 
-Module = tuple[str, str]  # a part and a module in it; "": the part as a whole
+ModuleKey = tuple[str, str]  # a part and a module in it; "": the part as a whole
 
 
 class AutomationTargets:
@@ -27,13 +27,13 @@ class AutomationTargets:
     def __init__(self, parts: PartsReader, part_names: PartNames, midi_uses: MidiUses) -> None:
         """Take the parts, and the MIDI files of the score."""
         self.parts = parts
-        self.midi = midi_uses
+        self.midi_uses = midi_uses
         self.part_names = part_names
         self.collector = part_names.collector
 
     def read(self, values: object) -> Automation | None:
         """What an entry means; None if an error was reported."""
-        if not isinstance(values, Values) or not automation.check(values):
+        if not isinstance(values, Values) or not automation.has_required_fields(values):
             return None
         target_name = values["set"] or values["lfo"]
         module_path, _, parameter_name = str(target_name).rpartition(".")
@@ -42,28 +42,28 @@ class AutomationTargets:
             and self.part_names.family_and_rest(module_path) is not None
         )
         if is_family:
-            note_modules = self._played_notes(Name(module_path, target_name.place))
+            target_modules = self._played_notes(Name(module_path, target_name.place))
         else:
             changed_module = self._changed_module(target_name, module_path, parameter_name)
-            note_modules = [] if changed_module is None else [changed_module]
-        if not note_modules or not self._may_change(
-            note_modules[0], target_name, module_path, parameter_name
+            target_modules = [] if changed_module is None else [changed_module]
+        if not target_modules or not self._may_change(
+            target_modules[0], target_name, module_path, parameter_name
         ):
             return None
         read_amount = automatable.reader(
-            note_modules[0].module, parameter_name, is_one_of_many=is_family
+            target_modules[0].module, parameter_name, is_one_of_many=is_family
         )
         first_target, *other_targets = (
             Target(note_module.part, note_module.module.name, 0, 1, module_path, target_name.place)
-            for note_module in note_modules
+            for note_module in target_modules
         )
         with tuning.used(self.part_names.tuning_of(first_target.part)):
             automation_entry = automation.build_automation(
-                values, first_target, parameter_name, read_amount, self.midi
+                values, first_target, parameter_name, read_amount, self.midi_uses
             )
         return automation_entry and replace(automation_entry, other_notes=tuple(other_targets))
 
-    def modules(self, automation_entry: Automation, _: Values) -> tuple[Module, ...] | None:
+    def modules(self, automation_entry: Automation, _: Values) -> tuple[ModuleKey, ...] | None:
         """The modules on which the meaning of an entry depends; None if it depends on which notes
         of an instrument a piece plays, or on a file.
         """

@@ -12,7 +12,7 @@ from ergon.instruments.model import Module, Target
 from ergon.instruments.read import make_module
 from ergon.instruments.read import read_modules as read_modules
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.named_values import parse_with_names
 from ergon.notation.tables.strengths import MEZZO_FORTE, Levels
@@ -57,9 +57,9 @@ def has_single(values: Values, *groups: tuple[str, ...]) -> bool:
 
 def key(values: Values, files: Files) -> Key:
     """A key; `calib:` supplies what is not written here."""
-    measured = calibration.measured_values(values, files)
-    if measured is not None:
-        values = calibration.with_measured_fields(values, measured)
+    calibration_values = calibration.measured_values(values, files)
+    if calibration_values is not None:
+        values = calibration.with_measured_fields(values, calibration_values)
     cell_fields = ("M", "K", "Z", "f", "t60")
     modules: tuple[Module, ...] = ()
     if values.written("modules"):
@@ -82,20 +82,22 @@ def key(values: Values, files: Files) -> Key:
         fields = {name: values[name] for name in (*cell_fields, "rest", "X0", "V0")}
         place_by_field = {name: node.place for name, node in values.nodes.items()}
         modules = (Module("", "CEL", fields, values.place, place_by_field),)
-        if measured is not None and not values["simple"]:
-            end = calibration.resting_end(values, measured)
-            modules = calibration.key_modules(modules[0], measured, end)
+        if calibration_values is not None and not values["simple"]:
+            travel_end = calibration.resting_end(values, calibration_values)
+            modules = calibration.key_modules(modules[0], calibration_values, travel_end)
     travel_range = values["travel"]
     if travel_range is not None and not travel_range[0] <= values["X0"] <= travel_range[1]:
         message = f"{values.context.label('X0')}: the key begins outside its travel"
         values.error("E202", message, "X0")
     struck_module = values["struck"] or ""
-    constants = None if measured is None else calibration.key_constants(measured)
+    key_constants = (
+        None if calibration_values is None else calibration.key_constants(calibration_values)
+    )
     delay = values["delay"]
-    if delay is None and constants is not None and not values["simple"]:
-        delay = constants[2]
-    if constants is not None:
-        constants = *constants[:2], delay
+    if delay is None and key_constants is not None and not values["simple"]:
+        delay = key_constants[2]
+    if key_constants is not None:
+        key_constants = *key_constants[:2], delay
     key_fields = (
         values.context.name,
         modules,
@@ -104,7 +106,7 @@ def key(values: Values, files: Files) -> Key:
         values["reach"],
         values.place,
     )
-    return Key(*key_fields, measured=constants, delay=delay or 0.0)
+    return Key(*key_fields, measured_constants=key_constants, delay=delay or 0.0)
 
 
 def gestures(values: Values, n_points_max: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
@@ -123,8 +125,8 @@ def gestures(values: Values, n_points_max: int = notation.MAX_EVENTS) -> dict[st
     def parse(source: str) -> tuple[notation.Notation, ...]:
         if notation_field == "notation" and space_path.axis_count(source) > 1:
             return space_path.parse(source, values["curve"], n_points_max)
-        parse_one = notation.parse if notation_field == "notation" else notation.parse_table
-        return (parse_one(source, values["curve"], n_points_max),)
+        parse_axis = notation.parse if notation_field == "notation" else notation.parse_table
+        return (parse_axis(source, values["curve"], n_points_max),)
 
     try:
         notations = parse_with_names(
@@ -137,8 +139,8 @@ def gestures(values: Values, n_points_max: int = notation.MAX_EVENTS) -> dict[st
     except TextError as error:
         values.context.text_error(error, notation_text, "")
         return None
-    playing = playing_options(cast("OptionValues", values.by_name))
-    options = values["do"] or (), playing, values.place, notation_text
+    options_of_playing = playing_options(cast("OptionValues", values.by_name))
+    options = values["do"] or (), options_of_playing, values.place, notation_text
     axis_gestures = [
         Gesture(values.context.name, gesture.points, gesture.bar_checks, *options)
         for gesture in notations
@@ -402,7 +404,7 @@ def _moved_to_start(
 
 
 def _value_pattern(text: str) -> tuple[Group, Mapping[str, Amount]]:
-    return parse_values(text, amount_reader(k.PITCH.parse, "f"), is_pitch=True)
+    return parse_values(text, amount_reader(value_kinds.PITCH.parse, "f"), is_pitch=True)
 
 
 def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Strikes:
@@ -471,6 +473,8 @@ def _unresolved_target(name: Any) -> Target:
 
 def tempo(values: Values, file_tempos: tuple[tuple[float, float], ...] = ()) -> TempoEntry:
     """A line of `tempo:`, with the tempos of the file that it names."""
-    bpm, end = values["bpm"] or (None, None)
+    bpm, bpm_end = values["bpm"] or (None, None)
     place, ramp_length, meter = values.node.place, values["over"], values["meter"]
-    return TempoEntry(values["at"] or BEGINNING, bpm, end, ramp_length, meter, place, file_tempos)
+    return TempoEntry(
+        values["at"] or BEGINNING, bpm, bpm_end, ramp_length, meter, place, file_tempos
+    )

@@ -71,20 +71,22 @@ def mix(section_values: Values | None, files: Files) -> Mix:
     if section_values is None:
         return Mix(0, None, (), None, None)
     folder = section_values.node.document.folder
-    room = None
+    speaker_layout = None
     if section_values["layout"] is not None:
-        room = layout(section_values["layout"], folder, section_values.place_of("layout"), files)
+        speaker_layout = layout(
+            section_values["layout"], folder, section_values.place_of("layout"), files
+        )
     routes = tuple(_route(route) for route in section_values["route"] or ())
     rooms = mixing.rooms(section_values["rooms"])
     refused_rooms = {*(section_values["rooms"] or {})} - {mix_room.name for mix_room in rooms}
     routes = tuple(_without_sends(route, refused_rooms) for route in routes)
     route_channels = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
     highest_channel = max(map(max, route_channels), default=0)
-    n_outputs = room.n_channels if room else 0
+    n_outputs = speaker_layout.n_channels if speaker_layout else 0
     n_channels = section_values["channels"] or max(highest_channel, n_outputs)
     for route in routes:
         if route.to == "nearest":
-            if room is None:
+            if speaker_layout is None:
                 message = f"{route.part}: `nearest` needs a layout in the mix"
                 section_values.context.error("E103", message, route.place)
         elif max(route.to) > n_channels:
@@ -98,9 +100,9 @@ def mix(section_values: Values | None, files: Files) -> Mix:
         if last_channel > n_channels:
             message = f"channel {last_channel} does not exist; the mix has {n_channels}"
             section_values.context.error("E202", message, room_entry.place)
-    if room is not None and section_values.written("channels") and n_outputs > n_channels:
+    if speaker_layout is not None and section_values.written("channels") and n_outputs > n_channels:
         message = f"the layout has {n_outputs} loudspeakers, but the mix has {n_channels} channels"
-        if room.outputs:
+        if speaker_layout.outputs:
             message = f"the layout has output {n_outputs}, but the mix has {n_channels} channels"
         section_values.error("E202", message, "channels")
     master = section_values["master"]
@@ -122,7 +124,7 @@ def mix(section_values: Values | None, files: Files) -> Mix:
                 f"{master_values.context.label('loudness')}: the level of the sum is said twice; "
             )
             master_values.error("E111", message + "remove `normalise` or `loudness`", "loudness")
-    return Mix(n_channels, room, routes, master_of_mix, section_values.place, rooms)
+    return Mix(n_channels, speaker_layout, routes, master_of_mix, section_values.place, rooms)
 
 
 def _without_sends(route: Route, refused_rooms: set[str]) -> Route:

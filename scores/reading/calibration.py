@@ -143,11 +143,13 @@ def _mode_modules(mode_name: str, mode_values: Values, key_cel: Module) -> tuple
     omega, sigma = 2.0 * pi * mode_values["f"], _SIGMA_TIMES_T60 / mode_values["t60"]
     mass = mode_values["M"]
     point_fields = {"M": mass, "X0": key_cel.fields["X0"], "V0": key_cel.fields["V0"]}
-    spring = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
+    spring_fields = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
     end_names = (Name("", mode_values.place), Name(mode_name, mode_values.place))
     return (
         Module(mode_name, "MAS", point_fields, mode_values.place),
-        Module(f"{mode_name} spring", "REF", {"between": end_names, **spring}, mode_values.place),
+        Module(
+            f"{mode_name} spring", "REF", {"between": end_names, **spring_fields}, mode_values.place
+        ),
     )
 
 
@@ -183,7 +185,7 @@ def _weight_and_rest(measured: Values, travel_end: float, key_cel: Module) -> tu
     stiffness = max(_TRAVEL_END_STIFFNESS, contact_force / _TRAVEL_END_YIELD_MAX)
     contact_position = travel_end + math.copysign(contact_force / stiffness, key_weight)
     key_name, stop_name = Name("", weight_place), Name("end of travel", weight_place)
-    contact = {
+    contact_fields = {
         "between": (key_name, stop_name),
         "K": stiffness,
         "Z": 2.0 * math.sqrt(stiffness * key_cel.fields["M"]),
@@ -198,7 +200,7 @@ def _weight_and_rest(measured: Values, travel_end: float, key_cel: Module) -> tu
     weight_fields = {"to": key_name, "from": -key_weight, "at": None, "scale": 1.0}
     return (
         Module(stop_name, "SOL", {"X0": contact_position}, weight_place),
-        Module("end of travel contact", "BUT", contact, weight_place),
+        Module("end of travel contact", "BUT", contact_fields, weight_place),
         Module("weight", "ENF", weight_fields, weight_place),
     )
 

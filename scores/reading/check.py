@@ -23,7 +23,7 @@ from ergon.scores.reading.above_rate import without_modes_above
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.automation_targets import AutomationTargets
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
-from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, included_play
+from ergon.scores.reading.include import MAX_INCLUDED, Include, IncludedPlay, included_play
 from ergon.scores.reading.known_entries import KnownEntries
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.matter import PartsReader
@@ -53,15 +53,15 @@ class Checker:
         self.parts = PartsReader(names, uses, self.part_names, self.gestures_and_takes)
         self._phrases_by_name: dict[str, Values | None] | None = None
 
-    def piece(self) -> Piece:
+    def build_piece(self) -> Piece:
         """The whole piece; its values are valid only if no error was reported."""
         score = self.score
         if not score.written("ergon"):
             message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
         memory, score_file = self.uses.files.memory, score.node.document.file
-        times = Times(score, self.collector, memory, self.uses.midi)
-        self._has_quarters = times.map.bars.has_quarters
+        times = Times(score, self.collector, memory, self.uses.midi_uses)
+        self._has_quarters = times.tempo_map.bars.has_quarters
         self.gestures_and_takes.has_quarters = self._has_quarters
         self.gestures_and_takes.add_defined(score.place)
         self.parts.read()
@@ -82,7 +82,7 @@ class Checker:
             for target in entry.to:
                 self.part_names.add_modules_of_struck(target)
         self.parts.resolve_reached_parts()
-        automation_targets = AutomationTargets(self.parts, self.part_names, self.uses.midi)
+        automation_targets = AutomationTargets(self.parts, self.part_names, self.uses.midi_uses)
         for entry in strikes:
             automation_targets.check_glides(entry)
         part_plays = self._plays(times.known_plays)
@@ -118,18 +118,18 @@ class Checker:
             render=build_mix.render(score["render"], self.uses.files),
             accuracy=build_mix.accuracy(score["accuracy"]),
             place=score.place,
-            tempo_map=times.map,
+            tempo_map=times.tempo_map,
             automation=automation_changes,
             blocks={n: text for n, text in (score["blocks"] or {}).items() if text is not MISSING},
             phrases=tuple(self._phrases()),
             available=self._unplayed_instruments(),
-            file_meters=times.file.meters,
+            file_meters=times.file_times.meters,
             used=tuple(self.names.families),
             tuning=self.names.tuning,
             tunings=self.part_names.tunings,
             families={n: (*notes.parts.values(),) for n, notes in self.part_names.families.items()},
         )
-        begins = times.check(score, piece)
+        begins = times.check_piece(score, piece)
         if self.collector.has_errors():
             return piece
         return replace(piece, starts=start_beats(piece, begins, times.known_plays, self.collector))
@@ -143,7 +143,7 @@ class Checker:
     ) -> dict[str, Instrument]:
         """The instruments of the piece, without modes that no rate of the piece computes."""
         notes, entries = self.part_names.families, self.names.tables["instruments"].items()
-        transposed = {
+        reported_name_by_part = {
             part: name for name, family in notes.items() for part in family.parts.values()
         }
         derived_values = {
@@ -151,9 +151,9 @@ class Checker:
             for name, entry in entries
             if isinstance(entry.values, Values) and entry.values.written("like", "from")
         }
-        transposed = {**{name: name for name in derived_values}, **transposed}
+        reported_name_by_part = {**{name: name for name in derived_values}, **reported_name_by_part}
 
-        def used() -> Iterator[tuple[str, str]]:
+        def used_modules() -> Iterator[tuple[str, str]]:
             for name, values in derived_values.items():
                 yield from ((name, module) for module in values["modules"] or ())
             struck_targets = (target for line in strikes for target in line.to)
@@ -164,7 +164,9 @@ class Checker:
             yield from (module_line for line in changes for module_line in line.modules)
 
         parts, rate = self.parts.instruments, self.parts.rate
-        return without_modes_above(parts, transposed, used(), rate, self.collector, memory)
+        return without_modes_above(
+            parts, reported_name_by_part, used_modules(), rate, self.collector, memory
+        )
 
     def _unplayed_instruments(self) -> dict[str, Instrument]:
         """Instruments that a file brings and nothing plays, or the first note of one with notes;
@@ -185,16 +187,16 @@ class Checker:
 
     # --- what other scores play ------------------------------------------------------------------
 
-    def _included(self, times: Times, n_links: int) -> list[tuple[Include, Played]]:
+    def _included(self, times: Times, n_links: int) -> list[tuple[Include, IncludedPlay]]:
         """The lines of `include:` with what their scores play."""
-        included: list[tuple[Include, Played]] = []
+        included: list[tuple[Include, IncludedPlay]] = []
         if self.uses.is_full or not self.names.included:
             return included
         n_lines = 0
         taken_names = {
             section_values.context.name: None for section_values in self._section_values("strikes")
         }
-        owners: dict[str, Player | None] = {
+        player_by_name: dict[str, Player | None] = {
             section_values.context.name: None for section_values in self._section_values("players")
         }
         for include_entry, file_names in self.names.included:
@@ -203,7 +205,7 @@ class Checker:
             file_name = file_names.document.file
             if file_name not in self.uses.pieces:
                 with tuning.used(file_names.tuning):
-                    self.uses.pieces[file_name] = Checker(file_names, self.uses).piece()
+                    self.uses.pieces[file_name] = Checker(file_names, self.uses).build_piece()
             piece = self.uses.pieces[file_name]
             if self.collector.has_errors():
                 continue
@@ -222,7 +224,7 @@ class Checker:
             clashes += [
                 f"player {quote(name)}"
                 for name, player in played_include.players.items()
-                if owners.get(name, player) != player
+                if player_by_name.get(name, player) != player
             ]
             for clash in clashes:
                 message = f"{clash} of {file_name} is already defined; give its names a prefix"
@@ -230,7 +232,7 @@ class Checker:
                     "E303", message, include_entry.place, help="include: {file: x, as: v2}"
                 )
             taken_names |= {strikes_entry.name: None for strikes_entry in played_include.strikes}
-            owners |= played_include.players
+            player_by_name |= played_include.players
             self._reference_included(piece, include_entry.prefix)
             included.append((include_entry, played_include))
         return included
@@ -310,16 +312,16 @@ class Checker:
         if strikes_kind in melodies.MELODY_KINDS:
             phrases = self._phrases()
             phrase = phrases.get(strike_values["play"]) if strikes_kind == "play" else None
-            take = phrase if isinstance(phrase, Values) and melodies.is_midi(phrase) else None
+            take = phrase if isinstance(phrase, Values) and melodies.has_note_file(phrase) else None
             if take is not None:
-                self.uses.midi.note_played(take, has_lengths=True)
+                self.uses.midi_uses.register_played(take, has_lengths=True)
             phrase_hits = melodies.hits_of(strike_values, self.part_names, phrases, self.uses.files)
             if (
                 phrase_hits is not None
                 and take is not None
                 and self._has_pressure_act(phrase_hits[0])
             ):
-                self.uses.midi.note_pressures(take)
+                self.uses.midi_uses.register_pressures(take)
             if phrase_hits is not None and not self._has_quarters and isinstance(phrase, Values):
                 phrase_hits = melodies.in_quarter_notes(phrase, *phrase_hits)
             if phrase_hits is None:
@@ -333,7 +335,7 @@ class Checker:
         strikes_label = f"strikes {quote(strike_values.context.name)}"
         target_names = strike_values["to"] or ()
         if strike_values["along"] is not None and not strikes_kind:
-            return self._along_direction(strike_values, target_names, strikes_label)
+            return self._strikes_along_direction(strike_values, target_names, strikes_label)
         targets_by_name = [
             self.part_names.struck_targets(name, strikes_label) for name in target_names
         ]
@@ -369,9 +371,9 @@ class Checker:
             and target_names
             and all(self.part_names.family_and_rest(name) for name in target_names)
         ):
-            voices = NoteTargets(self.part_names, target_names)
+            note_targets = NoteTargets(self.part_names, target_names)
             strikes_built = melodies.strikes_of_pattern(
-                strikes_built, strike_values, voices, strikes_label
+                strikes_built, strike_values, note_targets, strikes_label
             )
         if strike_values.written("do") and self.collector.n_reports == n_reports:
             transforms = phrase_do.rhythm_transforms(strike_values)
@@ -388,8 +390,8 @@ class Checker:
 
     def _has_pressure_act(self, hits: Iterable[Hit]) -> bool:
         """Whether the pressure on keys plays what is struck."""
-        struck = {target.part for hit in hits for target in hit.to}
-        return any(PRESS in self.part_names.parts[part].acts for part in struck)
+        struck_parts = {target.part for hit in hits for target in hit.to}
+        return any(PRESS in self.part_names.parts[part].acts for part in struck_parts)
 
     def _melody(self, strikes: Strikes, values: Values) -> Strikes | None:
         """A melody, or a phrase as a rhythm where it has transformations of rhythms; None if an
@@ -437,9 +439,9 @@ class Checker:
                 "E111", message + "entry for each instrument and each strength", "rate"
             )
             return None
-        return replace(strikes, reaches=range_by_part)
+        return replace(strikes, impulse_ranges=range_by_part)
 
-    def _along_direction(
+    def _strikes_along_direction(
         self, strike_values: Values, target_names: Sequence[Name], strikes_label: str
     ) -> Strikes | None:
         """Strikes on points along a direction: each coordinate gets its share; None if an error was
@@ -511,7 +513,7 @@ class Checker:
             takes = {
                 take_name: take_entry.values
                 for take_name, take_entry in tables["takes"].items()
-                if melodies.is_midi(take_entry.values)
+                if melodies.has_note_file(take_entry.values)
             }
             entries = tables["phrases"].items()
             phrases = {name: self.uses.resolved("phrases", entry)[0] for name, entry in entries}
@@ -553,22 +555,22 @@ class Checker:
     def _reference_automated_parts(self, memory: Memory | None, file_name: str) -> None:
         """Mark the parts that automation changes as reached: they belong to the piece."""
         automation_section = self.score["automation"] or ()
-        remembered_counts = None if memory is None else memory.held(f"led {file_name}", None)
-        automation_before, name_counts, path_prefixes = remembered_counts or (
+        remembered_section = None if memory is None else memory.held(f"led {file_name}", None)
+        automation_before, path_counts, path_prefixes = remembered_section or (
             (),
             Counter[str](),
             frozenset(),
         )
         if changed_range := changed_part(automation_before, automation_section):
-            name_counts = name_counts.copy()
-            name_counts.subtract(map(_automated_path, changed_range.before))
-            name_counts.update(map(_automated_path, changed_range.now))
-            name_counts = +name_counts
+            path_counts = path_counts.copy()
+            path_counts.subtract(map(_automated_path, changed_range.before))
+            path_counts.update(map(_automated_path, changed_range.now))
+            path_counts = +path_counts
             path_prefixes = {
-                part for name in name_counts for part in accumulate(name.split("."), _joined_path)
+                part for name in path_counts for part in accumulate(name.split("."), _joined_path)
             }
         if memory is not None:
-            memory.hold(f"led {file_name}", None, (automation_section, name_counts, path_prefixes))
+            memory.hold(f"led {file_name}", None, (automation_section, path_counts, path_prefixes))
         self.part_names.referenced_parts |= path_prefixes & self.parts.by_name.keys()
 
     def _struck_modules(

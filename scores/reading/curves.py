@@ -13,7 +13,7 @@ from ergon.scores.gesture.points import Approach
 from ergon.scores.pattern.values import Amount, ReadAmount
 
 MAX_POINTS = 1_000  # with repetitions
-_VALUE = re.compile(r"(?<![^\s(])[^\s()|@]+(?=@)")
+_VALUE_PATTERN = re.compile(r"(?<![^\s(])[^\s()|@]+(?=@)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +36,8 @@ def parse_curve(curve_text: str, read_amount: ReadAmount) -> tuple[CurvePoint, .
     """
     amounts: list[Amount] = []
     moved_offsets: list[tuple[int, int]] = []  # (offset in the parsed text, offset as written)
-    notation_pieces, text_offset, value_length = [], 0, 0
-    for value_match in _VALUE.finditer(curve_text):
+    notation_pieces, text_offset, parsed_length = [], 0, 0
+    for value_match in _VALUE_PATTERN.finditer(curve_text):
         try:
             amount = read_amount(value_match.group())
         except TextError as error:
@@ -46,11 +46,14 @@ def parse_curve(curve_text: str, read_amount: ReadAmount) -> tuple[CurvePoint, .
         if amount not in amounts:
             amounts.append(amount)
         # Write each value as a position of a gesture: its index in metres.
-        for part in (curve_text[text_offset : value_match.start()], f"{amounts.index(amount)}m"):
-            notation_pieces.append(part)
-            value_length += len(part)
+        for notation_piece in (
+            curve_text[text_offset : value_match.start()],
+            f"{amounts.index(amount)}m",
+        ):
+            notation_pieces.append(notation_piece)
+            parsed_length += len(notation_piece)
         text_offset = value_match.end()
-        moved_offsets.append((value_length, text_offset))
+        moved_offsets.append((parsed_length, text_offset))
     notation_pieces.append(curve_text[text_offset:])
     try:
         curve_points = notation.parse("".join(notation_pieces), events_max=MAX_POINTS).points

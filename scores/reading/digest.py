@@ -85,10 +85,10 @@ _UNHASHED_FIELDS = {  # places and texts do not count
     TakeFile: ("places",),
     Position: ("text",),
     Target: ("text",),
-    Hit: ("what",),
+    Hit: ("struck_text",),
     Instrument: ("pitch", "acts", "loudness"),  # what they say is in strikes and routes
     Layout: ("is_equidistant", "title", "outputs"),  # the file that is hashed by its path
-    Key: ("measured",),
+    Key: ("measured_constants",),
     # Fields that follow from the others, or that do not change what is computed.
     Piece: (
         *("tempo_map", "starts", "blocks", "families", "phrases", "available", "used"),
@@ -106,8 +106,16 @@ _HASHED_TYPE_NAMES: Mapping[type, str] = {PlayingOptions: "Manner"}
 _HASHED_FIELD_NAMES: Mapping[tuple[type, str], str] = {
     (Strikes, "levels"): "impulse",
     (Hit, "level"): "impulse",
+    (Hit, "impulse_range"): "reach",
+    (Hit, "duration"): "lasting",
+    (Strikes, "impulse_ranges"): "reaches",
     (Automation, "begin_place"): "at_place",
+    (Automation, "strikes_name"): "struck",
     (Play, "begin_place"): "at_place",
+    (Play, "played_text"): "what",
+    (Play, "options"): "manner",
+    (Gesture, "options"): "manner",
+    (Rhythm, "first_cycle"): "first",
 }
 
 

@@ -14,10 +14,10 @@ from ergon.notation.text.files import Files, shipped
 
 
 class Member(NamedTuple):
-    """An instrument of a family; `about` is the comment behind its name, empty if it has none."""
+    """An instrument of a family; `comment` is the comment behind its name, empty if it has none."""
 
     name: str
-    about: str
+    comment: str
 
 
 def members(family: Document) -> tuple[Member, ...]:

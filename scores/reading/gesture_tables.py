@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.instruments.transpose import INTERVAL_SHAPE
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Context, Reference, Shape, choice, wrong_shape
@@ -89,38 +89,47 @@ TAKE_RECORD = Record(
     (
         Field(
             "file",
-            k.PATH,
+            value_kinds.PATH,
             "a recording (.take), CSV, TSV, WAV, npz, C3D, BVH, TRC, SDIF, MIDI or MusicXML; of an "
             "input a WAV file, heard where no card is",
         ),
         Field(
             "input",
-            k.integer_or(OSC, 1, 64, "1"),
+            value_kinds.integer_or(OSC, 1, 64, "1"),
             "an input of the sound card, or values that come by OSC, which drives ENX or ENF",
         ),
-        Field("gain", k.FULL_SCALE, "what full scale of an input is"),
-        Field("highpass", k.HERTZ, "cutoff of an input's high-pass filter", shown="20Hz"),
-        Field("clamp", k.FULL_SCALE, "the most that an input gives, either way", shown="`gain`"),
-        Field("glide", k.PAUSE, "time from one value by OSC to the next", shown="20ms"),
+        Field("gain", value_kinds.FULL_SCALE, "what full scale of an input is"),
+        Field("highpass", value_kinds.HERTZ, "cutoff of an input's high-pass filter", shown="20Hz"),
+        Field(
+            "clamp",
+            value_kinds.FULL_SCALE,
+            "the most that an input gives, either way",
+            shown="`gain`",
+        ),
+        Field("glide", value_kinds.PAUSE, "time from one value by OSC to the next", shown="20ms"),
         Field(
             "channel",
-            k.TITLE,
+            value_kinds.TITLE,
             "the column, player, point and axis (hand.x), channel of MIDI or part of MusicXML",
             shown="the only one; of notes all",
         ),
-        Field("velocity", k.IMPULSES, "impulses of the softest and the hardest note of MIDI"),
+        Field(
+            "velocity", value_kinds.IMPULSES, "impulses of the softest and the hardest note of MIDI"
+        ),
         Field(
             "bend",
             INTERVAL_SHAPE,
             "how far the pitch wheel of MIDI goes where its file says nothing",
         ),
-        Field("depth", k.TRAVEL, "how far such notes press a key that plays them"),
+        Field("depth", value_kinds.TRAVEL, "how far such notes press a key that plays them"),
         Field("curve", VELOCITY_CURVE, "how strong a MIDI note of a velocity is", shown="even"),
-        Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),
-        Field("smooth", k.HERTZ, "cutoff of a low-pass filter, run forward and backward"),
-        Field("rate", k.HERTZ, "sample rate of a file without a column t [s]"),
+        Field("trim", value_kinds.TRIM, "the part that is used; its beginning becomes time 0"),
+        Field("smooth", value_kinds.HERTZ, "cutoff of a low-pass filter, run forward and backward"),
+        Field("rate", value_kinds.HERTZ, "sample rate of a file without a column t [s]"),
         Field(
-            "unit", k.SIZE, "what 1.0 means in a file without units (BVH, SDIF, tables; WAV: 1m)"
+            "unit",
+            value_kinds.SIZE,
+            "what 1.0 means in a file without units (BVH, SDIF, tables; WAV: 1m)",
         ),
     ),
 )

@@ -22,8 +22,10 @@ class GesturesAndTakes:
         self._uses = uses
         self._collector = uses.collector
         self._gestures_by_name: dict[str, Gesture | None] = {}
-        self._paths: dict[str, tuple[str, ...]] = {}  # gestures in space: the names of their axes
-        self._room = MAX_EVENTS  # points that gestures may still have
+        self._axis_names_by_path: dict[
+            str, tuple[str, ...]
+        ] = {}  # gestures in space: the names of their axes
+        self._n_points_left = MAX_EVENTS  # points that gestures may still have
         self.takes: dict[str, TakeFile] = {}
         self.has_quarters = True  # whether every beat of the piece is a quarter note
 
@@ -40,7 +42,7 @@ class GesturesAndTakes:
         """
         for defined_name, named_entry in self._tables["gestures"].items():
             if named_entry.brought_place is None:
-                self._gesture(defined_name, named_entry)
+                self._add_gesture(defined_name, named_entry)
             if defined_name in self._tables["takes"]:
                 message = (
                     f"{quote(defined_name)} is the name of a gesture and of a take; rename one of "
@@ -49,19 +51,19 @@ class GesturesAndTakes:
                 self._collector.error("E303", message, named_entry.place or section_place)
         for defined_name, named_entry in self._tables["takes"].items():
             if named_entry.brought_place is None:
-                self.take(defined_name, named_entry)
+                self.add_take(defined_name, named_entry)
 
     def make(self, name: str) -> bool:
         """Make the gesture or take of a name; False if there is none."""
         gestures, takes = self._tables["gestures"], self._tables["takes"]
         if name in gestures:
-            self._gesture(name, gestures[name])
+            self._add_gesture(name, gestures[name])
         elif self._is_axis(name):
             pass
-        elif name in takes and melodies.is_midi(takes[name].values):
-            self._pressed(name, takes[name])
+        elif name in takes and melodies.has_note_file(takes[name].values):
+            self._add_pressed_gesture(name, takes[name])
         elif name in takes:
-            self.take(name, takes[name])
+            self.add_take(name, takes[name])
         else:
             return False
         return True
@@ -69,8 +71,8 @@ class GesturesAndTakes:
     def make_named(self, name: Name, label: str) -> bool:
         """Make what `label` plays; False if an error was reported because nothing has that name."""
         is_there = self.make(name)
-        if name in self._paths:
-            axes = ", ".join(self._paths[name])
+        if name in self._axis_names_by_path:
+            axes = ", ".join(self._axis_names_by_path[name])
             message = f"{label}: {quote(name)} is a path in space; play one of its axes: {axes}"
             self._collector.error("E304", message, name.place)
         elif not is_there:
@@ -79,49 +81,51 @@ class GesturesAndTakes:
             self._collector.error("E301", message, name.place, word=str(name), names=names)
         return is_there
 
-    def take(self, name: str, entry: Entry) -> None:
+    def add_take(self, name: str, entry: Entry) -> None:
         """Make a take, unless it is a MIDI file: strikes and keys play the notes of a MIDI file."""
         if name not in self.takes and isinstance(entry.values, Values):
             take_built = build.take(entry.values, self._uses.files)
-            if take_built is not None and not melodies.is_midi(entry.values):
+            if take_built is not None and not melodies.has_note_file(entry.values):
                 self.takes[name] = with_name(take_built, name)
 
-    def _gesture(self, name: str, entry: Entry) -> None:
+    def _add_gesture(self, name: str, entry: Entry) -> None:
         if name not in self._gestures_by_name:
             values, _ = self._uses.resolved("gestures", entry)
-            gestures_built = build.gestures(values, self._room) if values is not None else None
+            gestures_built = (
+                build.gestures(values, self._n_points_left) if values is not None else None
+            )
             self._keep(name, (gestures_built or {}).get(""))
             axis_gestures = {
                 f"{name}.{axis}": gesture_of_axis
                 for axis, gesture_of_axis in (gestures_built or {}).items()
                 if axis
             }
-            for same_named, gesture_of_axis in axis_gestures.items():
-                self._keep(same_named, gesture_of_axis)
+            for axis_path, gesture_of_axis in axis_gestures.items():
+                self._keep(axis_path, gesture_of_axis)
             if axis_gestures:
-                self._paths[name] = tuple(axis_gestures)
+                self._axis_names_by_path[name] = tuple(axis_gestures)
 
     def _is_axis(self, gesture_name: str) -> bool:
         """Whether a name is that of an axis of a path in space, or of a path that has mistakes."""
-        key_name, _, axis = gesture_name.rpartition(".")
-        gesture_entry = self._tables["gestures"].get(key_name)
+        path_name, _, axis = gesture_name.rpartition(".")
+        gesture_entry = self._tables["gestures"].get(path_name)
         if gesture_entry is None or axis not in AXES:
             return False
-        self._gesture(key_name, gesture_entry)
+        self._add_gesture(path_name, gesture_entry)
         return gesture_name in self._gestures_by_name or (
-            self._gestures_by_name[key_name] is None and key_name not in self._paths
+            self._gestures_by_name[path_name] is None and path_name not in self._axis_names_by_path
         )
 
-    def _pressed(self, name: str, entry: Entry) -> None:
+    def _add_pressed_gesture(self, name: str, entry: Entry) -> None:
         """Make a gesture of a MIDI take that a hand plays."""
         if name not in self._gestures_by_name:
-            self.take(name, entry)
-            self._uses.midi.note_played(entry.values, has_lengths=False)
-            files, room = self._uses.files, self._room
+            self.add_take(name, entry)
+            self._uses.midi_uses.register_played(entry.values, has_lengths=False)
+            files, room = self._uses.files, self._n_points_left
             self._keep(
                 name, midi_gesture.gesture_of_take(entry.values, files, room, self.has_quarters)
             )
 
     def _keep(self, name: str, gesture: Gesture | None) -> None:
         self._gestures_by_name[name] = with_name(gesture, name) if gesture else None
-        self._room -= len(gesture.points) if gesture else 0
+        self._n_points_left -= len(gesture.points) if gesture else 0

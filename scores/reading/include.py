@@ -10,7 +10,7 @@ from ergon.instruments.model import Target
 from ergon.instruments.transpose import INTERVAL_SHAPE, Interval
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Reference
 from ergon.notation.text.errors import Collector, quote
@@ -29,8 +29,8 @@ INCLUDE_RECORD = Record(
     "include",
     "what another score plays, with all that it names",
     (
-        Field("file", k.PATH, "the score, relative to this one", required=True),
-        Field("at", k.WHEN, "where its beginning is", shown="the beginning"),
+        Field("file", value_kinds.PATH, "the score, relative to this one", required=True),
+        Field("at", value_kinds.WHEN, "where its beginning is", shown="the beginning"),
         Field("as", Reference("a prefix for its names, such as v2"), "prefix of its names"),
         Field("transpose", INTERVAL_SHAPE, "how much higher its instruments sound; needs `as`"),
     ),
@@ -55,7 +55,7 @@ class Include:
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
+class IncludedPlay:
     """What a score plays."""
 
     players: dict[str, Player]
@@ -106,10 +106,12 @@ def transposed_values(part_values: Any, include: Include) -> Any:
     return replace(part_values, by_name=transposed_fields, nodes=nodes)
 
 
-def included_play(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:
+def included_play(
+    piece: Piece, include: Include, n_links_before: int, collector: Collector
+) -> IncludedPlay:
     """What a piece plays, from the position of an include on and under its prefix.
 
-    `first_link` is the number of couplings before. Reports pitches that cannot be transposed.
+    `n_links_before` is the number of couplings before. Reports pitches that cannot be transposed.
     """
     _check_pitches(piece, include, collector)
     prefixed = _prefixer(include.prefix)
@@ -130,7 +132,7 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
         replace(
             item,
             player=prefixed(item.player),
-            what=prefixed(item.what) if item.pattern is None else item.what,
+            played_text=prefixed(item.played_text) if item.pattern is None else item.played_text,
             at=moved(item.at),
             until=moved_or_none(item.until),
             pattern=None
@@ -139,12 +141,12 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
         )
         for item in piece.parts
     )
-    strikes = tuple(map(include_copy.strike, piece.strikes))
+    strikes = tuple(map(include_copy.copy_strikes, piece.strikes))
     automation = tuple(
         replace(
             item,
-            target=include_copy.target(item.target),
-            other_notes=tuple(map(include_copy.target, item.other_notes)),
+            target=include_copy.copy_target(item.target),
+            other_notes=tuple(map(include_copy.copy_target, item.other_notes)),
             at=moved(item.at),
             until=moved_or_none(item.until),
         )
@@ -154,14 +156,14 @@ def included_play(piece: Piece, include: Include, first_link: int, collector: Co
         replace(
             item,
             link=replace(item.link, name=f"duet{number}"),
-            a=include_copy.target(item.a),
-            b=include_copy.target(item.b),
+            a=include_copy.copy_target(item.a),
+            b=include_copy.copy_target(item.b),
             at=moved(item.at),
             until=moved_or_none(item.until),
         )
-        for number, item in enumerate(piece.duet, first_link)
+        for number, item in enumerate(piece.duet, n_links_before)
     )
-    return Played(players, played_parts, strikes, automation, duet)
+    return IncludedPlay(players, played_parts, strikes, automation, duet)
 
 
 class _IncludedCopy(NamedTuple):
@@ -169,31 +171,35 @@ class _IncludedCopy(NamedTuple):
 
     prefixed: Callable[[str], str]
     moved: Callable[[Position], Position]
-    until: Callable[[Position | None], Position | None]
+    moved_end: Callable[[Position | None], Position | None]
 
-    def target(self, target: Target) -> Target:
+    def copy_target(self, target: Target) -> Target:
         return replace(target, part=self.prefixed(target.part), text=self.prefixed(target.text))
 
-    def targets(self, targets: tuple[Target, ...]) -> tuple[Target, ...]:
-        return tuple(map(self.target, targets))
+    def copy_targets(self, targets: tuple[Target, ...]) -> tuple[Target, ...]:
+        return tuple(map(self.copy_target, targets))
 
-    def strike(self, item: Strikes) -> Strikes:
+    def copy_strikes(self, item: Strikes) -> Strikes:
         prefixed, moved = self.prefixed, self.moved
         return replace(
             item,
             name=prefixed(item.name),
-            to=self.targets(item.to),
+            to=self.copy_targets(item.to),
             at=moved(item.at),
-            until=self.until(item.until),
-            voices={word: self.targets(names) for word, names in item.voices.items()},
-            rhythm=item.rhythm and retargeted(item.rhythm, self.target),
-            reaches={prefixed(part): impulse_range for part, impulse_range in item.reaches.items()},
-            glides=tuple(replace(glide, target=self.target(glide.target)) for glide in item.glides),
+            until=self.moved_end(item.until),
+            voices={word: self.copy_targets(names) for word, names in item.voices.items()},
+            rhythm=item.rhythm and retargeted(item.rhythm, self.copy_target),
+            impulse_ranges={
+                prefixed(part): impulse_range for part, impulse_range in item.impulse_ranges.items()
+            },
+            glides=tuple(
+                replace(glide, target=self.copy_target(glide.target)) for glide in item.glides
+            ),
             hits=tuple(
                 replace(
                     hit,
                     at=moved(hit.at) if isinstance(hit.at, Position) else hit.at,
-                    to=self.targets(hit.to),
+                    to=self.copy_targets(hit.to),
                 )
                 for hit in item.hits
             ),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ergon.instruments.module_kinds import LINK_KINDS, tables
 from ergon.instruments.read import MODULES_DOC, module_table
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import Reference, choice
@@ -16,27 +16,37 @@ KEY_RECORD = Record(
     "a force-feedback key (TGR), real or emulated: a mass with spring and viscosity, or a network",
     (
         Field("like", Reference("a key", ("keys",)), "begin with another key's values"),
-        Field("calib", k.PATH, "a file of what the key is made of, as measured"),
-        Field("simple", k.BOOLEAN, "take M, K and Z alone from that file", False),
-        Field("M", k.MASS, "mass"),
-        Field("K", k.STIFFNESS, "stiffness of its spring"),
-        Field("Z", k.DAMPING, "viscosity", 0.0),
-        Field("f", k.PITCH, "damped frequency, instead of K"),
-        Field("t60", k.DURATION, "decay, instead of Z", shown="none"),
-        Field("rest", k.POSITION, "position at which its spring has no force", 0.0),
-        Field("X0", k.POSITION, "position at the beginning", 0.0),
-        Field("V0", k.SPEED, "velocity at the beginning", 0.0),
-        Field("travel", k.TRAVEL, "range of positions of the key", shown="anywhere"),
+        Field("calib", value_kinds.PATH, "a file of what the key is made of, as measured"),
+        Field("simple", value_kinds.BOOLEAN, "take M, K and Z alone from that file", False),
+        Field("M", value_kinds.MASS, "mass"),
+        Field("K", value_kinds.STIFFNESS, "stiffness of its spring"),
+        Field("Z", value_kinds.DAMPING, "viscosity", 0.0),
+        Field("f", value_kinds.PITCH, "damped frequency, instead of K"),
+        Field("t60", value_kinds.DURATION, "decay, instead of Z", shown="none"),
+        Field("rest", value_kinds.POSITION, "position at which its spring has no force", 0.0),
+        Field("X0", value_kinds.POSITION, "position at the beginning", 0.0),
+        Field("V0", value_kinds.SPEED, "velocity at the beginning", 0.0),
+        Field("travel", value_kinds.TRAVEL, "range of positions of the key", shown="anywhere"),
         Field(
             "delay",
-            k.PAUSE,
+            value_kinds.PAUSE,
             "how much later the piece's forces reach it, as by its motor",
             shown="as measured, or 0s",
         ),
-        Field("reach", k.POSITIVE, "factor from the movement of the key to that of the piece", 1.0),
+        Field(
+            "reach",
+            value_kinds.POSITIVE,
+            "factor from the movement of the key to that of the piece",
+            1.0,
+        ),
         Field("modules", NamesOf(module_table("si"), "module", has_loops=True), MODULES_DOC),
         Field("struck", Reference("a MAT of its modules"), "the MAT that ergons strike"),
-        Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),
+        Field(
+            "rate",
+            value_kinds.RATE,
+            "its own: audio divided by a whole number",
+            shown="rates: gesture",
+        ),
     ),
 )
 PLAYER_RECORD = Record(
@@ -45,13 +55,13 @@ PLAYER_RECORD = Record(
     (
         Field("hand", choice("virtual", "live"), "emulated, or a real hand", "virtual"),
         Field("key", Reference("a key", ("keys",)), "the key that it plays", required=True),
-        Field("device", k.TITLE, "a live hand's axis, such as tgr0.3"),
+        Field("device", value_kinds.TITLE, "a live hand's axis, such as tgr0.3"),
         Field(
             "standin",
             Reference("a take or gesture", ("takes", "gestures")),
             "what plays in place of a real hand",
         ),
-        Field("tick", k.TICK_RATE, "rate at which the device is read", shown="1000 Hz"),
+        Field("tick", value_kinds.TICK_RATE, "rate at which the device is read", shown="1000 Hz"),
     ),
     refused={
         "follow": "following another player is not built yet",
@@ -69,8 +79,8 @@ COUPLING_RECORD = Record(
     "a link through which two keys act on each other",
     (
         Field("couple", ListOf(Reference("a key", ("keys",)), 2, 2), "the two keys", required=True),
-        Field("at", k.WHEN, "beginning of the link", shown="the beginning"),
-        Field("until", k.WHEN, "end of the link", shown="the end"),
+        Field("at", value_kinds.WHEN, "beginning of the link", shown="the beginning"),
+        Field("until", value_kinds.WHEN, "end of the link", shown="the end"),
     ),
     kinds={name: _without_between(table) for name, table in tables("si", LINK_KINDS).items()},
     kind_required=True,

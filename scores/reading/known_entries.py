@@ -16,7 +16,7 @@ from ergon.notation.text.memory import Memory
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Strikes
 
-_Module = tuple[str, str]  # a part and a module in it; "": the part as a whole
+_ModuleKey = tuple[str, str]  # a part and a module in it; "": the part as a whole
 _Entry = TypeVar("_Entry", Automation, Strikes)
 
 
@@ -24,7 +24,7 @@ class _Meaning(NamedTuple):
     """What an entry means, and the modules on which that depends (None: on more)."""
 
     entry: Any
-    modules: tuple[_Module, ...] | None
+    modules: tuple[_ModuleKey, ...] | None
 
 
 class _Section(NamedTuple):
@@ -34,10 +34,10 @@ class _Section(NamedTuple):
 
     section: object
     entries: tuple[Any, ...]
-    meanings: tuple[Any, ...]
-    results: list[_Meaning | None]
-    uses: Counter[_Module]
-    states: dict[_Module, Any]
+    read_entries: tuple[Any, ...]
+    meanings: list[_Meaning | None]
+    use_counts: Counter[_ModuleKey]
+    states: dict[_ModuleKey, Any]
 
 
 class KnownEntries:
@@ -53,41 +53,59 @@ class KnownEntries:
         self,
         section: Mapping[str, Any] | Sequence[Any],
         read: Callable[[Any], _Entry | None],
-        find_modules: Callable[[_Entry, Values], tuple[_Module, ...] | None],
+        find_modules: Callable[[_Entry, Values], tuple[_ModuleKey, ...] | None],
         names: PartNames,
-        owner: Callable[[str], Any],
+        find_part: Callable[[str], Any],
     ) -> tuple[_Entry, ...]:
         """What the entries of a section mean: known, or read now.
 
         `find_modules` tells on which modules something depends; None: it is read each time.
-        `owner` gives the part of a name.
+        `find_part` gives the part of a name.
         """
-        memo: _Section | None = None
+        known_section: _Section | None = None
         if self._memory is not None:
-            memo = self._memory.held(self._name, None)
-        if memo is None:
-            memo = _Section(None, (), (), [], Counter(), {})
-        new_states = {module: _module_state(module, names, owner) for module in memo.states}
-        changed = {module for module, state in memo.states.items() if new_states[module] != state}
-        if memo.section is section and not changed and None not in memo.results:
-            names.referenced_parts |= {part for part, _ in memo.uses if owner(part) is not None}
-            return memo.meanings
+            known_section = self._memory.held(self._name, None)
+        if known_section is None:
+            known_section = _Section(None, (), (), [], Counter(), {})
+        new_states = {
+            module: _module_state(module, names, find_part) for module in known_section.states
+        }
+        changed_modules = {
+            module for module, state in known_section.states.items() if new_states[module] != state
+        }
+        if (
+            known_section.section is section
+            and not changed_modules
+            and None not in known_section.meanings
+        ):
+            names.referenced_parts |= {
+                part for part, _ in known_section.use_counts if find_part(part) is not None
+            }
+            return known_section.read_entries
         section_entries = tuple(section.values() if isinstance(section, Mapping) else section)
-        change = changed_part(memo.entries, section_entries)
-        removed = memo.results[change.start : change.start + len(change.before)]
-        known_results: list[_Meaning | None] = change.put(memo.results, [None] * len(change.now))
-        if changed:
-            stale: list[_Meaning | None] = [
-                result
-                for result in known_results
-                if result and not changed.isdisjoint(result.modules or ())
+        change = changed_part(known_section.entries, section_entries)
+        removed_meanings = known_section.meanings[change.start : change.start + len(change.before)]
+        known_meanings: list[_Meaning | None] = change.put(
+            known_section.meanings, [None] * len(change.now)
+        )
+        if changed_modules:
+            stale_meanings: list[_Meaning | None] = [
+                meaning
+                for meaning in known_meanings
+                if meaning and not changed_modules.isdisjoint(meaning.modules or ())
             ]
-            removed += stale
-            ids = {*map(id, stale)}
-            known_results = [None if id(result) in ids else result for result in known_results]
-        uses = memo.uses.copy()
-        uses.subtract(chain.from_iterable(result.modules or () for result in removed if result))
-        unknown_indices = [number for number, result in enumerate(known_results) if result is None]
+            removed_meanings += stale_meanings
+            stale_ids = {*map(id, stale_meanings)}
+            known_meanings = [
+                None if id(meaning) in stale_ids else meaning for meaning in known_meanings
+            ]
+        use_counts = known_section.use_counts.copy()
+        use_counts.subtract(
+            chain.from_iterable(meaning.modules or () for meaning in removed_meanings if meaning)
+        )
+        unknown_indices = [
+            number for number, meaning in enumerate(known_meanings) if meaning is None
+        ]
         for entry_index in unknown_indices:
             n_reports = names.collector.n_reports
             if (read_entry := read(section_entries[entry_index])) is None:
@@ -96,43 +114,52 @@ class KnownEntries:
             modules = (
                 find_modules(read_entry, section_entries[entry_index]) if has_no_report else None
             )
-            known_results[entry_index] = _Meaning(read_entry, modules)
-            uses.update(modules or ())
-        uses = +uses
+            known_meanings[entry_index] = _Meaning(read_entry, modules)
+            use_counts.update(modules or ())
+        use_counts = +use_counts
         states = {
-            w: new_states[w] if w in new_states else _module_state(w, names, owner) for w in uses
+            module_key: new_states[module_key]
+            if module_key in new_states
+            else _module_state(module_key, names, find_part)
+            for module_key in use_counts
         }
-        names.referenced_parts |= {part for part, _ in uses if owner(part) is not None}
-        is_replacement = len(unknown_indices) == len(change.now) and len(memo.meanings) == len(
-            memo.entries
-        )
+        names.referenced_parts |= {part for part, _ in use_counts if find_part(part) is not None}
+        is_replacement = len(unknown_indices) == len(change.now) and len(
+            known_section.read_entries
+        ) == len(known_section.entries)
         new_entries = [
-            known_result.entry
+            known_meaning.entry
             for number in unknown_indices
-            if (known_result := known_results[number]) is not None
+            if (known_meaning := known_meanings[number]) is not None
         ]
-        if is_replacement and len(new_entries) == len(unknown_indices) and not changed:
-            meanings = tuple(change.put(memo.meanings, new_entries))
+        if is_replacement and len(new_entries) == len(unknown_indices) and not changed_modules:
+            read_entries = tuple(change.put(known_section.read_entries, new_entries))
         else:
-            meanings = tuple([result.entry for result in known_results if result is not None])
+            read_entries = tuple(
+                [meaning.entry for meaning in known_meanings if meaning is not None]
+            )
         if self._memory is not None:
-            remembered = [*known_results]
+            remembered_meanings = [*known_meanings]
             for entry_index in unknown_indices:
                 if (
-                    known_result := known_results[entry_index]
-                ) is not None and known_result.modules is None:
-                    remembered[entry_index] = None
-            new_section = _Section(section, section_entries, meanings, remembered, uses, states)
+                    known_meaning := known_meanings[entry_index]
+                ) is not None and known_meaning.modules is None:
+                    remembered_meanings[entry_index] = None
+            new_section = _Section(
+                section, section_entries, read_entries, remembered_meanings, use_counts, states
+            )
             self._memory.hold(self._name, None, new_section)
-        return meanings
+        return read_entries
 
 
-def _module_state(module_key: _Module, part_names: PartNames, owner: Callable[[str], Any]) -> Any:
+def _module_state(
+    module_key: _ModuleKey, part_names: PartNames, find_part: Callable[[str], Any]
+) -> Any:
     """What a result depends on in a module, without its place in the text; None if it is not
     there.
     """
     part_name, module_name = module_key
-    owning_part = owner(part_name)
+    owning_part = find_part(part_name)
     if owning_part is None or part_name not in part_names.parts:
         return None
     part_modules = part_names.parts[part_name].modules

@@ -20,28 +20,28 @@ _DEPENDENT_KINDS = frozenset(("ENX", "ENF", "LNL", "PROXY", "SURFACE"))
 
 
 class _KnownModule(NamedTuple):
-    """A module as `written` and with its names looked up, the parts that it reaches, and those in
-    which its names were looked for.
+    """A module as `written_module` and with its names looked up, the parts that it reaches, and
+    those in which its names were looked for.
     """
 
-    written: Module
-    resolved: Module | None
-    reached: frozenset[str]
-    searched: frozenset[str]
+    written_module: Module
+    resolved_module: Module | None
+    reached_parts: frozenset[str]
+    searched_parts: frozenset[str]
 
 
 class _KnownPart(NamedTuple):
     """The modules of a part, with what they depend on: the kinds of its modules (`kinds`), and the
     parts that they reach, itself included.
 
-    `resolved` are all of them; None if one depends on more.
+    `resolved_modules` are all of them; None if one depends on more.
     """
 
     kinds: list[Any]
     modules: Mapping[str, _KnownModule]
     parts: Mapping[str, object]
-    reached: frozenset[str]
-    resolved: tuple[Module, ...] | None
+    reached_parts: frozenset[str]
+    resolved_modules: tuple[Module, ...] | None
 
     def is_same(self, parts: Mapping[str, Any]) -> bool:
         """Whether no part has changed on which they depend."""
@@ -73,9 +73,13 @@ def resolve_names(
     old_part: _KnownPart | None = None
     if is_known and memory is not None:
         old_part = memory.held(f"modules {owning_part.name}", condition)
-    if old_part is not None and old_part.resolved is not None and old_part.is_same(parts_by_name):
-        part_names.referenced_parts |= old_part.reached
-        return old_part.resolved
+    if (
+        old_part is not None
+        and old_part.resolved_modules is not None
+        and old_part.is_same(parts_by_name)
+    ):
+        part_names.referenced_parts |= old_part.reached_parts
+        return old_part.resolved_modules
     written_modules = owning_part.modules.values()
     module_kinds = [
         (module.name, module.kind) if module.kind in _SELF_CONTAINED_KINDS else module
@@ -95,36 +99,50 @@ def resolve_names(
         if known_entry is None:
             part_names.referenced_parts, part_names.searched_parts = set(), set()
             n_reports = part_names.collector.n_reports
-            resolved = module_rules.resolved(written_module)
+            resolved_module = module_rules.resolve(written_module)
             reached_and_searched = (
                 frozenset(part_names.referenced_parts),
                 frozenset(part_names.searched_parts - {owning_part.name}),
             )
-            known_entry = _KnownModule(written_module, resolved, *reached_and_searched)
+            known_entry = _KnownModule(written_module, resolved_module, *reached_and_searched)
             is_known &= part_names.collector.n_reports == n_reports
         new_entries[module_name] = known_entry
-    all_reached_parts = frozenset[str]().union(*(entry.reached for entry in new_entries.values()))
+    all_reached_parts = frozenset[str]().union(
+        *(entry.reached_parts for entry in new_entries.values())
+    )
     part_names.referenced_parts, part_names.searched_parts = (
         reached_before | all_reached_parts,
         searched_before,
     )
     resolved_modules = tuple(
-        [entry.resolved for entry in new_entries.values() if entry.resolved is not None]
+        [
+            entry.resolved_module
+            for entry in new_entries.values()
+            if entry.resolved_module is not None
+        ]
     )
     if is_known and memory is not None:
-        searched_parts = frozenset[str]().union(*(entry.searched for entry in new_entries.values()))
-        lasting_entries = {
+        searched_parts = frozenset[str]().union(
+            *(entry.searched_parts for entry in new_entries.values())
+        )
+        independent_entries = {
             name: entry
             for name, entry in new_entries.items()
-            if entry.written.kind not in _DEPENDENT_KINDS
+            if entry.written_module.kind not in _DEPENDENT_KINDS
         }
         needed_parts = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
-        lasting_modules = resolved_modules if len(lasting_entries) == len(new_entries) else None
+        independent_modules = (
+            resolved_modules if len(independent_entries) == len(new_entries) else None
+        )
         memory.hold(
             f"modules {owning_part.name}",
             condition,
             _KnownPart(
-                module_kinds, lasting_entries, needed_parts, all_reached_parts, lasting_modules
+                module_kinds,
+                independent_entries,
+                needed_parts,
+                all_reached_parts,
+                independent_modules,
             ),
         )
     return resolved_modules
@@ -140,5 +158,6 @@ def _unchanged_entries(
     return {
         name: entry
         for name, entry in old_part.modules.items()
-        if entry.searched <= unchanged_parts and entry.written is owning_part.modules.get(name)
+        if entry.searched_parts <= unchanged_parts
+        and entry.written_module is owning_part.modules.get(name)
     }

@@ -14,11 +14,11 @@ from ergon.scores.reading.playing import Gesture, Play
 
 
 class KnownValues(NamedTuple):
-    """A value for each item, None for those that are `unknown`, by their numbers."""
+    """A value for each item, None for those that are `unknown_indices`, by their numbers."""
 
     items: Sequence[Any]
     values: list[Any]
-    unknown: list[int]
+    unknown_indices: list[int]
 
 
 class KnownPlays:
@@ -46,21 +46,25 @@ class KnownPlays:
             changed_range.start + len(changed_range.before),
         )
         index_shift = len(items) - len(old_values.items)
-        unknown_numbers = [number for number in old_values.unknown if number < first_changed]
-        unknown_numbers += range(first_changed, first_changed + len(changed_range.now))
-        unknown_numbers += [
-            number + index_shift for number in old_values.unknown if number >= stop_changed
+        unknown_indices = [
+            number for number in old_values.unknown_indices if number < first_changed
         ]
-        return KnownValues(items, recalled_values, unknown_numbers)
+        unknown_indices += range(first_changed, first_changed + len(changed_range.now))
+        unknown_indices += [
+            number + index_shift for number in old_values.unknown_indices if number >= stop_changed
+        ]
+        return KnownValues(items, recalled_values, unknown_indices)
 
-    def keep(self, subject: str, known_values: KnownValues, condition: Any = None) -> None:
+    def keep_values(self, subject: str, known_values: KnownValues, condition: Any = None) -> None:
         """Keep what is known now."""
         if self._memory is not None:
-            unknown_numbers = [
-                number for number in known_values.unknown if known_values.values[number] is None
+            unknown_indices = [
+                number
+                for number in known_values.unknown_indices
+                if known_values.values[number] is None
             ]
-            lasting_values = KnownValues(known_values.items, known_values.values, unknown_numbers)
-            self._memory.hold(f"{subject} {self._file}", (self._times, condition), lasting_values)
+            stored_values = KnownValues(known_values.items, known_values.values, unknown_indices)
+            self._memory.hold(f"{subject} {self._file}", (self._times, condition), stored_values)
 
     def plays(
         self, parts: Mapping[str, Any]
@@ -72,9 +76,9 @@ class KnownPlays:
             return old_plays  # type: ignore[no-any-return]
         plays = tuple([play for part in parts.values() if part is not MISSING for play in part])
         names_by_play = self.recall("names", plays)
-        for number in names_by_play.unknown:
+        for number in names_by_play.unknown_indices:
             names_by_play.values[number] = plays[number].names
-        self.keep("names", names_by_play)
+        self.keep_values("names", names_by_play)
         names_by_player, first_play = {}, 0
         for player, part in parts.items():
             n_plays = 0 if part is MISSING else len(part)
@@ -85,7 +89,7 @@ class KnownPlays:
             self._memory.hold(memory_key, (parts,), (plays, names_by_player))
         return plays, names_by_player
 
-    def starts(self, piece: Piece) -> KnownValues:
+    def known_starts(self, piece: Piece) -> KnownValues:
         """The beats of the occurrences of each line and their number; nothing is known if a gesture
         that some line plays has changed.
         """
@@ -104,14 +108,14 @@ class KnownPlays:
         """Keep the beats of the occurrences of each line."""
         if self._memory is not None:
             names_by_play = self.recall("names", piece.parts)
-            for number in names_by_play.unknown:
+            for number in names_by_play.unknown_indices:
                 names_by_play.values[number] = piece.parts[number].names
             names = dict.fromkeys(chain.from_iterable(names_by_play.values))
             gestures = {name: piece.gestures.get(name) for name in names}
             self._memory.hold(f"gestures {self._file}", None, gestures)
-            self.keep("starts", starts, piece.seed)
+            self.keep_values("starts", starts, piece.seed)
 
-    def beats(self, starts: KnownValues) -> tuple[Sequence[float] | None, ...]:
+    def start_beats(self, starts: KnownValues) -> tuple[Sequence[float] | None, ...]:
         """The beats alone; those of the same lines are the same object."""
         memory_key = f"beats {self._file}"
         old_beats = (

@@ -39,7 +39,7 @@ class Loaded:
         """Every file that the score is read from: its texts, its takes and its MIDI files."""
         takes = self.piece.takes.values() if self.piece is not None else ()
         paths = (*map(Path, self.files), *(take.path for take in takes if take.path is not None))
-        return paths if self.uses is None else (*paths, *self.uses.midi.paths)
+        return paths if self.uses is None else (*paths, *self.uses.midi_uses.paths)
 
 
 @without_gc
@@ -74,9 +74,9 @@ def load(
         score_names = uses.read(document)
         if score_names.score is not None:
             with tuning.used(score_names.tuning):
-                piece = Checker(score_names, uses).piece()
+                piece = Checker(score_names, uses).build_piece()
             if not collector.has_errors():
-                uses.midi.report(collector)
+                uses.midi_uses.report(collector)
     if collector.has_errors():
         piece = None
         if memory is not None and memory.is_loose:  # read again, for the places of mistakes

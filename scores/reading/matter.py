@@ -225,9 +225,9 @@ class PartsReader:
         if memory is None or is_file_read:
             return make_part(part_values)
         # The key has the name too, because one node may have several names (a YAML alias).
-        key = section_name, part_values.node, part_values.context.name, amounts_by_name
+        node_key = section_name, part_values.node, part_values.context.name, amounts_by_name
         if part_values is named_entry.values:
-            return memory.recall(key, partial(make_part, part_values))
+            return memory.recall(node_key, partial(make_part, part_values))
         # Values that were merged (`like`, `from`) have the node of one of them.
         memory_key = f"made {section_name} {part_name} {part_values.node.document.file}"
         old_part = memory.held(memory_key, amounts_by_name)
@@ -265,16 +265,16 @@ class PartsReader:
 
     def resolve_reached_parts(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
-        unread_parts = [
+        unresolved_names = [
             part_word
             for part_word, (entry, _) in self._written_parts.items()
             if entry.brought_place is None
         ]
-        unread_parts += sorted(self._part_names.referenced_parts - set(unread_parts))
+        unresolved_names += sorted(self._part_names.referenced_parts - set(unresolved_names))
         resolved_names: set[str] = set()
         mat_total = 0
-        while unread_parts:
-            part_name = unread_parts.pop(0)
+        while unresolved_names:
+            part_name = unresolved_names.pop(0)
             if part_name in resolved_names or part_name not in self._written_parts:
                 continue
             resolved_names.add(part_name)
@@ -287,7 +287,7 @@ class PartsReader:
             mat_total += n_mats
             for take_name in take_names:
                 if take_name in takes:
-                    self._gestures_and_takes.take(take_name, takes[take_name])
+                    self._gestures_and_takes.add_take(take_name, takes[take_name])
             if isinstance(part_object, Key):
                 self._check_struck(part_object)
                 step_frames = self._rates.key_step_frames(part_values)
@@ -312,7 +312,7 @@ class PartsReader:
                         acts=acts,
                     )
                 )
-            unread_parts += sorted(self._part_names.referenced_parts - resolved_names)
+            unresolved_names += sorted(self._part_names.referenced_parts - resolved_names)
             if mat_total > MAX_MATS:
                 message = f"the piece has more than {MAX_MATS:,} masses"
                 self._collector.error("E105", message, part_object.place)

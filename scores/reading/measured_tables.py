@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import Text, choice
@@ -26,9 +26,9 @@ _MODE_RECORD = Record(
     "mode",
     "a part of a key that swings on it",
     (
-        Field("M", k.MASS, "mass, which is part of that of the key", required=True),
-        Field("f", k.HERTZ, "frequency on a key that stands still", required=True),
-        Field("t60", k.DURATION, "decay by 60 dB", required=True),
+        Field("M", value_kinds.MASS, "mass, which is part of that of the key", required=True),
+        Field("f", value_kinds.HERTZ, "frequency on a key that stands still", required=True),
+        Field("t60", value_kinds.DURATION, "decay by 60 dB", required=True),
     ),
 )
 CALIBRATION_RECORD = Record(
@@ -36,23 +36,27 @@ CALIBRATION_RECORD = Record(
     "a key as measured",
     (
         Field("ergon", Text(parse_version, "1", "^1$"), "version of the format"),
-        Field("M", k.MASS, "mass", required=True),
-        Field("K", k.STIFFNESS, "stiffness", required=True),
-        Field("Z", k.DAMPING, "viscosity", required=True),
-        Field("travel", k.TRAVEL, "range of positions of the key"),
-        Field("rest", k.POSITION, "where spring and weight balance"),
-        Field("weight", k.PUSH, "constant force downwards, of a key without a spring"),
-        Field("dry", k.FORCE, "dry friction"),
-        Field("presliding", k.STIFFNESS, "stiffness of dry friction before the key slides"),
-        Field("static", k.FORCE, "dry friction near rest"),
-        Field("static_speed", k.SPEED, "speed at which it has fallen towards `dry` by 1/e"),
-        Field("delay", k.PAUSE, "delay of the motor's force"),
+        Field("M", value_kinds.MASS, "mass", required=True),
+        Field("K", value_kinds.STIFFNESS, "stiffness", required=True),
+        Field("Z", value_kinds.DAMPING, "viscosity", required=True),
+        Field("travel", value_kinds.TRAVEL, "range of positions of the key"),
+        Field("rest", value_kinds.POSITION, "where spring and weight balance"),
+        Field("weight", value_kinds.PUSH, "constant force downwards, of a key without a spring"),
+        Field("dry", value_kinds.FORCE, "dry friction"),
+        Field(
+            "presliding", value_kinds.STIFFNESS, "stiffness of dry friction before the key slides"
+        ),
+        Field("static", value_kinds.FORCE, "dry friction near rest"),
+        Field(
+            "static_speed", value_kinds.SPEED, "speed at which it has fallen towards `dry` by 1/e"
+        ),
+        Field("delay", value_kinds.PAUSE, "delay of the motor's force"),
         Field("modes", ListOf(_MODE_RECORD), "parts that swing on the key"),
-        Field("noise", k.POSITION, "rms of the sensor's noise"),
-        Field("correlations", ListOf(k.TITLE), "of each figure with those before it"),
-        Field("takes", ListOf(k.TITLE), "SHA-256 of the takes that it was measured by"),
+        Field("noise", value_kinds.POSITION, "rms of the sensor's noise"),
+        Field("correlations", ListOf(value_kinds.TITLE), "of each figure with those before it"),
+        Field("takes", ListOf(value_kinds.TITLE), "SHA-256 of the takes that it was measured by"),
         *(
-            Field(name, k.TITLE, "for the reader")
+            Field(name, value_kinds.TITLE, "for the reader")
             for name in ("title", "date", "device", "residual")
         ),
     ),
@@ -61,9 +65,9 @@ SPEAKER_RECORD = Record(
     "loudspeaker",
     "where a loudspeaker is, as seen from the middle",
     (
-        Field("az", k.AZIMUTH, "from the front to the left", required=True),
-        Field("el", k.ELEVATION, "from the horizon up", 0.0, shown="0deg"),
-        Field("r", k.DISTANCE, "how far away", 1.0, shown="1m"),
+        Field("az", value_kinds.AZIMUTH, "from the front to the left", required=True),
+        Field("el", value_kinds.ELEVATION, "from the horizon up", 0.0, shown="0deg"),
+        Field("r", value_kinds.DISTANCE, "how far away", 1.0, shown="1m"),
     ),
 )
 LAYOUT_RECORD = Record(
@@ -71,7 +75,7 @@ LAYOUT_RECORD = Record(
     "where loudspeakers are",
     (
         Field("ergon", Text(parse_version, "1", "^1$"), "version of the format"),
-        Field("title", k.TITLE, "for the reader"),
+        Field("title", value_kinds.TITLE, "for the reader"),
         Field(
             "project",
             choice("plan", "equidistant"),
@@ -81,7 +85,9 @@ LAYOUT_RECORD = Record(
         Field(
             "speakers",
             ListOf(
-                Either(mapping=SPEAKER_RECORD, sequence=ListOf(k.POSITION, 2, 3)), 1, MAX_CHANNELS
+                Either(mapping=SPEAKER_RECORD, sequence=ListOf(value_kinds.POSITION, 2, 3)),
+                1,
+                MAX_CHANNELS,
             ),
             "[x, y] or [x, y, z] of each, in metres, or {az, el, r}",
             required=True,

@@ -72,7 +72,7 @@ _REQUIRED_FIELDS_BY_KIND = {
 _REQUIRED_FIELDS_BY_KIND |= dict.fromkeys(("sweep", "path"), ("to", "at", "for"))
 MELODY_KINDS = ("entries", "play")
 # Fields that only strikes of one kind have.
-_FIELDS_OF_ONE_KIND = {"transpose": "play", "width": "path", "cycle": "rhythm"}
+_KIND_BY_FIELD = {"transpose": "play", "width": "path", "cycle": "rhythm"}
 
 
 def kind_of(values: Values) -> str:
@@ -95,15 +95,14 @@ def has_required_fields(strike_fields: Values) -> bool:
             strike_values.error("E103", message)
     fields = _FIELDS_BY_KIND.get(
         strikes_kind,
-        tuple(name for name in strike_values.record.by_name if name not in _FIELDS_OF_ONE_KIND),
+        tuple(name for name in strike_values.record.by_name if name not in _KIND_BY_FIELD),
     )
     for field_name in strike_values.nodes:
         if field_name not in fields:
             advice = f"cannot be used together with `{strikes_kind}`; remove it"
             if not strikes_kind:
                 advice = (
-                    f"needs `{_FIELDS_OF_ONE_KIND[field_name]}` beside it; write that, or remove "
-                    "this"
+                    f"needs `{_KIND_BY_FIELD[field_name]}` beside it; write that, or remove this"
                 )
             strike_values.error(
                 "E111", f"{strike_values.context.label(field_name)} {advice}", field_name
@@ -121,9 +120,9 @@ def hits_of(
     """The hits of a melody and, of a phrase, its length; None if an error was reported."""
     error_label = f"strikes {quote(strike_values.context.name)}"
     if kind_of(strike_values) == "entries":
-        voices = NoteTargets(part_names, strike_values["to"] or ())
+        note_targets = NoteTargets(part_names, strike_values["to"] or ())
         rows = with_levels(strike_values["entries"], strike_values["impulse"])
-        return _hits_of_rows(rows, voices, error_label), None
+        return _hits_of_rows(rows, note_targets, error_label), None
     phrase = phrases.get(strike_values["play"])
     if not isinstance(phrase, Values):
         if strike_values["play"] not in phrases:
@@ -138,20 +137,22 @@ def hits_of(
     transform_chain = phrase_transforms(strike_values)
     if transform_chain is None:
         return None
-    voices = NoteTargets(part_names, notes_in(phrase, strike_values))
-    played_hits = played_rows(phrase, strike_values, transform_chain[0], voices, files, phrases)
-    if not (strike_values.written("to", "transpose", "do") or is_midi(phrase)):
+    note_targets = NoteTargets(part_names, notes_in(phrase, strike_values))
+    played_phrase = played_rows(
+        phrase, strike_values, transform_chain[0], note_targets, files, phrases
+    )
+    if not (strike_values.written("to", "transpose", "do") or has_note_file(phrase)):
         error_label = phrase.context.label("")  # mistakes in names belong to the phrase
     return (
         None
-        if played_hits is None
-        else (_hits_of_rows(played_hits[0], played_hits[1], error_label), played_hits[2])
+        if played_phrase is None
+        else (_hits_of_rows(played_phrase[0], played_phrase[1], error_label), played_phrase[2])
     )
 
 
 def notes_in(phrase: Values, values: Values) -> tuple[Name, ...]:
     """The instruments whose notes a phrase names."""
-    return values["to"] or (() if is_midi(phrase) else phrase["to"] or ())
+    return values["to"] or (() if has_note_file(phrase) else phrase["to"] or ())
 
 
 def in_quarter_notes(
@@ -160,14 +161,14 @@ def in_quarter_notes(
     """The hits of strikes, and their length. Those of a MIDI file count in quarter notes, which
     differ from beats if the meter counts other notes.
     """
-    if not is_midi(phrase):
+    if not has_note_file(phrase):
         return phrase_hits, phrase_length
 
     def quarters(file_length: Length) -> Length:
         return replace(file_length, beats=0.0, quarters=file_length.beats)
 
     hits_in_quarters = (
-        replace(hit, at=quarters(hit.at), lasting=hit.lasting and quarters(hit.lasting))
+        replace(hit, at=quarters(hit.at), duration=hit.duration and quarters(hit.duration))
         for hit in phrase_hits
         if isinstance(hit.at, Length)
     )
@@ -178,7 +179,7 @@ def played_rows(
     phrase: Values,
     strike_values: Values,
     transforms: Iterable[Transform],
-    voices: NoteTargets,
+    note_targets: NoteTargets,
     score_files: Files,
     phrases: Mapping[str, Any],
 ) -> tuple[Sequence[Row], NoteTargets, Length] | None:
@@ -186,25 +187,29 @@ def played_rows(
     the notes they may name and the phrase's length; None if an error was reported.
     """
     phrase_length: Length | None
-    if is_midi(phrase):
-        if (tune := midi_rows(phrase, score_files)) is None:
+    if has_note_file(phrase):
+        if (rows_and_length := rows_of_take(phrase, score_files)) is None:
             return None
-        rows, phrase_length = tune
+        rows, phrase_length = rows_and_length
         if strike_values.written("impulse") and not phrase.written("velocity"):
             rows = tuple(replace(row, level=None) for row in rows)
         rows = with_levels(rows, strike_values["impulse"])
-        if voices.has_act(PRESS):
+        if note_targets.has_act(PRESS):
             rows = (*rows, *_pressure_rows(phrase, score_files))
     else:
-        rows_of_phrase = phrase_rows(phrase, phrases, voices, strike_values["impulse"])
+        rows_of_phrase = phrase_rows(phrase, phrases, note_targets, strike_values["impulse"])
         if rows_of_phrase is None:
             return None
         rows, phrase_length = rows_of_phrase
     try:
         if (interval := strike_values["transpose"]) is not None:
             rows = tuple(
-                voices.renamed(
-                    row, [voices.moved(word, interval.semitones) for word in row.struck_names]
+                note_targets.with_names(
+                    row,
+                    [
+                        note_targets.transposed(word, interval.semitones)
+                        for word in row.struck_names
+                    ],
                 )
                 for row in rows
             )
@@ -214,15 +219,17 @@ def played_rows(
         )
         return None
     try:
-        rows, phrase_length = transformed_rows(rows, phrase_length, transforms, voices.mirrored)
+        rows, phrase_length = transformed_rows(
+            rows, phrase_length, transforms, note_targets.mirrored
+        )
     except TextError as error:
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
-    return rows, voices, phrase_length
+    return rows, note_targets, phrase_length
 
 
 def strikes_of_pattern(
-    strikes: Strikes, strike_values: Values, voices: NoteTargets, strikes_label: str
+    strikes: Strikes, strike_values: Values, note_targets: NoteTargets, strikes_label: str
 ) -> Strikes:
     """Strikes whose pattern of notes says which notes of an instrument are struck."""
     notes_place = strike_values.place_of("notes")
@@ -234,23 +241,23 @@ def strikes_of_pattern(
                 f"{strikes_label}: {quote(pattern_word)} is not a note such as A3, by which "
                 "members are called"
             )
-            voices.part_names.collector.error("E304", message, notes_place)
+            note_targets.part_names.collector.error("E304", message, notes_place)
             continue
         row = Row(Length(), (Name(notes.scale_step(pattern_word), notes_place),), None, notes_place)
-        targets_by_word[pattern_word] = voices.targets(row, strikes_label)
+        targets_by_word[pattern_word] = note_targets.targets(row, strikes_label)
     targets = dict.fromkeys(
         target for word_targets in targets_by_word.values() for target in word_targets
     )
     return replace(strikes, to=tuple(targets), notes={}, voices=targets_by_word)
 
 
-def is_midi(take: Any) -> bool:
+def has_note_file(take: Any) -> bool:
     """Whether a value is a take whose file is one of notes: MIDI or MusicXML."""
     is_take = isinstance(take, Values) and take.record.noun == "take"
     return is_take and PurePath(take["file"] or "").suffix.lower() in SUFFIXES
 
 
-def midi_notes(take: Values, files: Files) -> MidiNotes | None:
+def notes_of_take(take: Values, files: Files) -> MidiNotes | None:
     """The notes of a file of notes; None if an error was reported."""
     label, folder = f"{take.context.label('file')}: ", take.nodes["file"].document.folder
     path = files.locate(take["file"], folder, take.place_of("file"), label, is_text=False)
@@ -264,9 +271,9 @@ def midi_notes(take: Values, files: Files) -> MidiNotes | None:
     return None
 
 
-def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | None:
+def rows_of_take(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | None:
     """The notes of a file as a phrase, and its length; None if an error was reported."""
-    take_notes = midi_notes(take, files)
+    take_notes = notes_of_take(take, files)
     if take_notes is None:
         return None
     file_place, impulse = take.place_of("file"), take["velocity"]
@@ -320,9 +327,11 @@ def value_of_velocity(velocity: int, value_range: tuple[float, float], curve: Cu
     return float(low + (high - low) * curve.share(velocity, 1))
 
 
-def _hits_of_rows(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) -> tuple[Hit, ...]:
+def _hits_of_rows(
+    rows: Sequence[Row], note_targets: NoteTargets, strikes_label: str
+) -> tuple[Hit, ...]:
     phrase_hits: list[Hit] = []
-    collector = voices.part_names.collector
+    collector = note_targets.part_names.collector
     n_reports = collector.n_reports
     for phrase_row in rows:
         if phrase_row.act and collector.n_reports > n_reports:  # some pressed note was refused
@@ -336,19 +345,21 @@ def _hits_of_rows(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) 
             " ".join(phrase_row.struck_names),
             phrase_row.jitter,
         )
-        strike_targets = voices.targets(phrase_row, strikes_label)
-        if any(voices.part_names.ends_with_note(target) for target in strike_targets):
-            phrase_hit = replace(phrase_hit, lasting=phrase_row.length)
+        strike_targets = note_targets.targets(phrase_row, strikes_label)
+        if any(note_targets.part_names.ends_with_note(target) for target in strike_targets):
+            phrase_hit = replace(phrase_hit, duration=phrase_row.length)
         if not row_level.is_strength:
             phrase_hits.append(replace(phrase_hit, to=strike_targets))
             continue
         targets_by_range: dict[ImpulseRange, list[Target]] = {}
         for strike_target in strike_targets:
-            impulse_range = voices.part_names.required_impulse_range(strike_target, strikes_label)
+            impulse_range = note_targets.part_names.required_impulse_range(
+                strike_target, strikes_label
+            )
             if impulse_range is not None:
                 targets_by_range.setdefault(impulse_range, []).append(strike_target)
         phrase_hits += [
-            replace(phrase_hit, to=tuple(targets), reach=impulse_range)
+            replace(phrase_hit, to=tuple(targets), impulse_range=impulse_range)
             for impulse_range, targets in targets_by_range.items()
         ]
     return tuple(phrase_hits)

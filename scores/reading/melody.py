@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.tables import notes
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import notes, value_kinds
 from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.named_values import has_name, is_computed, note_of
@@ -19,12 +18,12 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Place
 from ergon.scores.pattern import words
-from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
+from ergon.scores.reading.foreign_words import ADVICE_BY_WORD, FIELD_SYNONYMS
 
 MAX_ROWS = 100_000  # rows of one melody
 _ZERO_LENGTH = Length()
 MAX_CHORD = 256  # names of one strike
-_WORD = re.compile(r"\S+")
+_WORD_PATTERN = re.compile(r"\S+")
 _ENTRY_HELP = "an entry says `what` is struck; `to`, beside `entries`, is whose notes they are"
 
 
@@ -39,11 +38,11 @@ class Row:
     written_names: tuple[Name, ...] = ()  # names before a transposition
     jitter: Length = _ZERO_LENGTH  # how far chance moves it, earlier or later
     length: Length | None = None  # None: it has no end
-    swells: bool = False  # whether the level swells to the next written one
+    is_swelling: bool = False  # whether the level swells to the next written one
     act: str = ""  # by which notes are played, if the instrument has it; "": the usual one
 
 
-class WhatShape(Reference):
+class StruckNamesShape(Reference):
     """Names separated by spaces, or as a list."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
@@ -53,7 +52,7 @@ class WhatShape(Reference):
         for item_node in items:
             if not isinstance(item_node, Scalar):
                 return wrong_shape(self, item_node, name, context)
-            for word in _WORD.finditer(item_node.text):
+            for word in _WORD_PATTERN.finditer(item_node.text):
                 struck_name = _struck_name(word.group(), word.start(), item_node, name, context)
                 if struck_name is None:
                     return MISSING
@@ -103,7 +102,7 @@ class SwellingLevel(NamedTuple):
     """A level, and whether it leads to the next one that is written: `p ->`."""
 
     level: Level
-    swells: bool
+    is_swelling: bool
 
 
 def _parse_swelling(text: str) -> SwellingLevel:
@@ -122,13 +121,18 @@ SWELLING_SHAPE = replace(
 
 def _row_of_values(values: Values) -> Row:
     level, is_swelling = values["impulse"] or (None, False)
-    return Row(values["at"], values["what"], level, values.node.place, swells=is_swelling)
+    return Row(values["at"], values["what"], level, values.node.place, is_swelling=is_swelling)
 
 
 def _entry_record(position_kind: Text, doc: str) -> Record:
     entry_fields = (
         Field("at", position_kind, doc, required=True),
-        Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
+        Field(
+            "what",
+            StruckNamesShape("notes or modules, such as D3, or D3 F3"),
+            "what",
+            required=True,
+        ),
         Field("impulse", SWELLING_SHAPE, "how strongly", shown="that of the strike before"),
     )
     doc, foreign_words = "a strike of a melody: a note, a chord, a module", {"to": _ENTRY_HELP}
@@ -138,25 +142,29 @@ def _entry_record(position_kind: Text, doc: str) -> Record:
         entry_fields,
         _row_of_values,
         foreign=foreign_words,
-        meant=MEANT["strike"],
-        elsewhere=ELSEWHERE["strike"],
+        meant=FIELD_SYNONYMS["strike"],
+        elsewhere=ADVICE_BY_WORD["strike"],
     )
 
 
-ENTRY_RECORD = _entry_record(k.WHEN, "where in the piece")
-PHRASE_ENTRY_RECORD = _entry_record(k.LENGTH, "how long after the beginning of the phrase")
+ENTRY_RECORD = _entry_record(value_kinds.WHEN, "where in the piece")
+PHRASE_ENTRY_RECORD = _entry_record(
+    value_kinds.LENGTH, "how long after the beginning of the phrase"
+)
 
 
 @dataclass(frozen=True)
-class Entries(Shape):
+class EntriesShape(Shape):
     """A list of strikes, or a table with rows such as `1|1  D3 F3  2mNs`."""
 
-    entry: Record
+    entry_record: Record
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if isinstance(node, document.Sequence):
-            return _checked_rows(ListOf(self.entry, 1, MAX_ROWS).read(node, name, context), context)
+            return _checked_rows(
+                ListOf(self.entry_record, 1, MAX_ROWS).read(node, name, context), context
+            )
         if not isinstance(node, Scalar) or node.is_empty:
             return wrong_shape(self, node, name, context)
         rows, is_broken = [], False
@@ -173,15 +181,15 @@ class Entries(Shape):
         return MISSING if is_broken else _checked_rows(tuple(rows), context)
 
     def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
-        row_cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
+        row_cells = [(word.group(), offset + word.start()) for word in _WORD_PATTERN.finditer(row)]
         (position_text, position_start), option_cells = row_cells[0], row_cells[1:]
         impulse, is_swelling = None, bool(option_cells) and option_cells[-1][0] == "->"
         if is_swelling:
-            arrow_word, start_of_arrow = option_cells.pop()
+            arrow_word, arrow_start = option_cells.pop()
             if not option_cells or not is_level(option_cells[-1][0]):
                 message = "`->` leads from a level to the next one: write p -> in this row"
-                place = node.place_at(start_of_arrow, len(arrow_word))
-                context.error("E204", message, place)
+                offset_in_node = node.place_at(arrow_start, len(arrow_word))
+                context.error("E204", message, offset_in_node)
                 return None
         if option_cells and _is_impulse(option_cells[-1][0], node, is_alone=len(option_cells) == 1):
             impulse = self._parse_value("impulse", *option_cells.pop(), node, context)
@@ -191,24 +199,25 @@ class Entries(Shape):
             context.error("E204", message, node.place_at(position_start, len(position_text)))
             return None
         struck_names = [
-            _struck_name(word, place, node, "what", context) for word, place in option_cells
+            _struck_name(word, offset_in_node, node, "what", context)
+            for word, offset_in_node in option_cells
         ]
         if row_time is MISSING or impulse is MISSING or None in struck_names:
             return None
-        struck_valid = tuple(name for name in struck_names if name is not None)
+        valid_names = tuple(name for name in struck_names if name is not None)
         row_level = impulse and impulse.level
         return Row(
             row_time,
-            struck_valid,
+            valid_names,
             row_level,
             node.place_at(position_start, len(position_text)),
-            swells=is_swelling,
+            is_swelling=is_swelling,
         )
 
     def _parse_value(
         self, field: str, word: str, offset: int, node: Scalar, context: Context
     ) -> Any:
-        shape = self.entry.by_name[field].shape
+        shape = self.entry_record.by_name[field].shape
         assert isinstance(shape, Text)
         try:
             return shape.read_word(word, node.document)
@@ -219,16 +228,18 @@ class Entries(Shape):
 
     def chosen(self, node: Node) -> Shape:
         """The list of strikes, unless a table is written."""
-        return ListOf(self.entry, 1, MAX_ROWS) if isinstance(node, document.Sequence) else self
+        return (
+            ListOf(self.entry_record, 1, MAX_ROWS) if isinstance(node, document.Sequence) else self
+        )
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        array = ListOf(self.entry, 1).schema()
+        array = ListOf(self.entry_record, 1).schema()
         return {**array, "type": ["array", "string"]}
 
     def words(self) -> str:
         """In words."""
-        example = "1|1" if self.entry is ENTRY_RECORD else "1/2"
+        example = "1|1" if self.entry_record is ENTRY_RECORD else "1/2"
         return f"a list of strikes, or a table below '|' with rows such as {example}  D3 F3  2mNs"
 
 
@@ -238,7 +249,7 @@ def _checked_rows(phrase_rows: Any, context: Context) -> Any:
         return MISSING
     rows = [row for row in phrase_rows if isinstance(row, Row)]
     for row_index, phrase_row in enumerate(rows):
-        if not phrase_row.swells or phrase_row.level is None:
+        if not phrase_row.is_swelling or phrase_row.level is None:
             continue
         swell_end = next(
             (later_row.level for later_row in rows[row_index + 1 :] if later_row.level is not None),

@@ -9,7 +9,7 @@ from ergon.notation.tables.velocities import EVEN, Curve
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.midi_file import MidiNote
-from ergon.scores.reading.melodies import midi_notes, value_of_velocity
+from ergon.scores.reading.melodies import notes_of_take, value_of_velocity
 from ergon.scores.reading.playing import NO_OPTIONS, Gesture
 
 _APPROACH_QUARTERS = 0.125  # [quarters] from rest to the depth of a note, and back
@@ -29,7 +29,7 @@ def gesture_of_take(
             "E103", f"{error_label} has no 'depth': how far notes press a key, such as 2mm..8mm"
         )
         return None
-    take_notes = midi_notes(take, files)
+    take_notes = notes_of_take(take, files)
     if take_notes is None:
         return None
     gesture_points = _key_points(

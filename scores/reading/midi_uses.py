@@ -32,13 +32,17 @@ class _FileUse:
 
     name: str
     place: Place
-    channels: set[int | None] = field(default_factory=set)  # channels that are played; None: all
+    played_channels: set[int | None] = field(
+        default_factory=set
+    )  # channels that are played; None: all
     has_lengths: bool = False  # the pedal counts
     has_wheel: bool = False
     has_pressure: bool = False
     has_tempo: bool = False
     has_meter: bool = False
-    followed: set[tuple[int | None, MidiSource]] = field(default_factory=set)  # channel, what
+    followed_sources: set[tuple[int | None, MidiSource]] = field(
+        default_factory=set
+    )  # channel, what
 
     def follows(self, midi_move: MidiMove) -> bool:
         """Whether automation follows an event."""
@@ -46,7 +50,7 @@ class _FileUse:
             channel in (None, midi_move.channel)
             and source.kind == midi_move.kind
             and (not source.numbers or midi_move.number in source.numbers)
-            for channel, source in self.followed
+            for channel, source in self.followed_sources
         )
 
 
@@ -63,7 +67,7 @@ class MidiUses:
         """Every file that is used."""
         return tuple(self._uses)
 
-    def note_played(self, take: Values, *, has_lengths: bool) -> None:
+    def register_played(self, take: Values, *, has_lengths: bool) -> None:
         """Note that strikes, or a hand (then notes have no lengths), play a take."""
         path = self._files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
         if path is None:
@@ -73,17 +77,17 @@ class MidiUses:
         except TakeError:  # whoever reads the notes reports it
             return
         use = self._use(path, take["file"], take.place_of("file"))
-        use.channels.add(channel)
+        use.played_channels.add(channel)
         use.has_lengths |= has_lengths
         use.has_wheel |= has_lengths and take["bend"] is not None
 
-    def note_pressures(self, take: Values) -> None:
+    def register_pressures(self, take: Values) -> None:
         """Note that strikes which play a take play its pressures too."""
         path = self._files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
         if path in self._uses:
             self._uses[path].has_pressure = True
 
-    def times(
+    def read_times(
         self, values: Values, read: Callable[[Path], _Times], *, is_tempo: bool
     ) -> _Times | None:
         """The tempos or the meters of the file that `from` names, as `read` makes them; None if an
@@ -110,7 +114,7 @@ class MidiUses:
             values.error("E310", f"{source_label}{error.message}", "from")
         return None
 
-    def course(self, values: Values) -> Course:
+    def followed_course(self, values: Values) -> Course:
         """The course of a MIDI source that automation follows; empty if an error was reported."""
         file_name, channel_name, source_text = values["from"], values["channel"], values["by"]
         automation_label, folder = "automation: ", values.nodes["from"].document.folder
@@ -120,7 +124,7 @@ class MidiUses:
         if path is None:
             return ()
         use = self._use(path, file_name, values.place_of("from"))
-        use.followed.add((channel_name, source_text))
+        use.followed_sources.add((channel_name, source_text))
         try:
             return read_course(path, channel_name, source_text)
         except TakeError as error:
@@ -153,17 +157,17 @@ class MidiUses:
                 message += f"{'is' if n_unread_bytes == 1 else 'are'} not read"
                 collector.error("W335", message, use.place)
             if midi_survey.n_missing:
-                n_tracks = plural(midi_survey.n_missing, ("track", "tracks"))
+                tracks_text = plural(midi_survey.n_missing, ("track", "tracks"))
                 verb = "is" if midi_survey.n_missing == 1 else "are"
-                message = f"{use.name}: {n_tracks} that its head states {verb} missing"
+                message = f"{use.name}: {tracks_text} that its head states {verb} missing"
                 collector.error("W335", message, use.place)
 
 
-def _report_unused(passed_words: Sequence[str], use: _FileUse, collector: Collector) -> None:
+def _report_unused(unused_texts: Sequence[str], use: _FileUse, collector: Collector) -> None:
     """Report what is passed over in a file, as counts in words."""
-    if not passed_words:
+    if not unused_texts:
         return
-    *words_before, last_word = passed_words
+    *words_before, last_word = unused_texts
     unused_list = f"{', '.join(words_before)} and {last_word}" if words_before else last_word
     message = f"{use.name}: the score does not use {unused_list} of this file"
     collector.error("N404", message, use.place, help=_WHEN_UNUSED)
@@ -189,13 +193,13 @@ def _unused_contents(midi_survey: MidiSurvey, use: _FileUse) -> Iterator[str]:
     unplayed = {
         midi_channel: n
         for midi_channel, n in midi_survey.notes.items()
-        if not use.channels & {None, midi_channel}
+        if not use.played_channels & {None, midi_channel}
     }
     if unplayed:
         channels = [str(channel) for channel in sorted(unplayed)]
         noun = "channel" if len(channels) == 1 else "channels"
-        count = plural(sum(unplayed.values()), ("note", "notes"))
-        yield f"{count} of {noun} {', '.join(channels)}"
+        notes_text = plural(sum(unplayed.values()), ("note", "notes"))
+        yield f"{notes_text} of {noun} {', '.join(channels)}"
     yield from unused_contents(
         midi_survey,
         has_pedal=use.has_lengths,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from ergon.instruments.playing import LOUDNESS_SHAPE
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import Reference, Text, choice
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.reading import mixing, tones
-from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
+from ergon.scores.reading.foreign_words import ADVICE_BY_WORD, FIELD_SYNONYMS
 
 MAX_CHANNELS = 1024
 
@@ -30,7 +30,7 @@ def _parse_channels(channels_text: str) -> Any:
     return "nearest" if channels_text == "nearest" else (CHANNEL_SHAPE.parse(channels_text),)
 
 
-CHANNEL_SHAPE = k.integer(1, MAX_CHANNELS, "1")
+CHANNEL_SHAPE = value_kinds.integer(1, MAX_CHANNELS, "1")
 _TARGET_SHAPE = Either(
     scalar=Text(_parse_channels, "a channel from 1, or nearest", "^([0-9]+|nearest)$"),
     sequence=ListOf(CHANNEL_SHAPE, 1, MAX_CHANNELS),
@@ -53,10 +53,12 @@ ROUTE_RECORD = Record(
             "channels, or the loudspeaker nearest to each module",
             required=True,
         ),
-        Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field("gain", value_kinds.GAIN, "level", 1.0, shown="0dB"),
         Field("level", LOUDNESS_SHAPE, "loudness of a stroke at mf, from which `gain` counts"),
-        Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
-        Field("lowpass", k.HERTZ, "second-order low-pass"),
+        Field(
+            "highpass", value_kinds.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"
+        ),
+        Field("lowpass", value_kinds.HERTZ, "second-order low-pass"),
         Field("lowshelf", tones.SHELF_RECORD, "a gain of all below a frequency"),
         Field("highshelf", tones.SHELF_RECORD, "a gain of all above a frequency"),
         Field("delay", tones.DELAY_SHAPE, "how much later it is heard, or with echoes"),
@@ -67,23 +69,23 @@ ROUTE_RECORD = Record(
         Field("fade", mixing.FADE_SHAPE, "levels at positions of the piece"),
         Field("radiate", mixing.RADIATION_SHAPE, "as a disc in a wall, heard at a distance"),
     ),
-    meant=MEANT["route"],
-    elsewhere=ELSEWHERE["route"],
+    meant=FIELD_SYNONYMS["route"],
+    elsewhere=ADVICE_BY_WORD["route"],
 )
 MASTER_RECORD = Record(
     "master",
     "all channels together",
     (
-        Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field("gain", value_kinds.GAIN, "level", 1.0, shown="0dB"),
         Field(
             "reference",
-            k.REFERENCE,
+            value_kinds.REFERENCE,
             "level of 0.1 mm, 1 m/s, 10,000 m/s², 10 mN and 1 Pa, or SI: that of one unit is 0 dB",
             shown="-20dB",
         ),
         Field("loudness", LOUDNESS_SHAPE, "loudness of the whole piece, peaks up to -1 dBTP"),
-        Field("normalise", k.GAIN, "level of the highest peak of the whole piece"),
-        Field("limit", k.GAIN, "ceiling of the limiter"),
+        Field("normalise", value_kinds.GAIN, "level of the highest peak of the whole piece"),
+        Field("limit", value_kinds.GAIN, "ceiling of the limiter"),
         Field("fade", mixing.FADE_SHAPE, "levels at positions of the piece"),
     ),
 )
@@ -92,7 +94,7 @@ MIX_RECORD = Record(
     "loudspeakers and the ways to them",
     (
         Field("channels", CHANNEL_SHAPE, "how many", shown="as many as the routes need"),
-        Field("layout", k.PATH, "a file that says where loudspeakers are"),
+        Field("layout", value_kinds.PATH, "a file that says where loudspeakers are"),
         Field("route", ListOf(ROUTE_RECORD, single=True), "from instruments to channels"),
         Field("rooms", NamesOf(ROOM_RECORD, "room"), "rooms that routes send to"),
         Field("master", MASTER_RECORD, "all channels together"),
@@ -102,12 +104,12 @@ RENDER_RECORD = Record(
     "render",
     "the file that is written",
     (
-        Field("file", k.PATH, "its name, relative to the score, in its folder"),
+        Field("file", value_kinds.PATH, "its name, relative to the score, in its folder"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
-        Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", "auto"),
+        Field("tail", value_kinds.TAIL, "time after the last event; auto: until -80 dB", "auto"),
         Field("channels", CHANNEL_SHAPE, "as in the mix"),
     ),
-    meant=MEANT["render"],
-    elsewhere=ELSEWHERE["render"],
+    meant=FIELD_SYNONYMS["render"],
+    elsewhere=ADVICE_BY_WORD["render"],
     lone={"file": r"(.+\.(?:wav|flac|mp3|WAV|FLAC))"},
 )

@@ -9,7 +9,7 @@ from typing import Any
 
 from ergon.instruments.bodies import Decays
 from ergon.notation.clock.positions import Position
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Name, Shape, choice
@@ -80,21 +80,27 @@ class Room:
     place: Place
 
 
-def room_table(to: Shape) -> Record:
-    """The fields of a room; `to` reads channels."""
+def room_table(channels_shape: Shape) -> Record:
+    """The fields of a room; `channels_shape` reads channels."""
     return Record(
         "room",
         "a room that routes send to: a feedback delay network",
         (
-            Field("size", k.ROOM_SIZE, "mean way of sound from wall to wall", 10.0, shown="10m"),
+            Field(
+                "size",
+                value_kinds.ROOM_SIZE,
+                "mean way of sound from wall to wall",
+                10.0,
+                shown="10m",
+            ),
             Field(
                 "t60",
-                Either(k.DURATION, Decays()),
+                Either(value_kinds.DURATION, Decays()),
                 "time to fall by 60 dB, or times at two frequencies",
                 required=True,
             ),
-            Field("to", to, "channels that hear it", shown="all"),
-            Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+            Field("to", channels_shape, "channels that hear it", shown="all"),
+            Field("gain", value_kinds.GAIN, "level", 1.0, shown="0dB"),
         ),
     )
 
@@ -103,8 +109,8 @@ RADIATION_SHAPE = Record(
     "radiation",
     "a disc in a wall, heard at a distance",
     (
-        Field("distance", k.DISTANCE, "from the disc to the ear", required=True),
-        Field("radius", k.DISC, "of the disc", 0.05, shown="5cm"),
+        Field("distance", value_kinds.DISTANCE, "from the disc to the ear", required=True),
+        Field("radius", value_kinds.DISC, "of the disc", 0.05, shown="5cm"),
     ),
     lambda v: MISSING if v["distance"] is None else Radiation(v["distance"], v["radius"]),
 )
@@ -124,8 +130,8 @@ FADE_SHAPE = ListOf(
         "point of a fade",
         "a level at a position of the piece",
         (
-            Field("at", k.WHEN, "where", required=True),
-            Field("gain", k.GAIN, "level there; x0 is silence", required=True),
+            Field("at", value_kinds.WHEN, "where", required=True),
+            Field("gain", value_kinds.GAIN, "level there; x0 is silence", required=True),
             Field("curve", choice("smooth", "line"), "the way to it", "smooth"),
         ),
         _fade_point,
@@ -133,7 +139,7 @@ FADE_SHAPE = ListOf(
     count_min=1,
     single=True,
 )
-SENDS_SHAPE = NamesOf(k.GAIN, "room")
+SENDS_SHAPE = NamesOf(value_kinds.GAIN, "room")
 
 
 def _pan_point(point_values: Values) -> Any:
@@ -147,13 +153,13 @@ _PAN_POINT_RECORD = Record(
     "point of a pan",
     "a place between two channels at a position of the piece",
     (
-        Field("at", k.WHEN, "where in the piece", required=True),
-        Field("pan", k.PAN, "place between the two channels there", required=True),
+        Field("at", value_kinds.WHEN, "where in the piece", required=True),
+        Field("pan", value_kinds.PAN, "place between the two channels there", required=True),
         Field("curve", choice("line", "smooth"), "the way to it", "line"),
     ),
     _pan_point,
 )
-PAN_SHAPE = Either(k.PAN, _PAN_POINT_RECORD, ListOf(_PAN_POINT_RECORD, count_min=1))
+PAN_SHAPE = Either(value_kinds.PAN, _PAN_POINT_RECORD, ListOf(_PAN_POINT_RECORD, count_min=1))
 
 
 def fade_points(fade_value: Any) -> Fade:
@@ -188,10 +194,10 @@ def sends(sends_value: Any, node: Node | None) -> tuple[tuple[Name, float], ...]
 
 def rooms(values_by_name: Any) -> tuple[Room, ...]:
     """The rooms that were read."""
-    return tuple(_make_room(values_by_name or {}))
+    return tuple(_valid_rooms(values_by_name or {}))
 
 
-def _make_room(values: Mapping[str, object]) -> Iterator[Room]:
+def _valid_rooms(values: Mapping[str, object]) -> Iterator[Room]:
     for room_name, room_values in values.items():
         if not isinstance(room_values, Values) or room_values["t60"] is None:
             continue

@@ -30,32 +30,32 @@ class NoteTargets:
 
     def mirrored(self, phrase_row: Row, first_row: Row) -> Row:
         """A row mirrored in pitch about the first note of a phrase. Raises TextError."""
-        note_heights = (self._note_height(word) for word in first_row.struck_names)
-        mirror_height = next((height for height in note_heights if height is not None), None)
-        if mirror_height is None:
+        note_pitches = (self._note_pitch(word) for word in first_row.struck_names)
+        mirror_pitch = next((pitch for pitch in note_pitches if pitch is not None), None)
+        if mirror_pitch is None:
             raise TextError(
                 f"{quote(' '.join(first_row.struck_names))} has no note to mirror about"
             )
         mirrored_names = [
-            self.moved(word, 2 * (mirror_height - (self._note_height(word) or 0)))
+            self.transposed(word, 2 * (mirror_pitch - (self._note_pitch(word) or 0)))
             for word in phrase_row.struck_names
         ]
-        return self.renamed(phrase_row, mirrored_names)
+        return self.with_names(phrase_row, mirrored_names)
 
-    def renamed(self, row: Row, new_names: Sequence[Name]) -> Row:
+    def with_names(self, row: Row, new_names: Sequence[Name]) -> Row:
         """A row with other notes; `before` keeps those that were written."""
         return replace(
             row, struck_names=tuple(new_names), written_names=row.written_names or row.struck_names
         )
 
-    def moved(self, word: Name, semitones: float) -> Name:
+    def transposed(self, word: Name, semitones: float) -> Name:
         """A note, or a module of one, moved by semitones; in a tuning of keys an integer counts
         keys. Raises TextError.
         """
-        note_height = self._note_height(word)
-        if note_height is None:
+        note_pitch = self._note_pitch(word)
+        if note_pitch is None:
             raise TextError(f"{quote(word)} has no note that could be transposed")
-        if not notes.LOWEST <= note_height + semitones <= notes.HIGHEST:
+        if not notes.LOWEST <= note_pitch + semitones <= notes.HIGHEST:
             raise TextError(f"{quote(word)} lies outside the notes from C-1 to B9")
         note_words = tuning.spelled(word).split(".")
         note_index = self._note_word_index(note_words)
@@ -68,24 +68,24 @@ class NoteTargets:
         members = (
             member for name in self.instruments for member in self.part_names.member_names(name)
         )
-        return any(True for member in members for _ in self.part_names.drawn_act_name(member, act))
+        return any(True for member in members for _ in self.part_names.drawn_act_names(member, act))
 
-    def targets(self, row: Row, label: str) -> tuple[Target, ...]:
+    def targets(self, row: Row, strikes_label: str) -> tuple[Target, ...]:
         """The MATs that a row strikes; reports what cannot be reached."""
         name_pairs = zip(row.struck_names, row.written_names or row.struck_names, strict=True)
         member_names = [
             name
             for struck_word, written_name in name_pairs
-            for name in self._member_names(struck_word, written_name, label)
+            for name in self._member_names(struck_word, written_name, strikes_label)
         ]
         if row.act:
             member_names = [
                 name
                 for struck_name in member_names
-                for name in self.part_names.drawn_act_name(struck_name, row.act)
+                for name in self.part_names.drawn_act_names(struck_name, row.act)
             ]
         return tuple(
-            target for name in member_names for target in self._targets_of_name(name, label)
+            target for name in member_names for target in self._targets_of_name(name, strikes_label)
         )
 
     def _targets_of_name(self, target_name: Name, strikes_label: str) -> list[Target]:
@@ -108,18 +108,20 @@ class NoteTargets:
             self._targets_by_name[target_name] = struck_targets
         return struck_targets
 
-    def _member_names(self, word: Name, written_word: Name, label: str) -> list[Name]:
+    def _member_names(self, word: Name, written_word: Name, strikes_label: str) -> list[Name]:
         if notes.word_of(word) is None:
             spelling_mistake = note_slip(word) if self.instruments else None
             if spelling_mistake is None or word.partition(".")[0] in self.part_names.parts:
                 return [word]
-            message = f"{label}: {spelling_mistake.message}"
+            message = f"{strikes_label}: {spelling_mistake.message}"
             self.part_names.collector.error(
                 "E201", message, word.place, suggestion=spelling_mistake.suggestion
             )
             return []
         if not self.instruments:
-            message = f"{label}: {quote(word)} is a note; write `to`, whose notes are struck"
+            message = (
+                f"{strikes_label}: {quote(word)} is a note; write `to`, whose notes are struck"
+            )
             self.part_names.collector.error("E103", message, word.place)
             return []
         member_names = []
@@ -127,19 +129,19 @@ class NoteTargets:
             family_and_rest = self.part_names.family_and_rest(instrument_name)
             if family_and_rest is None:
                 message = (
-                    f"{label}: {quote(instrument_name)} has no notes; write `notes` in the "
+                    f"{strikes_label}: {quote(instrument_name)} has no notes; write `notes` in the "
                     "instrument"
                 )
                 if self.part_names.is_known(instrument_name):
                     self.part_names.collector.error("E304", message, instrument_name.place)
                 else:
-                    self.part_names.target(instrument_name, "mats", label)
+                    self.part_names.target(instrument_name, "mats", strikes_label)
                 continue
             note_family, name_rest = family_and_rest
             note_name = note_family.note(word)
             if note_name is None:
                 known_notes = [part.rpartition(".")[2] for part in note_family.parts.values()]
-                message = f"{label}: {quote(instrument_name)} has no note {quote(word)}"
+                message = f"{strikes_label}: {quote(instrument_name)} has no note {quote(word)}"
                 note_range = (
                     f"; its notes are {known_notes[0]} to {known_notes[-1]}" if known_notes else ""
                 )
@@ -154,7 +156,7 @@ class NoteTargets:
             member_names.append(Name(".".join(filter(None, (note_name, name_rest))), word.place))
         return member_names
 
-    def _note_height(self, word: str) -> float | None:
+    def _note_pitch(self, word: str) -> float | None:
         """The note of a name in semitones or keys; None if it has none. Raises TextError."""
         note_words = tuning.spelled(word).split(".")
         note_index = self._note_word_index(note_words)

@@ -8,8 +8,8 @@ from typing import Any
 
 from ergon.instruments.transpose import (
     Interval,
-    base_at_pitch,
     instrument_at_note,
+    transposed_base,
     transposed_frequency,
 )
 from ergon.notation.tables import notes
@@ -86,10 +86,10 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
     )
 
 
-def fields_of_note(values: Values, note_height: float) -> Values | None:
+def fields_of_note(values: Values, note_pitch: float) -> Values | None:
     """The fields that are written for one note of an instrument, by its pitch."""
     for word, member_values in (values["members"] or {}).items():
-        if notes.pitch(word) == note_height:
+        if notes.pitch(word) == note_pitch:
             assert isinstance(member_values, Values)
             return member_values
     return None
@@ -122,8 +122,8 @@ def shifted_note(
         )
     if interval is None:
         return base_values
-    transposed_base = replace(base_values, by_name={**base_values.by_name, "transpose": interval})
-    return base_at_pitch(base_values, transposed_base, is_root=True)
+    moved_values = replace(base_values, by_name={**base_values.by_name, "transpose": interval})
+    return transposed_base(base_values, moved_values, is_root=True)
 
 
 def interval_sum(
@@ -170,15 +170,15 @@ def _merged_fields(module_kind: str, base_fields: Any, member_fields: Any) -> An
     """The fields of one module over those of a base module of the same kind."""
     if not isinstance(base_fields, Values) or not isinstance(member_fields, Values):
         return member_fields
-    hidden_names, loosened_names = (
+    hidden_names, free_fields = (
         _hidden_fields(member_fields, module_kind),
         {**base_fields.free, **member_fields.free},
     )
     if module_kind == "PLATE":  # one of the fields that set its pitch is dropped
-        written_tension = "tension" if base_fields.written("tension") else "thickness"
+        pitch_field = "tension" if base_fields.written("tension") else "thickness"
         hidden_names |= (
-            {written_tension}
-            if member_fields.written("f") and not member_fields.written(written_tension)
+            {pitch_field}
+            if member_fields.written("f") and not member_fields.written(pitch_field)
             else set()
         )
         hidden_names |= (
@@ -189,7 +189,7 @@ def _merged_fields(module_kind: str, base_fields: Any, member_fields: Any) -> An
     if module_kind == "LNL" and member_fields.written(
         *_LAW_FIELDS
     ):  # another law has other constants
-        hidden_names, loosened_names = (
+        hidden_names, free_fields = (
             {*_LAW_FIELDS, *base_fields.free, "interval"},
             dict(member_fields.free),
         )
@@ -203,5 +203,5 @@ def _merged_fields(module_kind: str, base_fields: Any, member_fields: Any) -> An
         member_fields,
         by_name={**merged_fields, **member_fields.by_name},
         nodes={**nodes, **member_fields.nodes},
-        free=loosened_names,
+        free=free_fields,
     )

@@ -8,7 +8,7 @@ from math import prod
 from typing import Any, NamedTuple, cast
 
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Context, Name, Reference, Shape, Text, wrong_shape
@@ -33,7 +33,7 @@ from ergon.scores.reading.playing_options import (
 )
 
 MAX_ROWS = 1_000_000
-MAX_PATTERN = 10_000  # characters
+PATTERN_LENGTH_MAX = 10_000  # characters
 
 
 def _report_unused_rate(context: Context, place: Place) -> None:
@@ -70,11 +70,11 @@ def _play_of_entry(
     begin_place: Place,
     until_place: Place | None,
 ) -> Play:
-    transform_chain, rounds = as_turns(entry_values.get("do", ()))
-    if rounds:
+    transform_chain, turns = as_turns(entry_values.get("do", ()))
+    if turns:
         entry_values = {
             **entry_values,
-            "nth": with_numbers((*entry_values.get("nth", ()), *rounds)),
+            "nth": with_numbers((*entry_values.get("nth", ()), *turns)),
         }
     pattern = pattern_of(entry_values, played.order or single_name_pattern(played.text))
     if iteration_error := iteration_mistake(pattern):
@@ -82,13 +82,13 @@ def _play_of_entry(
     single_leaf = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,
-        what=played.text if single_leaf is None else single_leaf.name or "",
+        played_text=played.text if single_leaf is None else single_leaf.name or "",
         at=entry_values["at"],
         every=_repetition_length(pattern, entry_values.get("every"), transform_chain),
         times=entry_values.get("times"),
         until=entry_values.get("until"),
         do=transform_chain,
-        manner=playing_options(entry_values),
+        options=playing_options(entry_values),
         place=played.place,
         begin_place=begin_place,
         until_place=until_place,
@@ -122,7 +122,11 @@ class _PlayedShape(Reference):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         table_text = node.text if isinstance(node, Scalar) else ""
-        if not isinstance(node, Scalar) or not table_text.strip() or len(table_text) > MAX_PATTERN:
+        if (
+            not isinstance(node, Scalar)
+            or not table_text.strip()
+            or len(table_text) > PATTERN_LENGTH_MAX
+        ):
             return super().read(node, name, context)
         if table_text.strip().isidentifier():
             return Played(Name(table_text.strip(), node.place), None, node.place)
@@ -144,20 +148,20 @@ _PLAYED_SHAPE = _PlayedShape(
 _TURNS_SHAPE = Text(
     parse_turns, "transformations of some rounds, such as 4th do mirror", has_values=True
 )
-_WHEN_FIELD = Field("at", k.WHEN, "when it begins", required=True)
+_WHEN_FIELD = Field("at", value_kinds.WHEN, "when it begins", required=True)
 _OPTION_FIELDS = (
-    Field("every", k.LENGTH, "time between repetitions or steps", shown="its own length"),
+    Field("every", value_kinds.LENGTH, "time between repetitions or steps", shown="its own length"),
     Field(
         "times",
-        k.TIMES,
+        value_kinds.TIMES,
         "number of repetitions; of whole rounds, where a pattern plays",
         shown="once, or until `until`",
     ),
-    Field("until", k.WHEN, "position from which on no repetition begins"),
+    Field("until", value_kinds.WHEN, "position from which on no repetition begins"),
     *PATTERN_TABLE,
     Field("nth", _TURNS_SHAPE, "transformations of every nth round"),
     *ENTRY_FIELDS,
-    Field("rate", k.RATE, "not used; the rate of the key is"),
+    Field("rate", value_kinds.RATE, "not used; the rate of the key is"),
 )
 PLAY_RECORD = Record(
     "part entry",
@@ -176,7 +180,7 @@ OPTION_SHAPES = {f.name: f.shape for f in (_WHEN_FIELD, *_OPTION_FIELDS)}
 
 
 @dataclass(frozen=True)
-class Part(Shape):
+class PartShape(Shape):
     """A list of entries, or a table: `A  lean every 8 times 2`."""
 
     entries: ListOf
@@ -188,11 +192,11 @@ class Part(Shape):
         if not isinstance(node, Scalar):
             return wrong_shape(self, node, name, context)
         plays = []
-        for number, (phrase_row, row_offset) in enumerate(words.rows(node.text)):
-            if number >= MAX_ROWS:
+        for row_index, (row_text, row_offset) in enumerate(words.rows(node.text)):
+            if row_index >= MAX_ROWS:
                 context.error("E105", f"the table has more than {MAX_ROWS:,} rows", node.place)
                 break
-            play = _row(phrase_row, row_offset, node, context)
+            play = _play_of_row(row_text, row_offset, node, context)
             if play is not None:
                 plays.append(play)
         return tuple(plays)
@@ -215,12 +219,14 @@ class Part(Shape):
         return self if isinstance(node, Scalar) and not node.is_empty else self.entries
 
 
-def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -> Play | None:
+def _play_of_row(
+    row_text: str, text_offset: int, text_node: Scalar, context: Context
+) -> Play | None:
     try:
         parsed_row = words.parse_row(
             row_text,
             text_offset,
-            lambda word, place: Name(word, text_node.place_at(place, len(word))),
+            lambda word, offset: Name(word, text_node.place_at(offset, len(word))),
         )
     except TextError as error:
         context.text_error(error, text_node, "")
@@ -228,7 +234,7 @@ def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -
     entry_fields: dict[str, object] = {}
     is_refused = False
     for option_name, word in (("at", parsed_row.at), *parsed_row.play.options.items()):
-        option_value = _option(option_name, word, text_node, context)
+        option_value = _read_option(option_name, word, text_node, context)
         if option_value is MISSING:
             is_refused = True
         else:
@@ -238,22 +244,22 @@ def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -
     entry_fields["do"] = parsed_row.play.transforms
     if "rate" in entry_fields:
         _report_unused_rate(context, _place(parsed_row.play.options["rate"], text_node))
-    what_words, end_word = parsed_row.play.played, parsed_row.play.options.get("until")
-    row_text = " ".join(what_words.text.split())
+    played_words, end_word = parsed_row.play.played, parsed_row.play.options.get("until")
+    played_text = " ".join(played_words.text.split())
     row_place = _place(parsed_row.at, text_node)
     # In a literal block a row is one line of the file, so the column follows from that of
     # `row_place`.
-    what_column = row_place.column + what_words.offset - parsed_row.at.offset
+    played_column = row_place.column + played_words.offset - parsed_row.at.offset
     is_block = text_node.style == "|"
     place = (
-        Place(row_place.file, row_place.line, what_column, len(what_words.text))
+        Place(row_place.file, row_place.line, played_column, len(played_words.text))
         if is_block
-        else _place(what_words, text_node)
+        else _place(played_words, text_node)
     )
     return _play_of_entry(
         cast("_EntryValues", entry_fields),
         context,
-        Played(Name(row_text, place), parsed_row.play.pattern, place),
+        Played(Name(played_text, place), parsed_row.play.pattern, place),
         row_place,
         _place(end_word, text_node) if end_word else None,
     )
@@ -263,7 +269,9 @@ def _place(word: words.Word, node: Scalar) -> Place:
     return node.place_at(word.offset, len(word.text))
 
 
-def _option(option_name: str, option_word: words.Word, text_node: Scalar, context: Context) -> Any:
+def _read_option(
+    option_name: str, option_word: words.Word, text_node: Scalar, context: Context
+) -> Any:
     shape = OPTION_SHAPES.get(option_name)
     if not isinstance(shape, Text):
         context.error(
@@ -278,4 +286,4 @@ def _option(option_name: str, option_word: words.Word, text_node: Scalar, contex
         return MISSING
 
 
-PART_SHAPE = Part(ListOf(PLAY_RECORD))
+PART_SHAPE = PartShape(ListOf(PLAY_RECORD))

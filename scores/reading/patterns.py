@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypedDict
 
 from ergon.notation.clock.occurrences import MAX_OCCURRENCES
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Text
 from ergon.scores.pattern.order import Group
@@ -20,10 +20,10 @@ _EUCLID_SHAPE = Text(
     has_values=True,
 )
 _SWING_SHAPE = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%", is_value=True)
-_SKIP_SHAPE = k.integer(0, MAX_OCCURRENCES, "5")
+_SKIP_SHAPE = value_kinds.integer(0, MAX_OCCURRENCES, "5")
 # Rhythm and chance of the places of a pattern; gestures and strikes have the same fields.
 PATTERN_TABLE = (
-    Field("chance", k.CHANCE, "chance of each place of the pattern", shown="1"),
+    Field("chance", value_kinds.CHANCE, "chance of each place of the pattern", shown="1"),
     Field("euclid", _EUCLID_SHAPE, "a Euclidean rhythm: pulses and steps", shown="every step"),
     Field("swing", _SWING_SHAPE, "share that the first of two steps takes of both", shown="0.5"),
     Field("skip", _SKIP_SHAPE, "places that are left out at the beginning", shown="0"),

@@ -31,30 +31,30 @@ def transformed_rows(
     phrase_rows: Sequence[Row],
     phrase_length: Length,
     transforms: Iterable[Transform],
-    mirrored: Callable[[Row, Row], Row],
+    mirror_row: Callable[[Row, Row], Row],
 ) -> tuple[tuple[Row, ...], Length]:
     """Rows of a phrase after transformations, left to right, and its length. Raises TextError."""
-    rows_out = tuple(phrase_rows)
+    changed_rows = tuple(phrase_rows)
     for transform in transforms:
         if transform.word == "mirror":
-            rows_out = tuple(mirrored(row, rows_out[0]) for row in rows_out)
+            changed_rows = tuple(mirror_row(row, changed_rows[0]) for row in changed_rows)
             continue
-        act = _CHANGE_BY_WORD.get(transform.word)
-        if act is None:
+        change_rows = _CHANGE_BY_WORD.get(transform.word)
+        if change_rows is None:
             transform_names = ", ".join([*_CHANGE_BY_WORD, "mirror"])
             message = (
                 f"'{transform.word}' moves the points of a gesture; a phrase has {transform_names}"
             )
             raise TextError(message, offset=transform.offset, length=transform.length)
-        rows_out = tuple(act(rows_out, transform))
+        changed_rows = tuple(change_rows(changed_rows, transform))
         if transform.word == "stretch":
             phrase_length = phrase_length.times(transform.amount)
         if transform.word == "from":
             phrase_length = _length_after(phrase_length, transform)
-            if not rows_out or not phrase_length.is_some:
+            if not changed_rows or not phrase_length.is_some:
                 message = "'from' begins after the last entry of this phrase"
                 raise TextError(message, offset=transform.offset, length=transform.length)
-    return rows_out, phrase_length
+    return changed_rows, phrase_length
 
 
 def _scale_levels(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
@@ -65,54 +65,47 @@ def _scale_levels(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
 def _stretch_times(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     for row in rows:
         stretched_length = row.length and row.length.times(transform.amount)
-        yield replace(row, at=_row_length(row).times(transform.amount), length=stretched_length)
+        yield replace(row, at=_row_time(row).times(transform.amount), length=stretched_length)
 
 
 def _shift_times(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     for phrase_row in rows:
-        length = _row_length(phrase_row)
+        time = _row_time(phrase_row)
         beats, seconds = (
-            length.beats + transform.time.beats,
-            length.seconds + transform.time.seconds,
+            time.beats + transform.time.beats,
+            time.seconds + transform.time.seconds,
         )
-        yield replace(phrase_row, at=Length(length.bars, beats, seconds))
+        yield replace(phrase_row, at=Length(time.bars, beats, seconds))
 
 
 def _reverse_rows(phrase_rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     """The rows in reverse order, within the same time span."""
-    row_lengths = [
-        (row_length.bars, row_length.beats, row_length.seconds)
-        for row_length in map(_row_length, phrase_rows)
+    row_times = [
+        (time_part.bars, time_part.beats, time_part.seconds)
+        for time_part in map(_row_time, phrase_rows)
     ]
-    if sum(any(unit) for unit in zip(*row_lengths, strict=True)) > 1:
+    if sum(any(unit) for unit in zip(*row_times, strict=True)) > 1:
         message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
         raise TextError(message, offset=transform.offset, length=transform.length)
-    start_and_end = [
-        low + high for low, high in zip(min(row_lengths), max(row_lengths), strict=True)
-    ]
-    for row, phrase_length in sorted(
-        zip(phrase_rows, row_lengths, strict=True), key=lambda pair: pair[1], reverse=True
+    end_sums = [low + high for low, high in zip(min(row_times), max(row_times), strict=True)]
+    for row, row_time in sorted(
+        zip(phrase_rows, row_times, strict=True), key=lambda pair: pair[1], reverse=True
     ):
         yield replace(
             row,
-            at=Length(
-                *(
-                    row_length - b
-                    for row_length, b in zip(start_and_end, phrase_length, strict=True)
-                )
-            ),
+            at=Length(*(time_part - b for time_part, b in zip(end_sums, row_time, strict=True))),
         )
 
 
 def _quantise_times(rows: Sequence[Row], transform: Transform) -> Iterator[Row]:
     for phrase_row in rows:
-        row_length = _row_length(phrase_row)
-        if row_length.bars or row_length.seconds:
+        row_time = _row_time(phrase_row)
+        if row_time.bars or row_time.seconds:
             message = "'quantise' moves beats; the entries of this phrase are in bars or seconds"
             raise TextError(message, offset=transform.offset, length=transform.length)
         yield replace(
             phrase_row,
-            at=Length(beats=floor(row_length.beats / transform.amount + 0.5) * transform.amount),
+            at=Length(beats=floor(row_time.beats / transform.amount + 0.5) * transform.amount),
         )
 
 
@@ -121,9 +114,9 @@ def _start_from(phrase_rows: Sequence[Row], transform: Transform) -> Iterator[Ro
     already.
     """
     for phrase_row in phrase_rows:
-        later_length = _length_after(_row_length(phrase_row), transform)
-        if min(later_length.beats, later_length.seconds) >= 0.0:
-            yield replace(phrase_row, at=later_length)
+        time_after = _length_after(_row_time(phrase_row), transform)
+        if min(time_after.beats, time_after.seconds) >= 0.0:
+            yield replace(phrase_row, at=time_after)
 
 
 def _length_after(length: Length, transform: Transform) -> Length:
@@ -143,7 +136,7 @@ def _jitter_times(phrase_rows: Sequence[Row], transform: Transform) -> Iterator[
         yield replace(row, jitter=Length(0.0, transform.time.beats, transform.time.seconds))
 
 
-def _row_length(row: Row) -> Length:
+def _row_time(row: Row) -> Length:
     assert isinstance(row.at, Length)
     return row.at
 

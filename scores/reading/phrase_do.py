@@ -10,7 +10,12 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.named_values import parse_with_names
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_transform
+from ergon.scores.gesture.transforms import (
+    GESTURE_ARGUMENT_COUNTS,
+    MEANINGS,
+    Transform,
+    parse_transform,
+)
 from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 
@@ -27,7 +32,7 @@ def split_transforms(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Tr
         stop = chain_text.find(",", part_start)
         part_text = chain_text[part_start : stop if stop >= 0 else len(chain_text)]
         word = next(iter(part_text.split()), "")
-        if is_rhythm or (word in FORM_BY_WORD and word not in ARITY):
+        if is_rhythm or (word in FORM_BY_WORD and word not in GESTURE_ARGUMENT_COUNTS):
             parse_transforms(chain_text[part_start:], part_start)
             return tuple(gesture_transforms), chain_text[part_start:].strip()
         gesture_transforms.append(parse_transform(part_text, part_start))
@@ -37,14 +42,14 @@ def split_transforms(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Tr
 
 def _parse_entries_transforms(chain_text: str) -> tuple[Transform, ...]:
     """The transformations of a phrase itself. Raises TextError for those of rhythms."""
-    chain, rhythm = split_transforms(chain_text)
-    if rhythm:
-        first_word = rhythm.split()[0]
+    chain, rhythm_text = split_transforms(chain_text)
+    if rhythm_text:
+        first_word = rhythm_text.split()[0]
         message = (
             f"{quote(first_word)} is of rhythms; write it in `do` of the strikes that play the "
             "phrase"
         )
-        raise TextError(message, offset=chain_text.index(rhythm), length=len(first_word))
+        raise TextError(message, offset=chain_text.index(rhythm_text), length=len(first_word))
     return chain
 
 
@@ -85,11 +90,11 @@ def phrase_transforms(phrase_values: Values) -> tuple[tuple[Transform, ...], str
     rhythm_texts: list[str] = []
 
     def parse(text: str) -> tuple[Transform, ...]:
-        phrase_chain, rhythm = split_transforms(text, is_rhythm=bool(rhythm_texts))
-        rhythm_texts.extend([rhythm] if rhythm else [])
+        phrase_chain, rhythm_text = split_transforms(text, is_rhythm=bool(rhythm_texts))
+        rhythm_texts.extend([rhythm_text] if rhythm_text else [])
         return phrase_chain
 
-    phrase_chain = transforms(phrase_values, parse)
+    phrase_chain = read_transforms(phrase_values, parse)
     return None if phrase_chain is None else (tuple(phrase_chain), ", ".join(rhythm_texts))
 
 
@@ -102,14 +107,14 @@ def rhythm_transforms(strike_values: Values) -> str | None:
         parse_transforms(text)
         return (text,)
 
-    texts = transforms(strike_values, parse)
+    texts = read_transforms(strike_values, parse)
     return None if texts is None else ", ".join(texts)
 
 
 _Transform = TypeVar("_Transform")
 
 
-def transforms(
+def read_transforms(
     strike_values: Values, parse: Callable[[str], Iterable[_Transform]]
 ) -> list[_Transform] | None:
     """The transformations of strikes, as `parse` reads a text; None if an error was reported."""

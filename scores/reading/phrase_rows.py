@@ -21,7 +21,7 @@ _PHRASE_DEPTH_MAX = 20  # phrases inside one another
 def phrase_rows(
     phrase: Values,
     phrases: Mapping[str, Any],
-    voices: NoteTargets,
+    note_targets: NoteTargets,
     outer_levels: Levels | None = None,
     phrases_above: tuple[str, ...] = (),
 ) -> tuple[tuple[Row, ...], Length] | None:
@@ -35,7 +35,7 @@ def phrase_rows(
     if written_entries is None:  # a mistake in them was reported
         return None
     rows: list[Row] = []
-    inner_end: float | None = 0.0
+    inner_end_beat: float | None = 0.0
     for written_row, phrase_row in zip(
         written_entries,
         with_levels(written_entries, outer_levels or phrase["impulse"]),
@@ -62,32 +62,34 @@ def phrase_rows(
             phrase.context.error("E105", message, phrase_row.place)
             return None
         entry_levels = None if written_row.level is None else Levels((written_row.level,))
-        named_rows = phrase_rows(phrase_values, phrases, voices, entry_levels, phrase_path[:-1])
-        if named_rows is None:
+        named_phrase = phrase_rows(
+            phrase_values, phrases, note_targets, entry_levels, phrase_path[:-1]
+        )
+        if named_phrase is None:
             return None
-        inner_rows, named_length = named_rows
+        inner_rows, named_length = named_phrase
         assert isinstance(phrase_row.at, Length)
         rows += (
-            _row_within_phrase(inner_row, phrase_row.at, phrase_values, voices)
+            _row_within_phrase(inner_row, phrase_row.at, phrase_values, note_targets)
             for inner_row in inner_rows
         )
-        inner_end = _later_end(inner_end, phrase_row.at, named_length)
+        inner_end_beat = _later_end(inner_end_beat, phrase_row.at, named_length)
         if len(rows) > MAX_ROWS:
             message = f"{phrase.context.label('')} has more than {MAX_ROWS:,} strikes"
             phrase.context.error("E105", message, phrase_row.place)
             return None
     phrase_length = length_of(rows, phrase["length"])
     if phrase_length is not None and phrase["length"] is None:
-        if inner_end is None:
+        if inner_end_beat is None:
             phrase_length = None
-        elif inner_end > phrase_length.beats:
-            phrase_length = Length(beats=inner_end)
+        elif inner_end_beat > phrase_length.beats:
+            phrase_length = Length(beats=inner_end_beat)
     if phrase_length is None:
         message = f"{phrase.context.label('')} has no 'length': not all its entries are in beats"
         phrase.error("E103", message, "entries")
         return None
     try:
-        return transformed_rows(rows, phrase_length, phrase["do"] or (), voices.mirrored)
+        return transformed_rows(rows, phrase_length, phrase["do"] or (), note_targets.mirrored)
     except TextError as error:
         phrase.error("E306", f"{phrase.context.label('do')}: {error.message}", "do")
         return None
@@ -102,7 +104,7 @@ def _later_end(end_beat: float | None, begin_length: Length, length: Length) -> 
 
 
 def _row_within_phrase(
-    phrase_row: Row, begin_length: Length, phrase: Values, voices: NoteTargets
+    phrase_row: Row, begin_length: Length, phrase: Values, note_targets: NoteTargets
 ) -> Row:
     """A strike of a phrase that begins somewhere in another; its notes are those of its own `to`,
     where that is not the other's.
@@ -113,7 +115,7 @@ def _row_within_phrase(
         phrase_row, at=Length(bars, beats, begin_length.seconds + phrase_row.at.seconds)
     )
     instrument_names = phrase["to"] or ()
-    if not instrument_names or tuple(instrument_names) == tuple(voices.instruments):
+    if not instrument_names or tuple(instrument_names) == tuple(note_targets.instruments):
         return moved_row
     renamed_notes = tuple(
         Name(f"{part}.{word}", word.place)
@@ -149,7 +151,7 @@ def _with_swells(written_rows: Sequence[Row], rows: Sequence[Row]) -> Iterator[R
     """
     swell_begin, swell_end = 0, 0
     for row_index, phrase_row in enumerate(rows):
-        if written_rows[row_index].swells:
+        if written_rows[row_index].is_swelling:
             swell_begin = row_index
             later_levels = (
                 later_index
@@ -160,7 +162,7 @@ def _with_swells(written_rows: Sequence[Row], rows: Sequence[Row]) -> Iterator[R
         low_level, high_level = rows[swell_begin].level, rows[swell_end].level
         if swell_begin < row_index < swell_end and low_level is not None and high_level is not None:
             swell_share = (row_index - swell_begin) / (swell_end - swell_begin)
-            impulse = low_level.low + (high_level.low - low_level.low) * swell_share
-            yield replace(phrase_row, level=Level(impulse, impulse, low_level.is_strength))
+            amount = low_level.low + (high_level.low - low_level.low) * swell_share
+            yield replace(phrase_row, level=Level(amount, amount, low_level.is_strength))
         else:
             yield phrase_row

@@ -1,4 +1,4 @@
-"""A phrase as a rhythm text: a round is a cycle, entries are steps as long as it is to the next."""
+"""A phrase as a rhythm text: one round is one cycle, each entry a step that ends at the next."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ergon.scores.reading.piece import Hit, Strikes
 from ergon.scores.reading.rhythms import Rhythm
 
 _CYCLE_PARTS_MAX = 10_000  # finest grid of entries in a beat or a second
-_CYCLE_PARTS_FINE = 1_000  # large weights are written with so many parts
+_WEIGHT_SCALE = 1_000  # large weights are written with so many parts
 _ROUNDING = 1e-9
 
 
@@ -27,7 +27,7 @@ class _Notes(NamedTuple):
 
     begin: Fraction
     end: Fraction
-    words: tuple[str, ...]
+    note_words: tuple[str, ...]
 
 
 def rhythm_of_phrase(strikes: Strikes) -> Rhythm:
@@ -46,7 +46,7 @@ def rhythm_of_phrase(strikes: Strikes) -> Rhythm:
 
 def _length_unit(cycle: Length, hits: Sequence[Hit]) -> str:
     """The field of `Length` in which everything is written."""
-    lengths = [cycle, *(length for hit in hits for length in (hit.at, hit.lasting))]
+    lengths = [cycle, *(length for hit in hits for length in (hit.at, hit.duration))]
     used_units = {
         f.name for length in lengths for f in fields(Length) if getattr(length, f.name, 0.0)
     }
@@ -56,12 +56,10 @@ def _length_unit(cycle: Length, hits: Sequence[Hit]) -> str:
     return used_units.pop()
 
 
-def _exact_fraction(exact_value: float) -> Fraction:
-    exact = Fraction(exact_value).limit_denominator(_CYCLE_PARTS_MAX)
-    if abs(float(exact) - exact_value) > _ROUNDING * max(1.0, abs(exact_value)):
-        raise TextError(
-            f"{exact_value!r} is no simple fraction, as steps of a rhythm are; use quantise"
-        )
+def _exact_fraction(value: float) -> Fraction:
+    exact = Fraction(value).limit_denominator(_CYCLE_PARTS_MAX)
+    if abs(float(exact) - value) > _ROUNDING * max(1.0, abs(value)):
+        raise TextError(f"{value!r} is no simple fraction, as steps of a rhythm are; use quantise")
     return exact
 
 
@@ -76,17 +74,17 @@ def _notes_of_round(
         note_begin = _exact_fraction(getattr(phrase_hit.at, length_unit))
         if not 0 <= note_begin < round_length:
             message = (
-                f"{quote(phrase_hit.what)} lies outside the round that is repeated; a rhythm "
-                "repeats "
+                f"{quote(phrase_hit.struck_text)} lies outside the round that is repeated; a "
+                "rhythm repeats "
             )
             raise TextError(f"{message}a round that has all of its entries")
         note_length = (
             None
-            if phrase_hit.lasting is None
-            else _exact_fraction(getattr(phrase_hit.lasting, length_unit))
+            if phrase_hit.duration is None
+            else _exact_fraction(getattr(phrase_hit.duration, length_unit))
         )
         struck_words = dict.fromkeys(
-            _word_text(name, phrase_hit.level) for name in phrase_hit.what.split()
+            _word_text(name, phrase_hit.level) for name in phrase_hit.struck_text.split()
         )
         notes_by_span.setdefault((note_begin, note_length), {}).update(struck_words)
     note_begins = sorted({begin for begin, _ in notes_by_span})
@@ -122,9 +120,9 @@ def _level_text(written_level: Level) -> str:
         for mark_index, word in enumerate(DYNAMICS):
             if written_level.low == mark_index / (len(DYNAMICS) - 1):
                 return word
-        mark_index = round(127 * written_level.low)
-        if mark_index and velocity(mark_index) == written_level:
-            return f"v{mark_index}"
+        midi_velocity = round(127 * written_level.low)
+        if midi_velocity and velocity(midi_velocity) == written_level:
+            return f"v{midi_velocity}"
     return written_level.written
 
 
@@ -160,9 +158,9 @@ def _line_text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
     denominator = lcm(*(width.denominator for _, width in weighted_steps))
     step_weights = [int(width * denominator) for _, width in weighted_steps]
     step_weights = [weight // gcd(*step_weights) for weight in step_weights]
-    if max(step_weights) > MAX_NUMBER * _CYCLE_PARTS_FINE:
+    if max(step_weights) > MAX_NUMBER * _WEIGHT_SCALE:
         raise TextError("the entries lie too unevenly for a rhythm; use quantise")
-    scale = 1 if max(step_weights) <= MAX_NUMBER else _CYCLE_PARTS_FINE
+    scale = 1 if max(step_weights) <= MAX_NUMBER else _WEIGHT_SCALE
     return " ".join(
         word if weight == scale else f"{word}@{weight / scale:.12g}"
         for (word, _), weight in zip(weighted_steps, step_weights, strict=True)

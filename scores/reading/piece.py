@@ -64,18 +64,18 @@ class NoteGlide:
 class Hit:
     """One strike of a melody: at a position, or at a time after the beginning of a phrase.
 
-    A strength lies within the `reach` [N·s] of what is struck.
+    A strength lies within the `impulse_range` [N·s] of what is struck.
     """
 
     at: Position | Length
     to: tuple[Target, ...]
     level: Level
     place: Place
-    what: str = ""  # the text as written
+    struck_text: str = ""  # the text as written
     # The largest random displacement, earlier or later.
     jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
-    reach: ImpulseRange | None = field(default=None, metadata=OMIT_EMPTY)
-    lasting: Length | None = field(default=None, metadata=OMIT_EMPTY)  # None: it has no end
+    impulse_range: ImpulseRange | None = field(default=None, metadata=OMIT_EMPTY)
+    duration: Length | None = field(default=None, metadata=OMIT_EMPTY)  # None: it has no end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,9 +83,9 @@ class Strikes:
     """Ergons that hit modules directly: for each target at a Poisson `rate` [Hz], or one per
     `every`.
 
-    `levels` say how strongly, strengths within the `reaches` [N·s] of what is struck; or a `mass`
-    [kg] arrives at a `speed` [m/s]. A melody has `hits`. With a `length` it is a phrase: it begins
-    at `at` and again every `every`, as do a sweep and a path (`passing`).
+    `levels` say how strongly, strengths within the `impulse_ranges` [N·s] of what is struck; or a
+    `mass` [kg] arrives at a `speed` [m/s]. A melody has `hits`. With a `length` it is a phrase: it
+    begins at `at` and again every `every`, as do a sweep and a path (`passing`).
     """
 
     name: str
@@ -109,7 +109,7 @@ class Strikes:
     passing: Passing | None = field(default=None, metadata=OMIT_EMPTY)
     # Direction as a unit vector; `to` then has the coordinates of all points, axis by axis.
     along: tuple[float, ...] = field(default=(), metadata=OMIT_EMPTY)
-    reaches: Mapping[str, ImpulseRange] = field(default_factory=dict, metadata=OMIT_EMPTY)
+    impulse_ranges: Mapping[str, ImpulseRange] = field(default_factory=dict, metadata=OMIT_EMPTY)
     rhythm: Rhythm | None = field(default=None, metadata=OMIT_EMPTY)
     # How long each strike lasts [s]; None: as long as the engine says.
     lasts: float | None = field(default=None, metadata=OMIT_NONE)
@@ -221,7 +221,7 @@ class Strikes:
             if not since_beat - SAME <= stroke.beat < before_beat - SAME:
                 continue
             for targets, impulse_range in rhythm.voices[stroke.word]:
-                lasting_length = Length(beats=stroke.lasting)
+                lasting_length = Length(beats=stroke.duration)
                 word, level = stroke.word, stroke.level
                 hit = Hit(
                     Length(),
@@ -229,12 +229,12 @@ class Strikes:
                     level,
                     self.place,
                     word,
-                    reach=impulse_range,
-                    lasting=lasting_length,
+                    impulse_range=impulse_range,
+                    duration=lasting_length,
                 )
                 yield stroke.beat, stroke.number, hit
 
-    def steps(self, piece: Piece) -> PlaceBeats:
+    def place_beats(self, piece: Piece) -> PlaceBeats:
         """The places of the pattern, on which it strikes. Raises TextError."""
         assert self.pattern is not None
         tempo = piece.tempo_map

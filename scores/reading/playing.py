@@ -18,8 +18,8 @@ from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
 from ergon.scores.reading.digest_marks import OMIT_EMPTY
 
-Touch = Literal["open", "tracked"]
-Ergons = Literal["event", "particle"]
+TouchMode = Literal["open", "tracked"]
+ErgonMode = Literal["event", "particle"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +27,9 @@ class Key:
     """A force-feedback key: a small network with one struck MAT.
 
     `{M, K, Z}` is one CEL with the name "". `travel` [m]; the piece sees `reach` times the key's
-    movement. Its springs act once in `every` frames. `measured` is what its calibration says of
-    the real key: mass without modes [kg], damping [N·s/m], delay [s] if known. The forces of the
-    piece reach the struck MAT `delay` [s] later.
+    movement. Its springs act once in `every` frames. `measured_constants` is what its calibration
+    says of the real key: mass without modes [kg], damping [N·s/m], delay [s] if known. The forces
+    of the piece reach the struck MAT `delay` [s] later.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Key:
     reach: float
     place: Place
     every: int = 1
-    measured: tuple[float, float, float | None] | None = None
+    measured_constants: tuple[float, float, float | None] | None = None
     delay: float = field(default=0.0, metadata=OMIT_EMPTY)
 
 
@@ -50,8 +50,8 @@ class PlayingOptions:
     `grain` [s] (None: dense), `join` [s], `force_limit` [N].
     """
 
-    touch: Touch | None = None
-    ergons: Ergons | None = None
+    touch: TouchMode | None = None
+    ergons: ErgonMode | None = None
     grain: float | None = None
     join: float | None = None
     force_limit: float | None = None
@@ -81,7 +81,7 @@ class Gesture:
     points: tuple[Point, ...]
     bar_checks: tuple[BarCheck, ...]
     do: tuple[Transform, ...]
-    manner: PlayingOptions
+    options: PlayingOptions
     place: Place
     written: Scalar | None = field(default=None, compare=False, repr=False)
     # Whether its beats are quarter notes (of a MIDI file), whatever beats the meter has.
@@ -190,27 +190,27 @@ class Play:
     """A line of a part: a gesture, a take or a pattern of them, when, how often and how."""
 
     player: str
-    what: str
+    played_text: str
     at: Position
     every: Length | None
     times: int | None
     until: Position | None
     do: tuple[Transform, ...]
-    manner: PlayingOptions
+    options: PlayingOptions
     place: Place
     begin_place: Place
     until_place: Place | None
-    pattern: Pattern | None = field(default=None, metadata=OMIT_EMPTY)  # None: `what` alone
+    pattern: Pattern | None = field(default=None, metadata=OMIT_EMPTY)  # None: `played_text` alone
 
     @property
     def names(self) -> tuple[str, ...]:
         """The gestures and takes that it may play, each once."""
         if self.pattern is None:
-            return (self.what,)
+            return (self.played_text,)
         return tuple(dict.fromkeys(leaf.name or "" for leaf in self.pattern.leaves()))
 
     @property
-    def chains(self) -> tuple[tuple[Transform, ...], ...]:
+    def transform_chains(self) -> tuple[tuple[Transform, ...], ...]:
         """Its chains of transformations: its own, and those of the rounds of a pattern that have
         more.
         """
@@ -220,4 +220,4 @@ class Play:
     def place_sequence(self, seed: int) -> PlaceSequence:
         """What a pattern plays in each of its places, with all chance derived from `seed`."""
         assert self.pattern is not None
-        return PlaceSequence(self.pattern, Draws(seed, f"{self.player}/{self.what}"))
+        return PlaceSequence(self.pattern, Draws(seed, f"{self.player}/{self.played_text}"))

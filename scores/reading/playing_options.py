@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TypedDict
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Text, choice
 from ergon.scores.gesture.transforms import MEANINGS, parse_chain, parse_transform
 from ergon.scores.pattern import turn_chain
-from ergon.scores.reading.playing import NO_OPTIONS, Ergons, PlayingOptions, Touch
+from ergon.scores.reading.playing import NO_OPTIONS, ErgonMode, PlayingOptions, TouchMode
 
 HAND_WORDS = MEANINGS | {
-    word: f"{form.line}, such as {form.example}" for word, form in turn_chain.TURN_FORMS.items()
+    word: f"{form.description}, such as {form.example}"
+    for word, form in turn_chain.TURN_FORMS.items()
 }
 DO = Either(
     scalar=Text(
@@ -62,22 +63,32 @@ GESTURE_FIELDS = (
         shown="open",
     ),
     Field("ergons", choice("event", "particle"), "impulses, or masses with a BUT", shown="event"),
-    Field("grain", k.DURATION, "time between ergons", shown="every audio sample"),
-    Field("join", k.PAUSE, "duration of the path from the key to the first point", shown="20ms"),
-    Field("force_limit", k.FORCE, "the strongest force of one ergon", shown="none"),
-    Field("layer", k.BOOLEAN, "play over the earlier gesture instead of cutting it", shown="false"),
+    Field("grain", value_kinds.DURATION, "time between ergons", shown="every audio sample"),
+    Field(
+        "join",
+        value_kinds.PAUSE,
+        "duration of the path from the key to the first point",
+        shown="20ms",
+    ),
+    Field("force_limit", value_kinds.FORCE, "the strongest force of one ergon", shown="none"),
+    Field(
+        "layer",
+        value_kinds.BOOLEAN,
+        "play over the earlier gesture instead of cutting it",
+        shown="false",
+    ),
 )
 ENTRY_FIELDS = tuple(
     replace(field, shown=None) for field in GESTURE_FIELDS
 )  # default: the gesture's own
-_NAMES = frozenset(field.name for field in GESTURE_FIELDS)
+_OPTION_NAMES = frozenset(field.name for field in GESTURE_FIELDS)
 
 
 class OptionValues(TypedDict, total=False):
     """What is written of GESTURE_FIELDS or of ENTRY_FIELDS."""
 
-    touch: Touch
-    ergons: Ergons
+    touch: TouchMode
+    ergons: ErgonMode
     grain: float
     join: float
     force_limit: float
@@ -86,7 +97,7 @@ class OptionValues(TypedDict, total=False):
 
 def playing_options(option_values: OptionValues) -> PlayingOptions:
     """The options that were written; an option that was not is None."""
-    if _NAMES.isdisjoint(option_values):  # most rows of most tables
+    if _OPTION_NAMES.isdisjoint(option_values):  # most rows of most tables
         return NO_OPTIONS
     return PlayingOptions(
         touch=option_values.get("touch"),

@@ -23,12 +23,12 @@ class Rates:
         rates = score["rates"]
         self.audio: float = rates["audio"] if rates else DEFAULT_RATE_HZ
         is_written = rates is not None and rates.written("gesture")
-        self.gesture = _rate_divisor(self.audio, rates, "gesture") if is_written else 1
+        self.gesture_divisor = _rate_divisor(self.audio, rates, "gesture") if is_written else 1
         self.motion = _motion_rate(self.audio, rates) if rates else None
 
     def key_step_frames(self, values: Values) -> int:
         """Frames between two steps of a key's springs; 1: at every frame."""
-        return self._part_divisor(values) or self.gesture
+        return self._part_divisor(values) or self.gesture_divisor
 
     def instrument_step_frames(self, values: Values) -> int:
         """Frames between two steps of an instrument's springs; 1: at every frame."""

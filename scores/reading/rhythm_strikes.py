@@ -41,7 +41,7 @@ def strikes_of_rhythm(strike_values: Values, part_names: PartNames) -> Strikes |
         return None
     strikes = replace(strikes, rhythm=rhythm)
     note_targets = NoteTargets(part_names, strike_values["to"] or ())
-    return _with_words(strikes, transforms_text, strike_values, note_targets, place_of_word)
+    return _with_voices(strikes, transforms_text, strike_values, note_targets, place_of_word)
 
 
 def transformed_strikes(
@@ -71,11 +71,11 @@ def transformed_strikes(
         voices={},
         every=None,
         times=strikes.times if is_bounded else 1,
-        reaches={},
+        impulse_ranges={},
         hits=(),
         length=None,
     )
-    return _with_words(
+    return _with_voices(
         rhythm_strikes,
         transforms_text,
         strike_values,
@@ -84,7 +84,7 @@ def transformed_strikes(
     )
 
 
-def _with_words(
+def _with_voices(
     strikes: Strikes,
     transforms_text: str,
     strike_values: Values,
@@ -131,8 +131,8 @@ def _voice_of_word(
         note_targets.part_names.collector.n_reports,
     )
     try:
-        struck_targets = tuple(
-            note_targets.moved(note, leaf.semitones) if leaf.semitones else note
+        struck_names = tuple(
+            note_targets.transposed(note, leaf.semitones) if leaf.semitones else note
             for note in note_words
         )
     except TextError as error:
@@ -147,7 +147,7 @@ def _voice_of_word(
         ]
     else:
         strike_targets = note_targets.targets(
-            Row(Length(), struck_targets, None, word_place, note_words), label
+            Row(Length(), struck_names, None, word_place, note_words), label
         )
     targets_by_range: dict[ImpulseRange | None, list[Target]] = {}
     for target in strike_targets:

@@ -33,7 +33,7 @@ from ergon.scores.pattern.struck import Struck, key_of, name_of, note_of, notes_
 
 ANY_WORD = "x"  # the word for what `to` names
 LONGEST_CYCLES = 8.0  # longest note [cycles] that earlier cycles are searched for
-_SAME_STROKE = 1e-9  # tolerance, in strokes, for a rate times a length
+_SAME_STROKE_TOLERANCE = 1e-9  # tolerance, in strokes, for a rate times a length
 MAX_CYCLES = 200_000  # cycles of one rhythm: more than two days at one a second
 _RHYTHMS_CACHED = 32  # rhythms whose cycles are remembered: a thousand bars of each take 1.5 MB
 
@@ -52,18 +52,18 @@ class Stroke:
     number: int
     word: str
     level: Level
-    lasting: float  # in beats
+    duration: float  # in beats
 
 
 @dataclass(frozen=True, slots=True)
 class Rhythm:
-    """A text that is one `cycle_index`, its transformations, and what each of its words strikes."""
+    """A text that is one `cycle`, its transformations, and what each of its words strikes."""
 
     text: str
     do: str
     cycle: Length
     voices: Mapping[str, Voice]
-    first: int = 0  # the number of the cycle that is played first
+    first_cycle: int = 0  # the number of the cycle that is played first
     tuning: Tuning | None = None  # by which the notes of chords are named and ordered
 
     def cycle_begin(self, tempo: TempoMap, begin_beat: float, cycle_index: int) -> float:
@@ -98,7 +98,7 @@ class Rhythm:
             cycle_begin, cycle_end = (
                 self.cycle_begin(tempo, start, index) for index in (cycle_index, cycle_index + 1)
             )
-            cycle_number = self.first + cycle_index
+            cycle_number = self.first_cycle + cycle_index
             events = events_of_cycle(cycle_number)
             strokes: list[PlacedStroke] = []
             for event, level in zip(events, _levels_of_events(events, levels), strict=True):
@@ -134,7 +134,7 @@ class Rhythm:
         """
         counts = [0] * _CYCLES_SAMPLED
         for stroke in self.strokes(tempo, begin_beat, _PLAIN_LEVELS, draws, range(_CYCLES_SAMPLED)):
-            cycle_index = stroke.number // MAX_EVENTS - self.first
+            cycle_index = stroke.number // MAX_EVENTS - self.first_cycle
             counts[cycle_index] += sum(len(targets) for targets, _ in self.voices[stroke.word])
         return max(counts)
 
@@ -193,7 +193,7 @@ def _placed_strokes(
         return
     rate, first_factor, last_factor = struck_word.repeats
     start, end = tempo.seconds(stroke_beat), tempo.seconds(stroke_beat + stroke_span)
-    n_repeats = max(1, ceil((end - start) * rate - _SAME_STROKE))
+    n_repeats = max(1, ceil((end - start) * rate - _SAME_STROKE_TOLERANCE))
     if n_repeats > MAX_EVENTS:
         raise TextError(_TOO_MANY_MESSAGE)
     for repeat_index in range(n_repeats):
@@ -312,7 +312,7 @@ def renamed(rhythm: Rhythm, rename: Callable[[str], str]) -> Rhythm:
     return replace(rhythm, text=text, voices=voices)
 
 
-def check_text(rhythm_text: str) -> str:
+def checked_text(rhythm_text: str) -> str:
     """The text itself, if it is a rhythm and its words say levels as they should.
 
     Raises TextError.
@@ -331,4 +331,6 @@ def check_text(rhythm_text: str) -> str:
     return rhythm_text
 
 
-RHYTHM = Text(check_text, "a rhythm, such as kick ~ snare ~", types=("string",), meanings=MEANINGS)
+RHYTHM_SHAPE = Text(
+    checked_text, "a rhythm, such as kick ~ snare ~", types=("string",), meanings=MEANINGS
+)

@@ -131,10 +131,10 @@ def _check_route(
     if route.to == "nearest" and any(
         not output.is_movement and output.nearest is None for output in routed_outputs
     ):
-        quantity = non_movement_kinds[0] if non_movement_kinds else "a distance"
+        refused_kind = non_movement_kinds[0] if non_movement_kinds else "a distance"
         message = (
             "route: `nearest` needs masses, which have positions, and "
-            f"{route.part} gives {quantity}"
+            f"{route.part} gives {refused_kind}"
         )
         help_text = f"name channels, `to: [1, 2]`, or listen to masses by {MOVEMENT_NAMES}"
         part_names.collector.error("E304", message, route.place, help=help_text)

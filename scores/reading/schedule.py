@@ -36,16 +36,16 @@ def start_beats(
     """
     line_starts = _all_starts(piece, begin_beats, known_plays, collector)
     strike_counts = known_plays.recall("counts", piece.strikes, piece.seed)
-    if not strike_counts.unknown:
+    if not strike_counts.unknown_indices:
         return line_starts
     n_left = float(MAX_STRIKES) - sum(count for count in strike_counts.values if count is not None)
-    for strikes_index in strike_counts.unknown:
+    for strikes_index in strike_counts.unknown_indices:
         n_reports = collector.n_reports
         n_strikes = _strike_count(piece.strikes[strikes_index], piece, n_left, collector)
         if collector.n_reports == n_reports:
             strike_counts.values[strikes_index] = n_strikes
         n_left -= n_strikes
-    known_plays.keep("counts", strike_counts, piece.seed)
+    known_plays.keep_values("counts", strike_counts, piece.seed)
     return line_starts
 
 
@@ -55,20 +55,25 @@ def _all_starts(
     """Beats on which each line of the parts is played; lines in `known_plays` are not computed
     again.
     """
-    known_starts = known_plays.starts(piece)
-    if not known_starts.unknown:
-        return known_plays.beats(known_starts)
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped] = {}
+    known_starts = known_plays.known_starts(piece)
+    if not known_starts.unknown_indices:
+        return known_plays.start_beats(known_starts)
+    known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped] = {}
     n_left = MAX_OCCURRENCES - sum(
         starts_and_count[1]
         for starts_and_count in known_starts.values
         if starts_and_count is not None
     )
     reported_beats: dict[int, Sequence[float] | None] = {}
-    for line_index in known_starts.unknown:
+    for line_index in known_starts.unknown_indices:
         n_reports = collector.n_reports
         line_beats = _line_beats(
-            piece, piece.parts[line_index], begin_beats[line_index], lengths, n_left, collector
+            piece,
+            piece.parts[line_index],
+            begin_beats[line_index],
+            known_lengths,
+            n_left,
+            collector,
         )
         n_beats = 0 if line_beats is None else len(line_beats)
         n_left -= n_beats
@@ -78,7 +83,7 @@ def _all_starts(
             reported_beats[line_index] = line_beats
     known_plays.keep_starts(piece, known_starts)
     if not reported_beats:
-        return known_plays.beats(known_starts)
+        return known_plays.start_beats(known_starts)
     return tuple(
         [
             starts_and_count[0] if starts_and_count else reported_beats[number]
@@ -99,14 +104,16 @@ def _line_beats(
     if part_play.pattern is not None:
         return _pattern_beats(piece, part_play, begin_beat, known_lengths, n_left, collector)
     line_beats = None
-    gesture = piece.gestures.get(part_play.what)
+    gesture = piece.gestures.get(part_play.played_text)
     gesture_length, dropped_reasons = Length(), _NOTHING_DROPPED
     if gesture is not None:
         gesture_length, dropped_reasons = _gesture_length(
             piece, gesture, part_play, begin_beat, known_lengths
         )
     for dropped_reason in dropped_reasons:
-        collector.error("W315", f"{quote(part_play.what)}: {dropped_reason}", part_play.place)
+        collector.error(
+            "W315", f"{quote(part_play.played_text)}: {dropped_reason}", part_play.place
+        )
     if gesture is not None or (
         _check_take_transforms(part_play, collector) and part_play.every is not None
     ):
@@ -122,23 +129,23 @@ def _pattern_beats(
     piece: Piece,
     part_play: Play,
     begin_beat: float,
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped],
+    known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndDropped],
     n_left: int,
     collector: Collector,
 ) -> Sequence[float]:
     """Beats on which the places of a pattern begin."""
     assert part_play.pattern is not None
-    tempo, pattern_lengths = piece.tempo_map, {}
+    tempo, length_by_name = piece.tempo_map, {}
     for gesture_name in part_play.names:
         gesture = piece.gestures.get(gesture_name)
         if gesture is None:
-            for transforms in part_play.chains:
+            for transforms in part_play.transform_chains:
                 _check_take_transforms(
-                    replace(part_play, what=gesture_name, do=transforms), collector
+                    replace(part_play, played_text=gesture_name, do=transforms), collector
                 )
             continue
-        pattern_lengths[gesture_name], dropped_reasons = _gesture_length(
-            piece, gesture, part_play, begin_beat, lengths
+        length_by_name[gesture_name], dropped_reasons = _gesture_length(
+            piece, gesture, part_play, begin_beat, known_lengths
         )
         for dropped_reason in dropped_reasons:
             collector.error("W315", f"{quote(gesture_name)}: {dropped_reason}", part_play.place)
@@ -150,12 +157,12 @@ def _pattern_beats(
             step_length=part_play.every,
             times=part_play.times,
             end_beat=None if part_play.until is None else tempo.resolve(part_play.until),
-            length_of_name=pattern_lengths.get,
+            length_of_name=length_by_name.get,
             places_left=n_left,
         )
     except TextError as error:
         code = error.code if error.code != "E204" else "E305"
-        collector.error(code, f"{quote(part_play.what)}: {error.message}", part_play.place)
+        collector.error(code, f"{quote(part_play.played_text)}: {error.message}", part_play.place)
         return ()
 
 
@@ -180,7 +187,7 @@ def _repetition_beats(
             room=n_left,
         )
     except TextError as error:
-        collector.error("E305", f"{quote(part_play.what)}: {error.message}", part_play.place)
+        collector.error("E305", f"{quote(part_play.played_text)}: {error.message}", part_play.place)
         return []
 
 
@@ -205,12 +212,14 @@ def _strike_count(strikes: Strikes, piece: Piece, n_left: float, collector: Coll
             return 0.0
         try:
             draws = piece.seed, strikes.draw_key
-            per_cycle = strikes.rhythm.strokes_per_cycle(tempo, start_beat, draws)
+            strikes_per_cycle = strikes.rhythm.strokes_per_cycle(tempo, start_beat, draws)
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _count_within(strikes, float(strikes.cycles(tempo) * per_cycle), n_left, collector)
+        return _count_within(
+            strikes, float(strikes.cycles(tempo) * strikes_per_cycle), n_left, collector
+        )
     if strikes.has_rounds:
         try:
             n_targets = sum(target.count for hit in strikes.hits for target in hit.to)
@@ -227,7 +236,7 @@ def _strike_count(strikes: Strikes, piece: Piece, n_left: float, collector: Coll
         return _count_within(strikes, n_strikes, n_left, collector)
     if strikes.pattern is not None:
         try:
-            n_steps = float(len(strikes.steps(piece)))
+            n_steps = float(len(strikes.place_beats(piece)))
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
@@ -267,7 +276,7 @@ def _check_take_transforms(play: Play, collector: Collector) -> bool:
     try:
         apply_to_take(play.do)
     except TextError as error:
-        collector.error("E306", f"{quote(play.what)}: {error.message}", play.place)
+        collector.error("E306", f"{quote(play.played_text)}: {error.message}", play.place)
         return False
     return True
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.sections import SCORE_RECORD
 
 FORMAT = 1
 
@@ -14,6 +14,6 @@ def schema() -> dict[str, Any]:
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": f"ergon score, format {FORMAT}",
-        "description": SCORE.doc,
-        **SCORE.schema(),
+        "description": SCORE_RECORD.doc,
+        **SCORE_RECORD.schema(),
     }

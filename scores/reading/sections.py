@@ -6,14 +6,14 @@ The checker, the JSON Schema, the reference and the language server use these ta
 from __future__ import annotations
 
 from ergon.instruments.read import INSTRUMENT_SHAPE
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import NamedValues, Text, choice
 from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.text.errors import TextError
-from ergon.scores.reading.automation import AUTOMATION
-from ergon.scores.reading.foreign_words import ELSEWHERE, OTHER_METER
+from ergon.scores.reading.automation import AUTOMATION_RECORD
+from ergon.scores.reading.foreign_words import ADVICE_BY_WORD, METER_SECTION_ADVICE
 from ergon.scores.reading.gesture_tables import TAKE_RECORD, GestureShape, UnreadText
 from ergon.scores.reading.include import INCLUDE_RECORD
 from ergon.scores.reading.key_tables import COUPLING_RECORD, KEY_RECORD, PLAYER_RECORD
@@ -38,35 +38,40 @@ TEMPO_RECORD = Record(
     "tempo entry",
     "a tempo, a ramp or a meter from a position on",
     (
-        Field("at", k.WHEN, "where", shown="the beginning"),
-        Field("bpm", k.BPM, "beats a minute, or a ramp: 60 -> 96", shown="goes on"),
-        Field("over", k.LENGTH, "length of the ramp"),
-        Field("meter", k.METER, "meter from this position on", shown="4/4"),
+        Field("at", value_kinds.WHEN, "where", shown="the beginning"),
+        Field("bpm", value_kinds.BPM, "beats a minute, or a ramp: 60 -> 96", shown="goes on"),
+        Field("over", value_kinds.LENGTH, "length of the ramp"),
+        Field("meter", value_kinds.METER, "meter from this position on", shown="4/4"),
         Field(
             "from",
-            k.PATH,
+            value_kinds.PATH,
             "a MIDI or MusicXML file whose tempos hold, in the first line and alone there",
         ),
     ),
     refused={"link": _LINK_ADVICE},
-    elsewhere=ELSEWHERE["tempo entry"],
+    elsewhere=ADVICE_BY_WORD["tempo entry"],
     lone={"bpm": r"(\d+(?:\.\d+)?|\d+(?:\.\d+)? *-> *\d+(?:\.\d+)?) *(?:bpm)?"},
 )
 METERS_RECORD = Record(
     "meter map",
     "the meters of a MIDI or MusicXML file",
-    (Field("from", k.PATH, "a MIDI or MusicXML file whose meters hold", required=True),),
-    otherwise=OTHER_METER,
+    (Field("from", value_kinds.PATH, "a MIDI or MusicXML file whose meters hold", required=True),),
+    otherwise=METER_SECTION_ADVICE,
 )
 RATES_RECORD = Record(
     "rates",
     "sample rates",
     (
-        Field("audio", k.RATE, "frames a second", DEFAULT_RATE_HZ),
-        Field("gesture", k.RATE, "of all keys: audio divided by a whole number", shown="audio"),
+        Field("audio", value_kinds.RATE, "frames a second", DEFAULT_RATE_HZ),
+        Field(
+            "gesture",
+            value_kinds.RATE,
+            "of all keys: audio divided by a whole number",
+            shown="audio",
+        ),
         Field(
             "motion",
-            k.RATE,
+            value_kinds.RATE,
             "of what is only seen, at least: audio divided by a whole number",
             shown="audio",
         ),
@@ -78,10 +83,10 @@ ACCURACY_RECORD = Record(
     "error and cost that the plan may have; without the section the error stays inaudible",
     (
         Field("method", choice(*METHODS), "one method for everything, whatever its error"),
-        Field("error", k.ERROR, "largest error of the waveform, relative to the sound"),
-        Field("cents", k.CENTS, "largest error of a pitch", shown="3"),
-        Field("upto", k.HERTZ, "highest frequency at which pitches count", shown="5kHz"),
-        Field("cpu", k.SHARE, "largest work: 100% is one core at real time"),
+        Field("error", value_kinds.ERROR, "largest error of the waveform, relative to the sound"),
+        Field("cents", value_kinds.CENTS, "largest error of a pitch", shown="3"),
+        Field("upto", value_kinds.HERTZ, "highest frequency at which pitches count", shown="5kHz"),
+        Field("cpu", value_kinds.SHARE, "largest work: 100% is one core at real time"),
         Field(
             "guard",
             choice("on", "off"),
@@ -94,16 +99,16 @@ LAW_RECORD = Record(
     "law",
     "a law that LNL modules use by name; its constants are defaults",
     (
-        Field("doc", k.TITLE, "description and source"),
-        Field("law", k.TITLE, "force over elongation d"),
-        Field("damping", k.TITLE, "force over elongation d and its rate v"),
+        Field("doc", value_kinds.TITLE, "description and source"),
+        Field("law", value_kinds.TITLE, "force over elongation d"),
+        Field("damping", value_kinds.TITLE, "force over elongation d and its rate v"),
     ),
-    free=k.CONSTANT,
+    free=value_kinds.CONSTANT,
 )
-MAX_BLOCK = 50  # lines that a block has at most
+BLOCK_LINES_MAX = 50  # lines that a block has at most
 
 
-def _session_line(line_text: str) -> str:
+def _parse_session_line(line_text: str) -> str:
     """A line of a session; it is parsed when the block is run."""
     if not line_text.strip() or "\n" in line_text.strip():
         raise TextError(
@@ -114,10 +119,12 @@ def _session_line(line_text: str) -> str:
 
 BLOCK_SHAPE = ListOf(
     Text(
-        _session_line, "a line of a session, such as ada plays knock every 1/2", types=("string",)
+        _parse_session_line,
+        "a line of a session, such as ada plays knock every 1/2",
+        types=("string",),
     ),
     1,
-    MAX_BLOCK,
+    BLOCK_LINES_MAX,
     single=True,
 )
 _FILE_SHAPE = UnreadText("the name of a file")
@@ -131,13 +138,13 @@ USE_SHAPE = Either(
 
 NAMED_VALUES = NamedValues()
 
-SCORE = Record(
+SCORE_RECORD = Record(
     "score",
     "a whole score; a file that `use:` names has the same sections",
     (
         Field("ergon", Text(parse_version, "1", "^1$"), "version of the format"),
-        Field("title", k.TITLE, "the piece's name", ""),
-        Field("seed", k.integer(0, MAX_SEED, "7"), "seed of all random draws", 0),
+        Field("title", value_kinds.TITLE, "the piece's name", ""),
+        Field("seed", value_kinds.integer(0, MAX_SEED, "7"), "seed of all random draws", 0),
         Field("use", USE_SHAPE, "files whose names are brought in; with a prefix: {c: file}"),
         Field(
             "include",
@@ -149,7 +156,7 @@ SCORE = Record(
         Field("rates", RATES_RECORD, "sample rates"),
         Field("tempo", ListOf(TEMPO_RECORD, single=True), "the tempo map", shown="60 bpm in 4/4"),
         Field("meter", METERS_RECORD, "meters that a file of notes says; `tempo` may say others"),
-        Field("marks", NamesOf(k.MARK, "mark"), "names of instants"),
+        Field("marks", NamesOf(value_kinds.MARK, "mark"), "names of instants"),
         Field("keys", NamesOf(KEY_RECORD, "key"), "keys that hands play"),
         Field("instruments", NamesOf(INSTRUMENT_SHAPE, "instrument"), "networks that sound"),
         Field("laws", NamesOf(LAW_RECORD, "law"), "laws of non-linear links"),
@@ -159,7 +166,9 @@ SCORE = Record(
             "phrases", NamesOf(MelodyShape(PHRASE_RECORD), "phrase"), "melodies that strikes play"
         ),
         Field("strikes", NamesOf(MelodyShape(STRIKES_RECORD), "strikes"), "ergons without a key"),
-        Field("automation", ListOf(AUTOMATION, single=True), "parameters that change in time"),
+        Field(
+            "automation", ListOf(AUTOMATION_RECORD, single=True), "parameters that change in time"
+        ),
         Field("players", NamesOf(PLAYER_RECORD, "player"), "hands on keys"),
         Field("duet", ListOf(COUPLING_RECORD, single=True), "links between keys"),
         Field("parts", NamesOf(PART_SHAPE, "part"), "what each player plays: a list or a table"),
@@ -171,7 +180,7 @@ SCORE = Record(
         Field("accuracy", ACCURACY_RECORD, "error and cost that the plan may have"),
     ),
     refused={"link": _LINK_ADVICE},
-    elsewhere=ELSEWHERE["score"],
+    elsewhere=ADVICE_BY_WORD["score"],
     foreign={
         **dict.fromkeys(
             distinct_fields(CALIBRATION_RECORD), "a calibration is named by a key: `calib: FILE`"

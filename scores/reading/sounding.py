@@ -36,7 +36,7 @@ class SoundingNames:
             for name_now, sounding_name in (names or {}).items()
             if name_now != sounding_name
         }
-        self._new_by_id: dict[
+        self._renamed_by_id: dict[
             int, tuple[Any, Any]
         ] = {}  # by id, with the original, which keeps its id
 
@@ -70,18 +70,18 @@ class SoundingNames:
             (name_now for name_now in part_names if self.sounding_name(name_now) == name), name
         )
 
-    def renamed(self, old_name: str, new_name: str) -> SoundingNames:
+    def with_renamed_part(self, old_name: str, new_name: str) -> SoundingNames:
         """The names after a part was renamed."""
         remaining_names = {
             name_now: name for name_now, name in self.names.items() if name_now != old_name
         }
         return SoundingNames({**remaining_names, new_name: self._name_for(old_name)})
 
-    def piece(self, piece: Piece) -> Piece:
+    def sounding_piece(self, piece: Piece) -> Piece:
         """The piece with all names replaced by those by which its parts sound."""
         if not self.names:
             return piece
-        old_by_id, self._new_by_id = self._new_by_id, {}
+        old_by_id, self._renamed_by_id = self._renamed_by_id, {}
         sections = {
             name: self._renamed(getattr(piece, name), old_by_id)
             for name in ("keys", "instruments", "strikes", "players", "duet", "mix", "automation")
@@ -110,10 +110,10 @@ class SoundingNames:
             return record
         value_and_renamed = (
             old_by_id.get(id(record))
-            or self._new_by_id.get(id(record))
+            or self._renamed_by_id.get(id(record))
             or (record, self._with_new_names(record, old_by_id))
         )
-        self._new_by_id[id(record)] = value_and_renamed
+        self._renamed_by_id[id(record)] = value_and_renamed
         return value_and_renamed[1]
 
     def _with_new_names(self, record: Any, old_by_id: dict[int, tuple[Any, Any]]) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ergon.instruments.space.fields import DIRECTION
 from ergon.instruments.transpose import INTERVAL_SHAPE
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Context, Reference, Shape, Text, wrong_shape
@@ -18,15 +18,15 @@ from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.scores.gesture.transforms import MEANINGS as GESTURE_MEANINGS
 from ergon.scores.pattern.cycle_table import MEANINGS as RHYTHM_MEANINGS
 from ergon.scores.reading import phrase_do
-from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
-from ergon.scores.reading.melody import ENTRY_RECORD, PHRASE_ENTRY_RECORD, Entries
+from ergon.scores.reading.foreign_words import ADVICE_BY_WORD, FIELD_SYNONYMS
+from ergon.scores.reading.melody import ENTRY_RECORD, PHRASE_ENTRY_RECORD, EntriesShape
 from ergon.scores.reading.patterns import PATTERN_TABLE
-from ergon.scores.reading.rhythms import RHYTHM
-from ergon.scores.reading.sweep_fields import SWEEP_FIELDS as PASSING_FIELDS
+from ergon.scores.reading.rhythms import RHYTHM_SHAPE
+from ergon.scores.reading.sweep_fields import PASSING_FIELDS
 
 
 @dataclass(frozen=True)
-class StrikesDo(Shape):
+class StrikesDoShape(Shape):
     """Transformations as texts: what they mean depends on whether a phrase or a rhythm plays."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
@@ -58,12 +58,20 @@ STRIKES_RECORD = Record(
     "ergons that hit modules directly, without a key",
     (
         Field("to", _TARGETS_SHAPE, "what; of a melody the instrument whose notes are struck"),
-        Field("at", k.WHEN, "when they begin"),
-        Field("for", k.LENGTH, "how long; of `sweep` and `path` once over the instrument"),
-        Field("until", k.WHEN, "when they end, instead of `for`"),
-        Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
-        Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
-        Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
+        Field("at", value_kinds.WHEN, "when they begin"),
+        Field(
+            "for", value_kinds.LENGTH, "how long; of `sweep` and `path` once over the instrument"
+        ),
+        Field("until", value_kinds.WHEN, "when they end, instead of `for`"),
+        Field(
+            "rate", value_kinds.HERTZ, "mean strikes a second for each target, by chance (Poisson)"
+        ),
+        Field("every", value_kinds.LENGTH, "time between strikes, instead of `rate`"),
+        Field(
+            "times",
+            value_kinds.TIMES,
+            "number of strikes; of whole rounds, with `notes` or `euclid`",
+        ),
         *PATTERN_TABLE,
         Field("impulse", LEVELS, "how strongly, from a range by chance; a pattern in turn"),
         Field(
@@ -72,31 +80,36 @@ STRIKES_RECORD = Record(
             "pitch of a CEL at each strike",
         ),
         Field(
-            "entries", Entries(ENTRY_RECORD), "a melody, instead of all these: strikes one by one"
+            "entries",
+            EntriesShape(ENTRY_RECORD),
+            "a melody, instead of all these: strikes one by one",
         ),
         Field(
             "play",
             Reference("a phrase, or a take of MIDI or MusicXML"),
             "what is played, `every` so often",
         ),
-        Field("rhythm", RHYTHM, "a text of words, notes and rests, which is one cycle"),
-        Field("cycle", k.LENGTH, "length of a cycle of the rhythm", shown="1bar"),
+        Field("rhythm", RHYTHM_SHAPE, "a text of words, notes and rests, which is one cycle"),
+        Field("cycle", value_kinds.LENGTH, "length of a cycle of the rhythm", shown="1bar"),
         *PASSING_FIELDS,
         Field("transpose", INTERVAL_SHAPE, "how much higher the notes of the phrase are"),
         Field(
             "do",
-            StrikesDo(),
+            StrikesDoShape(),
             "transformations of a phrase, a rhythm, or strikes by the clock, left to right",
         ),
-        Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
-        Field("speed", k.SPEED, "speed of the ergon"),
+        Field("mass", value_kinds.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
+        Field("speed", value_kinds.SPEED, "speed of the ergon"),
         Field(
-            "lasts", k.CONTACT_TIME, "how long each strike lasts; 0s: an instant", shown="0.19ms"
+            "lasts",
+            value_kinds.CONTACT_TIME,
+            "how long each strike lasts; 0s: an instant",
+            shown="0.19ms",
         ),
         Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),
     ),
-    meant=MEANT["strikes"],
-    elsewhere=ELSEWHERE["strikes"],
+    meant=FIELD_SYNONYMS["strikes"],
+    elsewhere=ADVICE_BY_WORD["strikes"],
 )
 
 
@@ -113,15 +126,17 @@ PHRASE_RECORD = Record(
     "phrase",
     "a melody with a length of its own, which `strikes` play",
     (
-        Field("entries", Entries(PHRASE_ENTRY_RECORD), "its strikes; needed without `like`"),
-        Field("length", k.LENGTH, "its length", shown="to the beat after its last strike"),
+        Field("entries", EntriesShape(PHRASE_ENTRY_RECORD), "its strikes; needed without `like`"),
+        Field(
+            "length", value_kinds.LENGTH, "its length", shown="to the beat after its last strike"
+        ),
         Field("to", _TARGETS_SHAPE, "the instrument whose notes are struck"),
         Field("impulse", LEVELS, "how strongly strikes are that say nothing"),
         Field("like", Reference("a phrase", ("phrases",)), "begin with another phrase"),
         Field("do", phrase_do.DO, "transformations, left to right (after those of `like`)"),
     ),
     _phrase_of_values,
-    elsewhere=ELSEWHERE["phrase"],
+    elsewhere=ADVICE_BY_WORD["phrase"],
 )
 
 

@@ -29,7 +29,7 @@ def strikes_tuning(
     tuned_fields = [f"`{name}`" for name in strike_values.written(*_TUNED_FIELDS)]
     if isinstance(phrase, Values):
         target_names = melodies.notes_in(phrase, strike_values)
-        if melodies.is_midi(phrase) or phrase["do"]:
+        if melodies.has_note_file(phrase) or phrase["do"]:
             tuned_fields.append(f"phrase {quote(strike_values['play'])}")
     tunings = {name: part_names.tuning_of(name) for name in target_names}
     first_name, first_tuning = next(iter(tunings.items()), ("", part_names.tuning))

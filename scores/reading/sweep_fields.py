@@ -10,8 +10,7 @@ from itertools import pairwise
 from math import ceil
 from typing import Any
 
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import quantities, value_kinds
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import Text, choice
 from ergon.notation.text.errors import TextError, quote
@@ -73,9 +72,9 @@ def _parse_point(point_text: str) -> Point:
     if len(point_words) != 2:
         message = f"{quote(point_text.strip())} is not a radius and an angle such as 0.3 1080deg"
         raise TextError(message, length=max(1, len(point_text)), code="E201")
-    radius = q.quantity(point_words[0], q.RADIUS)
+    radius = quantities.quantity(point_words[0], quantities.RADIUS)
     try:
-        return radius, q.quantity(point_words[1], q.PATH_AZIMUTH)
+        return radius, quantities.quantity(point_words[1], quantities.PATH_AZIMUTH)
     except TextError as error:
         error.offset += point_text.index(
             point_words[1], point_text.index(point_words[0]) + len(point_words[0])
@@ -108,7 +107,7 @@ PATH_SHAPE = Text(
     "radius and angle from point to point, such as 1 0deg -> 0.3 1080deg",
     has_values=True,
 )
-SWEEP_FIELDS = (
+PASSING_FIELDS = (
     Field(
         "sweep", choice(*SWEEPS), "a sweep that strikes each member that it passes, once in `for`"
     ),
@@ -116,7 +115,10 @@ SWEEP_FIELDS = (
         "path", PATH_SHAPE, "the path of a point that strikes each member it passes, once in `for`"
     ),
     Field(
-        "width", k.WIDTH, "how wide that point is; the instrument's radius is 1", DEFAULT_PATH_WIDTH
+        "width",
+        value_kinds.WIDTH,
+        "how wide that point is; the instrument's radius is 1",
+        DEFAULT_PATH_WIDTH,
     ),
 )
 

@@ -24,7 +24,7 @@ from ergon.scores.reading.piece import Mark, Piece, TempoEntry
 
 
 class Times:
-    """Tempo entries and marks of a score; `map` is a default one if they contain errors."""
+    """Tempo entries and marks of a score; `tempo_map` is a default one if they contain errors."""
 
     def __init__(
         self, score: Values, collector: Collector, memory: Memory | None, midi_uses: MidiUses
@@ -40,14 +40,14 @@ class Times:
         old_times = (
             None if memory is None else memory.held(f"tempo {score_file}", self._value_names)
         )
-        self.file = _times_of_files(tempo_lines, score["meter"], midi_uses)
+        self.file_times = _times_of_files(tempo_lines, score["meter"], midi_uses)
         if (
             old_times is None
             or old_times[0] is not marks_node
-            or old_times[2] != self.file
+            or old_times[2] != self.file_times
             or changed_part(old_times[1], tempo_lines)
         ):
-            tempos = self.file.tempos
+            tempos = self.file_times.tempos
             self._lines = [
                 (
                     line_values,
@@ -62,14 +62,21 @@ class Times:
                 if position is not MISSING
             )
             self.marks = valid_marks
-            old_times = marks_node, tempo_lines, self.file, self._lines, valid_marks, self._map()
+            old_times = (
+                marks_node,
+                tempo_lines,
+                self.file_times,
+                self._lines,
+                valid_marks,
+                self._make_map(),
+            )
             if memory is not None and old_times[-1] is not None:
                 memory.hold(f"tempo {score_file}", self._value_names, old_times)
         _, _, _, self._lines, self.marks, known_map = old_times
         self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
         self._has_map = known_map is not None
         # With mistakes in tempo or marks no position is known; each mark is somewhere.
-        self.map = known_map or TempoMap((), {name: Position() for name in self._mark_names})
+        self.tempo_map = known_map or TempoMap((), {name: Position() for name in self._mark_names})
         entries_key = [
             (
                 tempo_entry.at,
@@ -81,9 +88,11 @@ class Times:
             for tempo_entry in self.entries
         ]
         mark_positions = [(mark.name, mark.at) for mark in self.marks]
-        self.known_plays = KnownPlays(memory, score_file, (entries_key, self.file, mark_positions))
+        self.known_plays = KnownPlays(
+            memory, score_file, (entries_key, self.file_times, mark_positions)
+        )
 
-    def _map(self) -> TempoMap | None:
+    def _make_map(self) -> TempoMap | None:
         """The map; None if an error was reported."""
         positions_by_mark = {mark.name: mark.at for mark in self.marks}
         is_valid = True
@@ -103,7 +112,7 @@ class Times:
             for _, entry in self._lines
         ]
         try:
-            return TempoMap(tempo_entries, positions_by_mark, self.file)
+            return TempoMap(tempo_entries, positions_by_mark, self.file_times)
         except TempoError as error:
             line_values = self._lines[error.entry][0]
             self.collector.error(
@@ -111,7 +120,7 @@ class Times:
             )
         except TextError as error:  # marks in a circle, or a position before 0
             line_values = self._lines[
-                _first_unresolved(tempo_entries, positions_by_mark, self.file)
+                _first_unresolved(tempo_entries, positions_by_mark, self.file_times)
             ][0]
             self.collector.error("E305", f"tempo: {error.message}", line_values.place_of("at"))
         return None
@@ -170,8 +179,8 @@ class Times:
                 )
         return None, None
 
-    def _beats(self, position: Position | None, place: Callable[[], Place]) -> float | None:
-        """Beats of a position; None if there is none, or if an error was reported."""
+    def _beat_of(self, position: Position | None, place: Callable[[], Place]) -> float | None:
+        """The beat of a position; None if there is none, or if an error was reported."""
         if position is None or (
             position.mark is not None and not self._mark_exists(position, place())
         ):
@@ -179,29 +188,29 @@ class Times:
         if not self._has_map:
             return None
         try:
-            return self.map.resolve(position)
+            return self.tempo_map.resolve(position)
         except TextError as error:
             self.collector.error("E305", error.message, place())
             return None
 
     def exists(self, position: Position, place: Place) -> bool:
         """Whether a position exists; reports an error if not."""
-        return self._beats(position, lambda: place) is not None
+        return self._beat_of(position, lambda: place) is not None
 
-    def check(self, score: Values, piece: Piece) -> list[float]:
+    def check_piece(self, score: Values, piece: Piece) -> list[float]:
         """Check that every position in the piece exists, and that nothing ends before it begins.
 
         Returns the beats on which the lines of the parts begin; 0 if an error was reported.
         """
         for mark in self.marks:
-            self._beats(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
+            self._beat_of(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
         begin_beats = self._begin_beats(piece)
         sections = score["strikes"] or {}, score["duet"] or (), score["automation"] or ()
-        self._check_positions(*sections)
+        self._check_sections(*sections)
         for strikes in piece.strikes:
             for hit in strikes.hits:
                 if isinstance(hit.at, Position):
-                    self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
+                    self._beat_of(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
         routes = piece.mix.routes
         timed_points: list[FadePoint | PanPoint] = [
             point for route in routes for point in route.fade
@@ -209,14 +218,14 @@ class Times:
         timed_points += [point for route in routes for point in route.pan_path]
         timed_points += piece.mix.master.fade if piece.mix.master else ()
         for point in timed_points:
-            self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
+            self._beat_of(point.at, lambda point=point: point.place)  # type: ignore[misc]
         for part in piece.instruments.values():
             for module in part.modules:
                 if isinstance(position := module.fields.get("at"), Position):
-                    self._beats(position, lambda m=module: m.places["at"])  # type: ignore[misc]
+                    self._beat_of(position, lambda m=module: m.places["at"])  # type: ignore[misc]
         return begin_beats
 
-    def _check_positions(
+    def _check_sections(
         self, strikes: Mapping[str, Any], duet: Sequence[Any], automation: Sequence[Any]
     ) -> None:
         """Check where the entries of these sections begin and end."""
@@ -226,31 +235,34 @@ class Times:
             ("automation", automation),
         ):
             checked_values = self.known_plays.recall(f"checked {section_name}", section_entries)
-            for entry_index in checked_values.unknown:
+            for entry_index in checked_values.unknown_indices:
                 entry_values, n_reports = section_entries[entry_index], self.collector.n_reports
                 if isinstance(entry_values, Values):
                     position, end_position = entry_values["at"], entry_values["until"]
-                    begin_beat = self._beats(position, lambda v=entry_values: v.place_of("at"))  # type: ignore[misc]
-                    end_beat = self._beats(end_position, lambda v=entry_values: v.place_of("until"))  # type: ignore[misc]
+                    begin_beat = self._beat_of(position, lambda v=entry_values: v.place_of("at"))  # type: ignore[misc]
+                    end_beat = self._beat_of(
+                        end_position,
+                        lambda v=entry_values: v.place_of("until"),  # type: ignore[misc]
+                    )
                     self._check_order(begin_beat, end_beat, entry_values.place_of("until"))
                 if self.collector.n_reports == n_reports:
                     checked_values.values[entry_index] = True
-            self.known_plays.keep(f"checked {section_name}", checked_values)
+            self.known_plays.keep_values(f"checked {section_name}", checked_values)
 
     def _begin_beats(self, piece: Piece) -> list[float]:
         """The beats on which the lines of the parts begin; 0 if an error was reported."""
         known_beats = self.known_plays.recall("begins", piece.parts)
         begin_beats = known_beats.values
-        for entry_index in known_beats.unknown:
+        for entry_index in known_beats.unknown_indices:
             play, n_reports = piece.parts[entry_index], self.collector.n_reports
-            start_beat = self._beats(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
+            start_beat = self._beat_of(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
             if play.until is not None:
-                end_beat = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
+                end_beat = self._beat_of(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._check_order(start_beat, end_beat, play.until_place or play.place)
             if self.collector.n_reports == n_reports:
                 begin_beats[entry_index] = start_beat or 0.0
-        self.known_plays.keep("begins", known_beats)
-        if all(begin_beats[number] is not None for number in known_beats.unknown):
+        self.known_plays.keep_values("begins", known_beats)
+        if all(begin_beats[number] is not None for number in known_beats.unknown_indices):
             return begin_beats
         return [beat or 0.0 for beat in begin_beats]
 
@@ -262,9 +274,13 @@ class Times:
 def _times_of_files(lines: Sequence[Values], meter: Any, midi_uses: MidiUses) -> FileTimes:
     """What the MIDI files say that `tempo:` and `meter:` name; mistakes are reported."""
     file_values = next((values for values in lines if values.written("from")), None)
-    tempos = () if file_values is None else midi_uses.times(file_values, tempos_of, is_tempo=True)
+    tempos = (
+        () if file_values is None else midi_uses.read_times(file_values, tempos_of, is_tempo=True)
+    )
     meters = (
-        () if not isinstance(meter, Values) else midi_uses.times(meter, meters_of, is_tempo=False)
+        ()
+        if not isinstance(meter, Values)
+        else midi_uses.read_times(meter, meters_of, is_tempo=False)
     )
     return FileTimes(tempos or (), meters or ()) if tempos or meters else NO_FILE
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from math import log10
 from typing import Any, Literal
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING
 
-Filtering = Literal["lowpass", "lowshelf", "highshelf"]
+FilterKind = Literal["lowpass", "lowshelf", "highshelf"]
 DELAY_MAX = 10.0  # [s]
 
 
@@ -20,7 +20,7 @@ DELAY_MAX = 10.0  # [s]
 class Tone:
     """A filter of order 2: its frequency [Hz], and the level of a shelf [dB]."""
 
-    kind: Filtering
+    kind: FilterKind
     frequency: float
     level: float = 0.0
 
@@ -37,7 +37,7 @@ class Echo:
         return int(self.time * rate + 0.5)
 
 
-def _shelf_tone(shelf_values: Values) -> Any:
+def _shelf_point(shelf_values: Values) -> Any:
     if shelf_values["f"] is None or shelf_values["gain"] is None:
         return MISSING
     if shelf_values["gain"] <= 0.0:
@@ -62,19 +62,21 @@ SHELF_RECORD = Record(
     "shelf",
     "a gain below or above a frequency",
     (
-        Field("f", k.HERTZ, "where half of the level in dB is reached", required=True),
-        Field("gain", k.GAIN, "level far below it (lowshelf) or above it", required=True),
+        Field("f", value_kinds.HERTZ, "where half of the level in dB is reached", required=True),
+        Field("gain", value_kinds.GAIN, "level far below it (lowshelf) or above it", required=True),
     ),
-    _shelf_tone,
+    _shelf_point,
 )
 DELAY_SHAPE = Either(
-    k.DURATION,
+    value_kinds.DURATION,
     Record(
         "delay",
         "a delay with echoes",
         (
-            Field("time", k.DURATION, "from the sound to what is heard of it", required=True),
-            Field("feedback", k.GAIN, "level of each echo beside the one before", 0.0),
+            Field(
+                "time", value_kinds.DURATION, "from the sound to what is heard of it", required=True
+            ),
+            Field("feedback", value_kinds.GAIN, "level of each echo beside the one before", 0.0),
         ),
         _echo_of_values,
     ),
@@ -86,25 +88,25 @@ def tones(values: Values) -> tuple[Tone, ...]:
     return tuple(_read_tones(values))
 
 
-def _read_tones(tone_values: Values) -> Iterator[Tone]:
-    if tone_values["lowpass"] is not None:
-        yield Tone("lowpass", tone_values["lowpass"])
-    shelves: tuple[Filtering, ...] = "lowshelf", "highshelf"
+def _read_tones(route_values: Values) -> Iterator[Tone]:
+    if route_values["lowpass"] is not None:
+        yield Tone("lowpass", route_values["lowpass"])
+    shelves: tuple[FilterKind, ...] = "lowshelf", "highshelf"
     for kind in shelves:
-        if tone_values[kind] is not None:
-            yield Tone(kind, *tone_values[kind])
+        if route_values[kind] is not None:
+            yield Tone(kind, *route_values[kind])
 
 
-def echo(echo_values: Values) -> Echo | None:
+def echo(route_values: Values) -> Echo | None:
     """The delay of a route; a longer one than the engine has is reported."""
-    written_delay = echo_values["delay"]
+    written_delay = route_values["delay"]
     if written_delay is None:
         return None
     route_echo = Echo(written_delay) if isinstance(written_delay, float) else written_delay
     if route_echo.time > DELAY_MAX:
         message = (
-            f"{echo_values.context.label('delay')}: {route_echo.time:g} s is above the maximum of "
+            f"{route_values.context.label('delay')}: {route_echo.time:g} s is above the maximum of "
         )
-        echo_values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")
+        route_values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")
         return None
     return route_echo

@@ -25,7 +25,7 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 
 _Read = TypeVar("_Read")
-_MAX_FILE = 2**20  # bytes of a scale; the largest of the Scala archive has 30 kB
+_FILE_BYTES_MAX = 2**20  # bytes of a scale; the largest of the Scala archive has 30 kB
 
 
 def tuning_of(score: Document, files: Files) -> Tuning | None:
@@ -66,11 +66,11 @@ def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
 def _base_name(nodes: Mapping[str, Node], instrument_name: str) -> str:
     """The name that `like` gives an instrument of this file; without `like`, the name itself."""
     node = nodes.get(instrument_name)
-    base_name = node.get("like") if isinstance(node, document.Mapping) else None
+    base_node = node.get("like") if isinstance(node, document.Mapping) else None
     inherits_tuning = isinstance(node, document.Mapping) and "tuning" not in node.entries
     return (
-        base_name.text.strip()
-        if inherits_tuning and isinstance(base_name, Scalar)
+        base_node.text.strip()
+        if inherits_tuning and isinstance(base_node, Scalar)
         else instrument_name
     )
 
@@ -138,8 +138,8 @@ def _parsed_scala_file(
 
 def _decoded(file_bytes: bytes, file_name: str, collector: Collector) -> str | None:
     """The text of a file of Scala; None for one that is too large, which is reported."""
-    if len(file_bytes) > _MAX_FILE:
-        message = f"the file has more than {_MAX_FILE // 2**20} MB; a scale has a few lines"
+    if len(file_bytes) > _FILE_BYTES_MAX:
+        message = f"the file has more than {_FILE_BYTES_MAX // 2**20} MB; a scale has a few lines"
         collector.error("E105", message, Place(file_name, 1, 1))
         return None
     return decoded(file_bytes)

@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any, TypeVar
 
 from ergon.instruments.model import Instrument
-from ergon.instruments.transpose import base_at_pitch
+from ergon.instruments.transpose import transposed_base
 from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
@@ -24,17 +24,19 @@ from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.overlay import overlay_fields
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Gesture, Key, TakeFile
-from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.sections import SCORE_RECORD
 from ergon.scores.reading.tuned import tuning_of, tunings_of
 
 # Sections whose names other files may use.
 SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
 # Sections of events: `use:` does not bring them in.
 PLAYED_SECTIONS = ("strikes", "automation", "duet", "parts")
-MAX_USES = 20  # files deep
+USE_DEPTH_MAX = 20  # files deep
 MAX_NAMES = 20_000  # names that other files add to one
-MAX_LIKE = 32  # things that begin with another
-NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
+LIKE_CHAIN_MAX = 32  # things that begin with another
+NOUN_BY_SECTION = dict(
+    zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True)
+)
 _Named = TypeVar("_Named", Gesture, TakeFile, Key | Instrument)
 
 
@@ -64,7 +66,9 @@ class Names:
     tables: dict[str, dict[str, Entry]] = field(
         default_factory=lambda: {section: {} for section in SECTIONS}
     )
-    used: dict[str, Names] = field(default_factory=dict)  # by file stem and by prefix, for `from:`
+    used_names: dict[str, Names] = field(
+        default_factory=dict
+    )  # by file stem and by prefix, for `from:`
     tuning: Tuning | None = None  # tuning of the notes in its file
     tunings: Mapping[str, Tuning] = field(
         default_factory=dict
@@ -84,17 +88,17 @@ class Uses:
         """Start with no file read."""
         self.files = files
         self.collector = collector
-        self._read: dict[str, Names] = {}
+        self._names_by_file: dict[str, Names] = {}
         self.is_full = False  # files bring more names than are read
-        self.midi = MidiUses(files)
+        self.midi_uses = MidiUses(files)
         self.pieces: dict[str, Piece] = {}  # included scores by file
-        self._open: list[tuple[str, Place | None]] = []
+        self._open_files: list[tuple[str, Place | None]] = []
 
     def read(self, document: Document, asked_place: Place | None = None) -> Names:
         """Names of a document; a file that is used twice is read once."""
-        if document.file in self._read:
-            return self._read[document.file]
-        document_names = self._read[document.file] = Names(document)
+        if document.file in self._names_by_file:
+            return self._names_by_file[document.file]
+        document_names = self._names_by_file[document.file] = Names(document)
         if document.root is None:
             return document_names
         document_names.tuning = tuning_of(document, self.files)
@@ -109,14 +113,14 @@ class Uses:
             memory.set_condition(document.file, all_tunings)
         context = Context(self.collector, memory=memory, tunings=document_names.tunings)
         with tuning.used(document_names.tuning):
-            score = SCORE.read(document.root, "", context)
+            score = SCORE_RECORD.read(document.root, "", context)
         if score is MISSING:
             return document_names
         document_names.score = score
         for section in SECTIONS:
             for name, values in (score[section] or {}).items():
                 document_names.tables[section][name] = Entry(values, document_names)
-        self._open.append((document.file, asked_place))
+        self._open_files.append((document.file, asked_place))
         for file, place, prefix in _used_files(score):
             document_names.families.append(prefix or PurePath(file).stem)
             self._add_file(document_names, file, place, prefix)
@@ -130,7 +134,7 @@ class Uses:
             )
             if file_names is not None:
                 document_names.included.append((include_entry, file_names))
-        self._open.pop()
+        self._open_files.pop()
         return document_names
 
     def _add_file(
@@ -142,8 +146,8 @@ class Uses:
         include: Include | None = None,
     ) -> Names | None:
         """Bring in the names of a file, and return them; None if an error was reported."""
-        if len(self._open) > MAX_USES:
-            message = f"`use:` is nested more than {MAX_USES} files deep"
+        if len(self._open_files) > USE_DEPTH_MAX:
+            message = f"`use:` is nested more than {USE_DEPTH_MAX} files deep"
             self.collector.error("E105", message, written_place)
             return None
         document = self.files.required(
@@ -152,16 +156,16 @@ class Uses:
         if document is None:
             self.collector.lacks_names = True
             return None
-        open_files = [name for name, _ in self._open]
+        open_files = [name for name, _ in self._open_files]
         if document.file in open_files:
-            file_circle = self._open[open_files.index(document.file) + 1 :]
+            file_circle = self._open_files[open_files.index(document.file) + 1 :]
             steps = [str(asking_place) for _, asking_place in file_circle if asking_place] + [
                 str(written_place)
             ]
             message = f"{document.file} uses itself: {' -> '.join(steps)}"
             self.collector.error("E302", message, written_place)
             return None
-        is_new = document.file not in self._read
+        is_new = document.file not in self._names_by_file
         used_names = self.read(document, written_place)
         if is_new and used_names.score is not None:
             self._report_unplayed(
@@ -177,9 +181,9 @@ class Uses:
             self.collector.error("E105", message, written_place)
             self.is_full = True
             return None
-        score_names.used[PurePath(file_name).stem] = used_names
+        score_names.used_names[PurePath(file_name).stem] = used_names
         if prefix:
-            score_names.used[prefix] = used_names
+            score_names.used_names[prefix] = used_names
         for section_name, table in used_names.tables.items():
             for entry_word, named_entry in table.items():
                 entry_values = named_entry.values
@@ -218,16 +222,18 @@ class Uses:
     ) -> None:
         full_name = f"{prefix}.{word}" if prefix else word
         full_prefix = ".".join(filter(None, (prefix, entry.prefix)))
-        existing = names.tables[section].get(full_name)
-        if existing is None:
+        existing_entry = names.tables[section].get(full_name)
+        if existing_entry is None:
             names.tables[section][full_name] = Entry(entry.values, entry.names, full_prefix, place)
-        elif existing.values is not entry.values:
+        elif existing_entry.values is not entry.values:
             earlier_place = (
-                existing.values.place
-                if isinstance(existing.values, Values)
-                else existing.brought_place
+                existing_entry.values.place
+                if isinstance(existing_entry.values, Values)
+                else existing_entry.brought_place
             )
-            message = f"{NOUNS[section]} {quote(full_name)} of {entry.names.document.file} "
+            message = (
+                f"{NOUN_BY_SECTION[section]} {quote(full_name)} of {entry.names.document.file} "
+            )
             message += f"is already defined at {earlier_place}; give the file a prefix"
             self.collector.error("E303", message, place, help="use: {c: file} brings in c.name")
 
@@ -259,9 +265,9 @@ class Uses:
                 self.collector.error("E302", message, like_chain[0].place_of("like"))
                 return None, frozenset()
             like_chain.append(entry_values)
-            if len(like_chain) > MAX_LIKE:
+            if len(like_chain) > LIKE_CHAIN_MAX:
                 label = like_chain[0].context.label("like")
-                message = f"{label}: the chain has more than {MAX_LIKE} members"
+                message = f"{label}: the chain has more than {LIKE_CHAIN_MAX} members"
                 self.collector.error("E105", message, like_chain[0].place_of("like"))
                 return None, frozenset()
             if not entry_values.written("like", "from"):
@@ -278,11 +284,13 @@ class Uses:
         """The tuning of an instrument whose names are resolved: that which it has itself or by
         `like`, else that of the instrument that brings its notes; None if they have none.
         """
-        for _ in range(MAX_LIKE if any(names.tunings for names in self._read.values()) else 0):
+        for _ in range(
+            LIKE_CHAIN_MAX if any(names.tunings for names in self._names_by_file.values()) else 0
+        ):
             entry_values = entry.values
             if not isinstance(entry_values, Values):
                 return None
-            tuning = self._read[entry_values.node.document.file].tunings.get(
+            tuning = self._names_by_file[entry_values.node.document.file].tunings.get(
                 entry_values.context.name
             )
             if (
@@ -315,10 +323,10 @@ class Uses:
         merged_values = like_chain[-1]
         is_instrument = section == "instruments"
         if is_instrument:
-            merged_values = base_at_pitch(merged_values, merged_values, is_root=True)
+            merged_values = transposed_base(merged_values, merged_values, is_root=True)
         for chain_values in reversed(like_chain[:-1]):
             if is_instrument:
-                merged_values = base_at_pitch(merged_values, chain_values, is_root=False)
+                merged_values = transposed_base(merged_values, chain_values, is_root=False)
             merged_values = overlay_fields(merged_values, chain_values)
         if memory is not None and self.collector.n_reports == n_reports:
             memory.hold(memory_key, like_chain, merged_values)
@@ -341,7 +349,8 @@ class Uses:
         like_entry = source_names.tables[section].get(base_name)
         if like_entry is None:
             message = (
-                f"{values.context.label('like')}: no {NOUNS[section]} is called {quote(base_name)}"
+                f"{values.context.label('like')}: no {NOUN_BY_SECTION[section]} is called "
+                f"{quote(base_name)}"
             )
             names = [n for n in source_names.names(section) if n != values.context.name]
             values.error("E301", message, "like", word=base_name, names=names)
@@ -351,7 +360,7 @@ class Uses:
         self, section_name: str, source_name: Name, entry_values: Values, source_names: Names
     ) -> Entry | None:
         stem, slash, name_in_file = source_name.partition("/")
-        file_names = source_names.used.get(stem)
+        file_names = source_names.used_names.get(stem)
         if slash and file_names is None:  # the shipped instruments need no `use:`
             file_name = f"instruments/{stem}.yaml"
             is_there = self.files.find(file_name, source_names.document.folder) is not None
@@ -364,7 +373,7 @@ class Uses:
             message = f"{entry_values.context.label('from')}: `use:` names no file {quote(stem)}; "
             message += "write file/name, such as gong/plate"
             used_files, help_text = (
-                tuple(source_names.used),
+                tuple(source_names.used_names),
                 _family_help(section_name, name_in_file if slash else stem),
             )
             self.collector.error(

@@ -35,10 +35,10 @@ def with_wheels(
     path = files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
     if path is None:  # the reader of the notes reports it
         return wheel_strikes
-    cents = take["bend"].cents
+    range_cents = take["bend"].cents
     try:
         curves = read_wheels(
-            path, take["channel"], _DEFAULT_RANGE_CENTS if cents is None else cents
+            path, take["channel"], _DEFAULT_RANGE_CENTS if range_cents is None else range_cents
         )
     except TakeError as error:
         take.error("E310", f"take {quote(take.context.name)}: {error.message}", error.field)
@@ -54,7 +54,7 @@ def _note_glides(
     """The glides of each struck instrument, whose notes lie `semitones` above those of the file."""
     places_by_part: dict[str, dict[str, Place]] = {}
     for hit in wheel_strikes.hits:
-        places_by_part.setdefault(hit.what, {}).update(
+        places_by_part.setdefault(hit.struck_text, {}).update(
             (target.part, target.place) for target in hit.to
         )
     for note_key, points in curves.items():

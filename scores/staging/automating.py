@@ -50,32 +50,38 @@ def automation_points(
     until_beat: float,
     collector: Collector,
     begin: float = -math.inf,
-    known: KnownAutomation | None = None,
+    known_automation: KnownAutomation | None = None,
 ) -> AutomatedPoints:
     """The points of each automated module, for the beats from `since_beat` to `until_beat`; only
     those from the last one at or before the instant `begin` [s] on are needed.
 
-    `known` is what the stage before knew.
+    `known_automation` is what the stage before knew.
     """
-    tempo, known = piece.tempo_map, known or KnownAutomation()
-    track_by_module = known.tracks(piece)
+    tempo, known_automation = piece.tempo_map, known_automation or KnownAutomation()
+    track_by_module = known_automation.tracks(piece)
     start_beat = tempo.beats(begin) if begin > -math.inf else -math.inf
     modules: dict[ModuleKey, AutomatedModule] = {}
     points_by_module: dict[ModuleKey, Points] = {}
     tracks: dict[ModuleKey, ModuleTracks] = {}
     for module_key, track in track_by_module.items():
-        target = known.automated_module(piece, module_key)
+        target = known_automation.automated_module(piece, module_key)
         if target is None:
             continue  # a gesture is rehearsed without instruments
         modules[module_key] = target
-        constant_points = known.constant_points(module_key, track, target, start_beat)
+        constant_points = known_automation.constant_points(module_key, track, target, start_beat)
         if constant_points is None:
             tracks[module_key] = track
         else:
             points_by_module[module_key] = constant_points
     if begin > -math.inf:
         begin -= point_margin(
-            piece, (group for track in tracks.values() for group in track.entries.values()), begin
+            piece,
+            (
+                parameter_entries
+                for track in tracks.values()
+                for parameter_entries in track.entries.values()
+            ),
+            begin,
         )
         since_beat = min(since_beat, tempo.beats(begin))
     extent = Extent(since_beat, until_beat, begin)
@@ -84,7 +90,7 @@ def automation_points(
         for module_key in modules
         if track_by_module[module_key].first_move_beat < start_beat
     }
-    chord_curves: dict[str, Curve] = {}
+    instrument_pitch_curves: dict[str, Curve] = {}
     for module_key in [
         module_key for module_key in tracks if modules[module_key].module.kind == "INSTRUMENT"
     ]:
@@ -92,35 +98,39 @@ def automation_points(
             tracks.pop(module_key).entries["f"],
             modules[module_key].written_values["f"],
         )
-        chord_curves[module_key[0]] = _parameter_curve(
+        instrument_pitch_curves[module_key[0]] = _parameter_curve(
             piece, entries, written_value, extent, collector
         )
         for module in transposed_modules(piece.instruments[module_key[0]]):
-            member = module_key[0], module.name
-            tracks.setdefault(member, track_by_module.get(member) or ModuleTracks({}, math.inf))
+            member_key = module_key[0], module.name
+            tracks.setdefault(
+                member_key, track_by_module.get(member_key) or ModuleTracks({}, math.inf)
+            )
             if module_key in moved_keys:
-                moved_keys.add(member)
+                moved_keys.add(member_key)
     for module_key, track in tracks.items():
-        target = modules.get(module_key) or known.automated_module(piece, module_key)
+        target = modules.get(module_key) or known_automation.automated_module(piece, module_key)
         assert target is not None
         curves = {
             name: _parameter_curve(piece, group, target.written_values[name], extent, collector)
             for name, group in track.entries.items()
         }
-        chord_curve = chord_curves.get(module_key[0])
-        if chord_curve is not None and target.module not in transposed_modules(
+        pitch_curve = instrument_pitch_curves.get(module_key[0])
+        if pitch_curve is not None and target.module not in transposed_modules(
             piece.instruments[module_key[0]]
         ):
-            chord_curve = None
-        points = _module_points(target, curves, chord_curve)
+            pitch_curve = None
+        points = _module_points(target, curves, pitch_curve)
         if target.cost * len(points) > MAX_POINTS:
             message = f"automation: a {target.module.kind} changes more than {MAX_POINTS:,} times"
             collector.error("E105", message, _automation_place(piece, module_key[0]))
         elif points:
             points_by_module[module_key] = points
-            if chord_curve is None and _is_constant(track, curves, start_beat, begin):
+            if pitch_curve is None and _is_constant(track, curves, start_beat, begin):
                 points_by_module[module_key] = points[-1:]
-                known.keep_constant_points(module_key, track, target, start_beat, points[-1:])
+                known_automation.keep_constant_points(
+                    module_key, track, target, start_beat, points[-1:]
+                )
     return AutomatedPoints(points_by_module, frozenset(moved_keys))
 
 
@@ -131,13 +141,13 @@ def _is_constant(
     each parameter is over, or is a glide whose value stays.
     """
     for name, parameter_entries in tracks.entries.items():
-        last_entry, curve_times = parameter_entries[-1], curves[name].t
-        holds_value = last_entry.stop <= point_beat or (
-            last_entry.stop == math.inf and bool(last_entry.automation.points)
+        last_entry, curve_times = parameter_entries[-1], curves[name].instants
+        has_settled = last_entry.stop_beat <= point_beat or (
+            last_entry.stop_beat == math.inf and bool(last_entry.automation.points)
         )
         if (
-            last_entry.begin > point_beat
-            or not holds_value
+            last_entry.begin_beat > point_beat
+            or not has_settled
             or not curve_times
             or curve_times[-1] > instant
         ):
@@ -147,52 +157,56 @@ def _is_constant(
 
 def _automation_place(piece: Piece, instrument_name: str) -> Place:
     """Where the first automation of a part is written."""
-    automation_lines = (
-        line.place
-        for line in piece.automation
-        if any(name == instrument_name for name, _ in line.modules)
+    places_of_automation = (
+        automation_entry.place
+        for automation_entry in piece.automation
+        if any(name == instrument_name for name, _ in automation_entry.modules)
     )
-    strikes_with_notes = (
+    places_of_strikes = (
         strikes.place
         for strikes in piece.strikes
         for target in strikes.to
         if strikes.moves_pitches and target.part == instrument_name
     )
-    return next(chain(automation_lines, strikes_with_notes))
+    return next(chain(places_of_automation, places_of_strikes))
 
 
 def _module_points(
-    automated_module: AutomatedModule, curves: Mapping[str, Curve], chord_curve: Curve | None
+    automated_module: AutomatedModule, curves: Mapping[str, Curve], pitch_curve: Curve | None
 ) -> Points:
-    """The points of a module with automated parameters, which may also follow the automation of a
-    `chord_curve` instrument.
+    """The points of a module with automated parameters, which may also follow the pitch of its
+    instrument, `pitch_curve`.
     """
-    all_curves = [*curves.values(), *([] if chord_curve is None else [chord_curve])]
-    numbers_by_values: dict[tuple[float, ...], tuple[float, ...]] = {}
+    all_curves = [*curves.values(), *([] if pitch_curve is None else [pitch_curve])]
+    engine_values_by_curves: dict[tuple[float, ...], tuple[float, ...]] = {}
     path_points = []
     for instant, curve_values in _curve_values(all_curves):
-        if curve_values not in numbers_by_values:  # a swing has the same values in every period
-            module_numbers = automated_module.numbers(dict(zip(curves, curve_values, strict=False)))
-            if chord_curve is not None:
-                module_numbers = automated_module.transposed(
-                    module_numbers, curve_values[-1] / chord_curve.initial
+        if (
+            curve_values not in engine_values_by_curves
+        ):  # a swing has the same values in every period
+            engine_values = automated_module.engine_values(
+                dict(zip(curves, curve_values, strict=False))
+            )
+            if pitch_curve is not None:
+                engine_values = automated_module.transposed(
+                    engine_values, curve_values[-1] / pitch_curve.initial_value
                 )
-            numbers_by_values[curve_values] = module_numbers
-        path_points.append((max(0.0, instant), *numbers_by_values[curve_values]))
-    fixed_instants = set().union(*(curve.fixed_instants for curve in all_curves))
-    return _with_chord_means(path_points, fixed_instants) if fixed_instants else path_points
+            engine_values_by_curves[curve_values] = engine_values
+        path_points.append((max(0.0, instant), *engine_values_by_curves[curve_values]))
+    corrected_instants = set().union(*(curve.corrected_instants for curve in all_curves))
+    return _with_chord_means(path_points, corrected_instants) if corrected_instants else path_points
 
 
 def _curve_values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]]:
     """The values of curves at each instant at which one of them has a point."""
     if len(curves) == 1:
         (curve,) = curves
-        return ((t, (x,)) for t, x in dict(zip(curve.t, curve.x, strict=True)).items())
-    instants = sorted({t for curve in curves for t in curve.t})
+        return ((t, (x,)) for t, x in dict(zip(curve.instants, curve.values, strict=True)).items())
+    instants = sorted({t for curve in curves for t in curve.instants})
     return ((t, tuple(curve.evaluate(t) for curve in curves)) for t in instants)
 
 
-def _with_chord_means(path_points: Points, curved_instants: Container[float]) -> Points:
+def _with_chord_means(path_points: Points, corrected_instants: Container[float]) -> Points:
     """Points moved so that their chords have the same means as the curve through them, to fourth
     order.
 
@@ -205,7 +219,7 @@ def _with_chord_means(path_points: Points, curved_instants: Container[float]) ->
             path_points[point_index - 1 : point_index + 2]
         )
         if (
-            instant in curved_instants
+            instant in corrected_instants
             and abs((instant - instant_before) - (instant_after - instant)) < 1e-9
         ):
             corrections = (
@@ -228,18 +242,18 @@ def value_on_beat(piece: Piece, module_key: ModuleKey, parameter_name: str, beat
     """The value of a parameter on a beat, with automation applied."""
     automated_module = AutomatedModule.from_piece(piece, module_key)
     assert automated_module is not None
-    automation_lines = [
-        line
-        for line in piece.automation
-        if module_key in line.modules and line.parameter == parameter_name
+    automation_entries = [
+        automation_entry
+        for automation_entry in piece.automation
+        if module_key in automation_entry.modules and automation_entry.parameter == parameter_name
     ]
     instant = piece.tempo_map.seconds(beat)
     point_extent = Extent(beat, beat, instant)
     track_by_module = KnownAutomation().tracks(
-        replace(piece, automation=tuple(automation_lines), strikes=())
+        replace(piece, automation=tuple(automation_entries), strikes=())
     )
     parameter_entries = (
-        track_by_module[module_key].entries[parameter_name] if automation_lines else []
+        track_by_module[module_key].entries[parameter_name] if automation_entries else []
     )
     curve = _parameter_curve(
         piece,
@@ -270,7 +284,7 @@ def takeover_points(
     """The points of a stage that takes over at `start` [s] from one with the points
     `points_before`.
 
-    Points that do not change continue bit by bit; others are reached within `GLIDE`. The points
+    Unchanged points continue exactly; changed ones are reached within `GLIDE_DURATION`. The points
     `points_before` are complete up to the instant `complete_end` [s], and compared up to there.
     Modules with their own values alone have no points, except those that are among `moved_modules`.
     """
@@ -288,7 +302,7 @@ def takeover_points(
         automated_module = known_automation.automated_module(piece, module_key)
         if automated_module is None:
             continue  # the module is gone
-        written_point = (0.0, *automated_module.written_numbers)
+        written_point = (0.0, *automated_module.written_engine_values)
         old_points, new_points = (
             points_before.get(module_key) or [written_point],
             points_after.get(module_key) or [written_point],
@@ -353,21 +367,25 @@ def _parameter_curve(
     """The curve of one parameter: its automation entries one after another, its own value in
     between.
     """
-    tempo, until_beat = piece.tempo_map, curve_extent.until
+    tempo, until_beat = piece.tempo_map, curve_extent.until_beat
     first_entry, curve = needed_entries(piece, entries, written_value, curve_extent)
-    end_beat = math.inf if curve.t else -math.inf
+    end_beat = math.inf if curve.instants else -math.inf
     for index in range(first_entry, len(entries)):
         entry, entry_extent = entries[index], curve_extent
         automation_entry, begin_beat, stop_beat = entry
         if begin_beat > until_beat:
             break
-        if curve.t and begin_beat > end_beat + SAME:
+        if curve.instants and begin_beat > end_beat + SAME:
             curve.add_step(tempo.seconds(end_beat), written_value, tempo.seconds(begin_beat))
         if curve_extent.begin_instant > -math.inf and index + 1 < len(
             entries
         ):  # some spans need only their end
-            begin_instant = min(curve_extent.begin_instant, tempo.seconds(entries[index + 1].begin))
-            entry_extent = Extent(min(curve_extent.since, stop_beat), until_beat, begin_instant)
+            begin_instant = min(
+                curve_extent.begin_instant, tempo.seconds(entries[index + 1].begin_beat)
+            )
+            entry_extent = Extent(
+                min(curve_extent.since_beat, stop_beat), until_beat, begin_instant
+            )
         try:
             if automation_entry.swing is not None:
                 add_swing(piece, entry, curve, entry_extent)
@@ -378,7 +396,9 @@ def _parameter_curve(
             else:
                 end_beat = min(stop_beat, add_pattern(piece, entry, curve, entry_extent))
                 end_beat = (
-                    math.inf if automation_entry.struck and index + 1 == len(entries) else end_beat
+                    math.inf
+                    if automation_entry.strikes_name and index + 1 == len(entries)
+                    else end_beat
                 )
         except TextError as error:
             collector.error(
@@ -387,6 +407,6 @@ def _parameter_curve(
                 automation_entry.place,
             )
             return curve
-    if curve.t and end_beat <= until_beat and tempo.seconds(end_beat) < NEVER:
+    if curve.instants and end_beat <= until_beat and tempo.seconds(end_beat) < NEVER:
         curve.add_step(tempo.seconds(end_beat), written_value)
     return curve

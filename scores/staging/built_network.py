@@ -24,7 +24,7 @@ class BuiltNetwork:
 
     piece: Piece
     assembly: Assembly
-    couplings: Sequence[int]
+    coupling_links: Sequence[int]
     listening: Listening
 
     @property
@@ -54,8 +54,8 @@ class BuiltNetwork:
         return replace(self, piece=piece)
 
 
-def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
-    """The network of a piece; the `silent` instruments are not listened to.
+def build_network(piece: Piece, silent_instruments: Container[str]) -> BuiltNetwork:
+    """The network of a piece; the `silent_instruments` instruments are not listened to.
 
     Raises EngineError for the first refused module; if several are refused, its `refusals` has
     one error for each.
@@ -69,7 +69,9 @@ def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
         error = _core.EngineError("\n".join(map(str, refusals)))
         error.module, error.refusals = None, refusals
         raise error
-    return BuiltNetwork(piece, assembly, couplings, make_listening(piece, assembly, silent))
+    return BuiltNetwork(
+        piece, assembly, couplings, make_listening(piece, assembly, silent_instruments)
+    )
 
 
 def add_parts(piece: Piece, assembly: Assembly) -> list[int]:

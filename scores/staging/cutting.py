@@ -26,27 +26,27 @@ _Paths = Mapping[ModuleKey, Points]
 
 @without_gc
 def cut_stage(
-    stage: Stage, frame: int, *, ends_gestures: bool, is_stopped: bool, resets: bool = False
+    stage: Stage, frame: int, *, ends_gestures: bool, is_stopped: bool, resets_masses: bool = False
 ) -> Stage:
     """The stage that takes over from `stage` at `frame`, and begins nothing from there on.
 
     Gestures in flight go on to their end, or end too if it `ends_gestures`. Notes that draw or
-    press end, unless it `resets` all masses. If it is stopped (`is_stopped`), the piece stands on
-    the beat of the frame: automation and couplings stay as they are there.
-    Glides of typed values and drives go on in any case; frozen parts end. Raises EngineError and
+    press end, unless it `resets_masses` all masses. If it is stopped (`is_stopped`), the piece
+    stands on the beat of the frame: automation and couplings stay as they are there. Glides
+    of typed values and drives go on in any case; frozen parts end. Raises EngineError and
     StoppedError.
     """
     assert stage.timeline is not None
     cut_instant = frame / stage.rate
     ongoing = [] if ends_gestures else _ongoing_gestures(stage, cut_instant)
     timeline = stage.timeline.cut(frame, ongoing, stops=is_stopped)
-    mat_of, rate = stage.built.assembly.mats.get, stage.rate
-    DrawnNotes(timeline, () if resets else stage.drawn_notes, cut_instant, rate).end_others(
+    mat_of, rate = stage.built_network.assembly.mats.get, stage.rate
+    DrawnNotes(timeline, () if resets_masses else stage.drawn_notes, cut_instant, rate).end_others(
         mat_of, 0
     )
     piece = _piece_at_instant(stage.piece, cut_instant) if is_stopped else stage.piece
     paths, paths_until = _paths_from(stage, piece, cut_instant, is_stopped=is_stopped)
-    _replace_paths(piece, stage.built.assembly, timeline, stage.paths, paths)
+    _replace_paths(piece, stage.built_network.assembly, timeline, stage.paths, paths)
     plan = None
     if stage.plan is not None:
         accuracy = stage.planned_accuracy or piece.accuracy
@@ -116,9 +116,9 @@ def _paths_from(
         piece,
         strikes=tuple(_strikes_before(piece, cut_beat)),
         automation=tuple(
-            line
-            for line in piece.automation
-            if any(part in struck_parts for part, _ in line.modules)
+            automation_entry
+            for automation_entry in piece.automation
+            if any(part in struck_parts for part, _ in automation_entry.modules)
         ),
     )
     last_instant = stage.paths_end + 2 * GRID_FRAMES / stage.rate
@@ -193,4 +193,4 @@ def _replace_paths(
     timeline.release(mat_ranges, link_ranges)
     for module_key, points in new_paths.items():
         if automated_module := AutomatedModule.from_piece(piece, module_key):
-            automated_module.put(timeline, assembly, module_key, points)
+            automated_module.put_points(timeline, assembly, module_key, points)

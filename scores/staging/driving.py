@@ -45,7 +45,7 @@ def written_forces(
 
 def delay_of(key: Key) -> float:
     """The measured delay of a key's motor [s]; 0 if it is not known."""
-    return 0.0 if key.measured is None else key.measured[2] or 0.0
+    return 0.0 if key.measured_constants is None else key.measured_constants[2] or 0.0
 
 
 def holding_force(player_key: Key, x: float) -> float:

@@ -35,7 +35,7 @@ from ergon.scores.staging.takes import Takes
 _RANDOM_TRANSFORMS = ("jitter",)  # transformations that each occurrence draws anew
 
 # The most that is put on a timeline: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
-MAX_PLAYED = 200_000
+OCCURRENCES_MAX = 200_000
 MAX_POINTS = 750_000
 # Steps of work for a place of a pattern, an occurrence, and each of its points.
 _PLACE_STEPS, _OCCURRENCE_STEPS, _POINT_STEPS = 1_000, 10_000, 500
@@ -65,8 +65,8 @@ class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four
     stop: float
     place: Place
     # The points of this occurrence: instants [s] and positions [m].
-    t: Sequence[float] = ()
-    x: Sequence[float] = ()
+    instants: Sequence[float] = ()
+    positions: Sequence[float] = ()
     curves: tuple[Curve, ...] = ()  # the ways into them
     is_layer: bool = False
     is_tracked: bool = False
@@ -115,17 +115,17 @@ class _ShapedGesture:
     times: list[Time]
     positions: Sequence[float]
     curves: tuple[Curve, ...]
-    sources: list[int]
+    point_sources: list[int]
     options: _EngineOptions
 
 
 class Window(NamedTuple):
-    """The part of a piece that is played: occurrences that begin on beats `since` ≤ beat < `until`,
-    and end after the instant `after_instant` [s].
+    """The part of a piece that is played: occurrences that begin on beats `since_beat` ≤ beat <
+    `until_beat`, and end after the instant `after_instant` [s].
     """
 
-    since: float = -math.inf
-    until: float = math.inf
+    since_beat: float = -math.inf
+    until_beat: float = math.inf
     after_instant: float = -math.inf
 
 
@@ -143,7 +143,7 @@ def _last_beat(line: LineAndBeats) -> float:
     """The last beat on which a line plays; infinite if that is not known."""
     _, beats = line
     if isinstance(beats, PlaceBeats):
-        return beats.last
+        return beats.last_beat
     return beats[-1] if type(beats) is list and beats else math.inf
 
 
@@ -152,7 +152,7 @@ def _name_and_count(line: LineAndBeats) -> tuple[tuple[str, str], int] | None:
     play, beats = line
     if isinstance(beats, PlaceBeats):
         return None
-    return (play.player, play.what), len(beats or ())
+    return (play.player, play.played_text), len(beats or ())
 
 
 @dataclass(slots=True)
@@ -164,18 +164,18 @@ class Hands:
     takes: Takes
     collector: Collector
     window: Window = ALL_TIME
-    sources: ErgonPlaces = field(default_factory=ErgonPlaces)
+    ergon_places: ErgonPlaces = field(default_factory=ErgonPlaces)
     gestures: list[StagedGesture] = field(default_factory=list)
-    _keys: dict[str, tuple[int, int]] = field(default_factory=dict)
-    _occurrences: Counter[tuple[str, str]] = field(default_factory=Counter)
+    _key_and_mat_by_name: dict[str, tuple[int, int]] = field(default_factory=dict)
+    _occurrence_counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     _point_sources: dict[tuple[str, int], int] = field(default_factory=dict)
     _shapes: dict[tuple[object, ...], _ShapedGesture] = field(default_factory=dict)
     _known_options: dict[tuple[str, str], _EngineOptions] = field(default_factory=dict)
     _played_counts: Counter[str] = field(default_factory=Counter)
 
-    def add_key(self, name: str, struck: int) -> None:
+    def add_key(self, name: str, struck_mat: int) -> None:
         """Add a key, by the MAT that ergons strike."""
-        self._keys[name] = self.timeline.key(name, struck), struck
+        self._key_and_mat_by_name[name] = self.timeline.key(name, struck_mat), struck_mat
 
     def for_piece(self, piece: Piece, window: Window) -> Hands:
         """Hands that put what another piece plays on the same timeline and keys."""
@@ -185,9 +185,9 @@ class Hands:
             self.takes.for_piece(piece),
             self.collector,
             window,
-            self.sources,
+            self.ergon_places,
             self.gestures,
-            self._keys,
+            self._key_and_mat_by_name,
             _played_counts=self._played_counts,
         )
 
@@ -203,23 +203,23 @@ class Hands:
         Lines that end before the window only advance the counts from which chance draws;
         `known_lines` remembers them where no key is still.
         """
-        since = self.window.since - SAME
+        since = self.window.since_beat - SAME
         player_parts, starts = piece.parts, piece.starts
         if excluded_keys:
-            moving_lines = [
+            remaining_lines = [
                 line_and_beats
                 for line_and_beats in zip(player_parts, starts, strict=True)
                 if _key_name(piece, line_and_beats[0]) not in excluded_keys
             ]
             player_parts, starts = (
-                tuple(line_and_beats for line_and_beats, _ in moving_lines),
-                tuple(beats for _, beats in moving_lines),
+                tuple(line_and_beats for line_and_beats, _ in remaining_lines),
+                tuple(beats for _, beats in remaining_lines),
             )
         unfinished_lines = known_lines or UnfinishedLines[LineAndBeats]()
         lines_left, counts = unfinished_lines.select(
             (player_parts, starts), since, lambda line: _last_beat(line) < since, _name_and_count
         )
-        self._occurrences.update(cast(dict[tuple[str, str], int], counts))
+        self._occurrence_counts.update(cast(dict[tuple[str, str], int], counts))
         for play, beats in lines_left:
             self.play(play, beats)
 
@@ -228,17 +228,17 @@ class Hands:
 
         Without `starts` the line is a take that repeats end to end.
         """
-        if self._key_of(play) not in self._keys:
+        if self._key_of(play) not in self._key_and_mat_by_name:
             return  # the piece of the stage lacks this key
         if isinstance(starts, PlaceBeats):
             self._play_pattern(play, starts.with_seed(self.piece.seed))
-        elif (gesture := self.piece.gestures.get(play.what)) is not None:
+        elif (gesture := self.piece.gestures.get(play.played_text)) is not None:
             transforms = (*gesture.do, *play.do)
             for start_beat in self._starts_with_room(
                 play, self._starts_within(play, starts or ()), len(gesture.points)
             ):
                 self._put_gesture(play, gesture, transforms, start_beat)
-        elif (take := self.takes.get(play.what)) is not None:
+        elif (take := self.takes.get(play.played_text)) is not None:
             start_beats = self._starts_within(
                 play, self._take_beats(play, take) if starts is None else starts
             )
@@ -248,8 +248,8 @@ class Hands:
     def _play_pattern(self, line: Play, steps: PlaceBeats) -> None:
         """Put what a pattern plays in its places within the window on the timeline."""
         places = steps.places
-        since_beat, until_beat = self.window.since - SAME, self.window.until - SAME
-        if steps.last < since_beat:
+        since_beat, until_beat = self.window.since_beat - SAME, self.window.until_beat - SAME
+        if steps.last_beat < since_beat:
             return
         first_place, stop_place = (n_before(steps, since_beat), n_before(steps, until_beat))
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
@@ -261,23 +261,23 @@ class Hands:
                 play_key = played_name, places.transforms(place_index)
                 if play_key not in plays_by_key:
                     plays_by_key[play_key] = replace(
-                        line, what=played_name, do=(*line.do, *play_key[1]), pattern=None
+                        line, played_text=played_name, do=(*line.do, *play_key[1]), pattern=None
                     )
                 due_plays.append((plays_by_key[play_key], steps[place_index], place_index))
         for play in plays_by_key.values():
             start_beats = [start for due_play, start, _ in due_plays if due_play is play]
-            gesture = self.piece.gestures.get(play.what)
+            gesture = self.piece.gestures.get(play.played_text)
             if (
                 not self._starts_with_room(play, start_beats, len(gesture.points) if gesture else 1)
                 and start_beats
             ):
                 return
         for play, start_beat, place_index in due_plays:
-            if (gesture := self.piece.gestures.get(play.what)) is not None:
+            if (gesture := self.piece.gestures.get(play.played_text)) is not None:
                 transforms = (*gesture.do, *play.do)
                 chance = places.draws.transforms(place_index + places.pattern.skip)
                 self._put_gesture(play, gesture, transforms, start_beat, chance)
-            elif (take := self.takes.get(play.what)) is not None:
+            elif (take := self.takes.get(play.played_text)) is not None:
                 self._put_take(play, take, start_beat)
 
     def _starts_within(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
@@ -286,9 +286,9 @@ class Hands:
         """
         if self.window is ALL_TIME:
             return starts
-        n_skipped = bisect_left(starts, self.window.since - SAME)
-        self._occurrences[play.player, play.what] += n_skipped
-        return starts[n_skipped : bisect_left(starts, self.window.until - SAME)]
+        n_skipped = bisect_left(starts, self.window.since_beat - SAME)
+        self._occurrence_counts[play.player, play.played_text] += n_skipped
+        return starts[n_skipped : bisect_left(starts, self.window.until_beat - SAME)]
 
     def _starts_with_room(
         self, play: Play, starts: Sequence[float], n_points: int = 1
@@ -297,17 +297,17 @@ class Hands:
         _core.poll(len(starts) * (_OCCURRENCE_STEPS + _POINT_STEPS * n_points))
         self._played_counts["occurrences"] += len(starts)
         self._played_counts["points"] += len(starts) * n_points
-        for counted_noun, n_max in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
+        for counted_noun, n_max in (("occurrences", OCCURRENCES_MAX), ("points", MAX_POINTS)):
             if self._played_counts[counted_noun] > n_max:
                 if self._played_counts["reports"]:
                     return ()
                 self._played_counts["reports"] += 1
                 message = (
-                    f"{quote(play.what)}: with these {len(starts):,} × {n_points:,} points the "
-                    f"piece plays more than {n_max:,} {counted_noun}"
+                    f"{quote(play.played_text)}: with these {len(starts):,} × {n_points:,} points "
+                    f"the piece plays more than {n_max:,} {counted_noun}"
                     if n_points > 1
-                    else f"{quote(play.what)}: with these {len(starts):,} occurrences the piece "
-                    f"plays more than {n_max:,} {counted_noun}"
+                    else f"{quote(play.played_text)}: with these {len(starts):,} occurrences "
+                    f"the piece plays more than {n_max:,} {counted_noun}"
                 )
                 help_text = "play the gesture less often, or write a long movement as a take"
                 self.collector.error("E105", message, play.place, help=help_text)
@@ -335,7 +335,7 @@ class Hands:
         try:
             return starts(tempo, begin_beat, length, times=play.times, until=until_beat)
         except TextError as error:
-            self.collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
+            self.collector.error("E305", f"{quote(play.played_text)}: {error.message}", play.place)
             return []
 
     def _put_gesture(
@@ -351,28 +351,28 @@ class Hands:
         instants = [gesture.instant(tempo, start_beat, time) for time in shape.times]
         if instants[-1] <= self.window.after_instant:
             return
-        key_index, struck_mat = self._keys[shape.key]
+        key_index, struck_mat = self._key_and_mat_by_name[shape.key]
         try:
             self.timeline.gesture(
                 key_index,
                 instants,
                 shape.positions,
                 shape.curves,
-                sources=shape.sources,
+                sources=shape.point_sources,
                 **shape.options,
             )
         except _core.EngineError as error:
-            point_index = min(error.index or 0, len(shape.sources) - 1)
+            point_index = min(error.index or 0, len(shape.point_sources) - 1)
             self.collector.error(
                 "E308",
-                f"{quote(part_play.what)}: {error.sentence}",
-                self.sources[shape.sources[point_index]],
+                f"{quote(part_play.played_text)}: {error.sentence}",
+                self.ergon_places[shape.point_sources[point_index]],
                 help=f"{part_play.player} plays the gesture at {part_play.place}",
             )
             return
         self.gestures.append(
             StagedGesture(
-                part_play.what,
+                part_play.played_text,
                 part_play.player,
                 shape.key,
                 key_index,
@@ -402,15 +402,15 @@ class Hands:
 
         Without a `chance` of its own it draws by the number of its occurrence.
         """
-        player_and_gesture = play.player, play.what
-        occurrence_number = self._occurrences[player_and_gesture]
-        self._occurrences[player_and_gesture] += chance is None
+        player_and_gesture = play.player, play.played_text
+        occurrence_number = self._occurrence_counts[player_and_gesture]
+        self._occurrence_counts[player_and_gesture] += chance is None
         if transforms and any(transform.word in _RANDOM_TRANSFORMS for transform in transforms):
             if chance is None:
-                name = f"{play.player}/{play.what}"
+                name = f"{play.player}/{play.played_text}"
                 chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence_number)
             return self._make_shape(play, gesture, transforms, start, chance)
-        playing_options = None if play.manner is NO_OPTIONS else play.manner
+        playing_options = None if play.options is NO_OPTIONS else play.options
         beat = gesture.beat(self.piece.tempo_map, start) if transforms else 0.0
         shape_key = (*player_and_gesture, play.do, playing_options, beat)
         if shape_key not in self._shapes:
@@ -446,15 +446,15 @@ class Hands:
         """The options by which a line plays a gesture; lines without options of their own share one
         object.
         """
-        if part_play.manner is not NO_OPTIONS:
+        if part_play.options is not NO_OPTIONS:
             return self._engine_options(
                 part_play,
-                part_play.manner.with_defaults(gesture.manner).with_defaults(DEFAULT_OPTIONS),
+                part_play.options.with_defaults(gesture.options).with_defaults(DEFAULT_OPTIONS),
             )
         options_key = part_play.player, gesture.name
         if options_key not in self._known_options:
             self._known_options[options_key] = self._engine_options(
-                part_play, gesture.manner.with_defaults(DEFAULT_OPTIONS)
+                part_play, gesture.options.with_defaults(DEFAULT_OPTIONS)
             )
         return self._known_options[options_key]
 
@@ -469,9 +469,9 @@ class Hands:
         if stop <= self.window.after_instant:
             return
         take_options = self._engine_options(
-            part_play, part_play.manner.with_defaults(DEFAULT_OPTIONS)
+            part_play, part_play.options.with_defaults(DEFAULT_OPTIONS)
         )
-        key_index, struck_mat = self._keys[self._key_of(part_play)]
+        key_index, struck_mat = self._key_and_mat_by_name[self._key_of(part_play)]
         try:
             if take_shape.front_cut or take_shape.back_cut:
                 take = take.part(take_shape.front_cut, take.duration - take_shape.back_cut)
@@ -482,17 +482,17 @@ class Hands:
                 scale=take_shape.scale * self._key_reach(part_play),
                 stretch=take_shape.stretch,
                 reverse=take_shape.reverse,
-                source=self.sources.add(lambda: part_play.place),
+                source=self.ergon_places.add(lambda: part_play.place),
                 **take_options,
             )
         except _core.EngineError as error:
             self.collector.error(
-                "E308", f"{quote(part_play.what)}: {error.sentence}", part_play.place
+                "E308", f"{quote(part_play.played_text)}: {error.sentence}", part_play.place
             )
             return
         self.gestures.append(
             StagedGesture(
-                part_play.what,
+                part_play.played_text,
                 part_play.player,
                 self._key_of(part_play),
                 key_index,
@@ -522,7 +522,7 @@ class Hands:
     def _point_source(self, gesture: Gesture, point: Point) -> int:
         source_key = gesture.name, point.offset
         if source_key not in self._point_sources:
-            self._point_sources[source_key] = self.sources.add(lambda: gesture.place_of(point))
+            self._point_sources[source_key] = self.ergon_places.add(lambda: gesture.place_of(point))
         return self._point_sources[source_key]
 
     def _key_of(self, play: Play) -> str:

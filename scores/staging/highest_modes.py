@@ -31,16 +31,16 @@ class HighestMode:
     frequency: float
 
 
-def highest_modes(piece: Piece, built: BuiltNetwork) -> list[HighestMode]:
+def highest_modes(piece: Piece, built_network: BuiltNetwork) -> list[HighestMode]:
     """The highest modes of the first 256 bodies of instruments in SI units, in the order of the
     score.
     """
-    return list(_bodies_and_modes(piece, built))
+    return list(_bodies_and_modes(piece, built_network))
 
 
-def _bodies_and_modes(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
-    assembly = built.assembly
-    bodies_left = _BODIES_MAX
+def _bodies_and_modes(piece: Piece, built_network: BuiltNetwork) -> Iterator[HighestMode]:
+    assembly = built_network.assembly
+    n_bodies_left = _BODIES_MAX
     for instrument in piece.instruments.values():
         for part_module in instrument.modules:
             first_mat = assembly.mats.get((instrument.name, part_module.name))
@@ -50,9 +50,9 @@ def _bodies_and_modes(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode
                 or instrument.ca_rate
             ):
                 continue
-            if bodies_left == 0:
+            if n_bodies_left == 0:
                 return
-            bodies_left -= 1
+            n_bodies_left -= 1
             name = ".".join(filter(None, (instrument.name, part_module.name)))
             yield HighestMode(name, part_module, assembly.network.highest_mode(first_mat))
 
@@ -87,14 +87,14 @@ def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
 
 
 def warn_over_limit(
-    piece: Piece, built: BuiltNetwork, paths: Mapping[ModuleKey, Points]
+    piece: Piece, built_network: BuiltNetwork, paths: Mapping[ModuleKey, Points]
 ) -> list[Diagnostic]:
     """Report W332 for each body that automation leads beyond what one step a frame can follow.
 
     The scheme is stable up to a mode at the rate over pi.
     """
     warnings, frequency_limit = [], piece.rate / pi
-    for highest_mode in highest_modes(piece, built):
+    for highest_mode in highest_modes(piece, built_network):
         module_key = (
             highest_mode.name.removesuffix(f".{highest_mode.module.name}"),
             highest_mode.module.name,
@@ -142,12 +142,12 @@ def _instant_of_factor(path_points: Points, factor: float) -> float:
 def _count_advice(mode: HighestMode) -> str:
     """What to write so that the highest mode is at about 5 kHz."""
     part_module, module_fields = mode.module, mode.module.fields
-    masses, needed_factor = (
+    n_masses, needed_factor = (
         member_count(part_module.kind, module_fields),
         FULL_BANDWIDTH_HZ / mode.frequency,
     )
     if part_module.kind == "STRING":
-        return f"`masses: {ceil(masses * needed_factor)}`"
+        return f"`masses: {ceil(n_masses * needed_factor)}`"
     # The highest mode of a lattice is inversely proportional to its spacing; if the plate bends, to
     # the square of it.
     masses_factor = sqrt(needed_factor) if module_fields["bending"] is not None else needed_factor

@@ -21,7 +21,7 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
 
     Instruments under `units: ca` have no SI values to check.
     """
-    lookup = _ModulesByName.from_piece(piece)
+    modules_by_name = _ModulesByName.from_piece(piece)
     warnings: list[Diagnostic] = []
     for instrument in piece.instruments.values():
         if instrument.form != "si":
@@ -30,9 +30,9 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
             module_name = ".".join(filter(None, (instrument.name, part_module.name)))
             warnings += _warn_pitches(piece, module_name, part_module)
             if part_module.kind == "BUT":
-                warnings += lookup.contact_warnings(module_name, part_module)
+                warnings += modules_by_name.contact_warnings(module_name, part_module)
             if part_module.kind in LINK_KINDS:
-                warnings += lookup.stiffness_warnings(piece, module_name, part_module)
+                warnings += modules_by_name.stiffness_warnings(piece, module_name, part_module)
             if part_module.kind == "BRISTLE":
                 warnings += _warn_friction_gains(module_name, part_module)
     return warnings
@@ -70,10 +70,10 @@ def _warn_friction_gains(module_name: str, bristle: Module) -> Iterator[Diagnost
     if bristle_fields["sigma2"] < viscosity_min:
         message = f"friction {quote(module_name)} can give energy: its sigma2 is below "
         message += f"sigma1*(Fs - Fc)/Fc, {viscosity_min:.3g} Ns/m"
-        sigma_max = bristle_fields["sigma2"] * friction_level / (static_friction - friction_level)
+        sigma1_max = bristle_fields["sigma2"] * friction_level / (static_friction - friction_level)
         help_text = f"make sigma2 {viscosity_min:.3g} Ns/m or more"
-        if sigma_max > 0.0:
-            help_text += f", or sigma1 {sigma_max:.3g} Ns/m or less"
+        if sigma1_max > 0.0:
+            help_text += f", or sigma1 {sigma1_max:.3g} Ns/m or less"
         place = bristle.places.get("sigma1", bristle.place)
         yield Diagnostic("W333", message, place, None, help_text)
 
@@ -88,13 +88,13 @@ class _ModulesByName:
 
     @classmethod
     def from_piece(cls, piece: Piece) -> _ModulesByName:
-        lookup = cls(dict(piece.keys))
+        modules_by_name = cls(dict(piece.keys))
         for part, part_module in piece.modules():
-            lookup.modules[part, part_module.name] = part_module
+            modules_by_name.modules[part, part_module.name] = part_module
             target = part_module.fields.get("to")
             if part_module.kind == "ENX" and isinstance(target, Target):
-                lookup.imposed_points.add((target.part, target.module, target.first))
-        return lookup
+                modules_by_name.imposed_points.add((target.part, target.module, target.first))
+        return modules_by_name
 
     def contact_warnings(self, name: str, contact: Module) -> Iterator[Diagnostic]:
         """Report W327 for a contact that is pressed at the beginning, W329 for one that the travel
@@ -108,9 +108,15 @@ class _ModulesByName:
         deepest_overlap, nearest_gap = -inf, -inf  # the deepest of the points of a range
         for link in single_links(contact):
             (first_end, second_end), gap = link.ends, link.fields["gap"]
-            overlap = side_sign * (self._start(first_end) - self._start(second_end)) - gap
+            overlap = (
+                side_sign * (self._initial_position(first_end) - self._initial_position(second_end))
+                - gap
+            )
             deepest_overlap = max(deepest_overlap, overlap) if gap < 0.0 else deepest_overlap
-            (low_a, high_a), (low_b, high_b) = self._travel(first_end), self._travel(second_end)
+            (low_a, high_a), (low_b, high_b) = (
+                self._travel_range(first_end),
+                self._travel_range(second_end),
+            )
             # The deepest overlap that the travels allow; an end without a travel stays where it
             # begins.
             nearest_gap = max(
@@ -134,7 +140,7 @@ class _ModulesByName:
 
     def stiffness_warnings(self, piece: Piece, name: str, link: Module) -> Iterator[Diagnostic]:
         """Report W328 if half a period of the two ends, or a touch, is shorter than a frame."""
-        scaled_field = KINDS[link.kind].scaled[0]
+        scaled_field = KINDS[link.kind].scaled_fields[0]
         stiffness = link.fields.get(scaled_field)
         if not isinstance(stiffness, float) or stiffness <= 0.0:
             return
@@ -144,7 +150,7 @@ class _ModulesByName:
         end_targets = link.ends
         # If one mass is linked to a range, all its links pull on it together.
         inverse_mass = sum(
-            link_count(end_targets) / end.count / self._mass(end) for end in end_targets
+            link_count(end_targets) / end.count / self._mat_mass(end) for end in end_targets
         )
         if inverse_mass == 0.0:
             return
@@ -170,22 +176,22 @@ class _ModulesByName:
         key = self.keys.get(end.part)
         return key if key is not None and key.travel and key.struck == end.module else None
 
-    def _travel(self, end: Target) -> tuple[float, float]:
+    def _travel_range(self, end: Target) -> tuple[float, float]:
         travel_key = self._travelling_key(end)
         if travel_key is None or travel_key.travel is None:
-            start = self._start(end)
+            start = self._initial_position(end)
             return start, start
         low, high = travel_key.travel
         return travel_key.reach * low, travel_key.reach * high
 
-    def _start(self, end: Target) -> float:
+    def _initial_position(self, end: Target) -> float:
         """The initial position of a single mass [m]; members of generators begin at 0."""
         module = self.modules[end.part, end.module]
         start = module.fields.get("X0")
         lever_ratio = self.keys[end.part].reach if end.part in self.keys else 1.0
         return lever_ratio * start if isinstance(start, float) else 0.0
 
-    def _mass(self, end: Target) -> float:
+    def _mat_mass(self, end: Target) -> float:
         """The mass of one MAT [kg], as the piece sees it; infinite if it is fixed or its position
         imposed.
         """
@@ -194,7 +200,9 @@ class _ModulesByName:
             return inf
         if end_module.kind == "PROXY":  # bound by its lightest mass
             shares = end_module.fields["shares"] or (1.0,)
-            inverse_mass = max(1.0 / self._mass(component) for component in end_module.fields["of"])
+            inverse_mass = max(
+                1.0 / self._mat_mass(component) for component in end_module.fields["of"]
+            )
             inverse_mass *= sum(share * share for share in shares)
             return 1.0 / inverse_mass if inverse_mass else inf
         end_mass = end_module.fields["M"]

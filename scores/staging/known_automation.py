@@ -24,7 +24,9 @@ from ergon.scores.reading.playing import Key
 from ergon.scores.staging.parameter_curves import Entry
 from ergon.scores.staging.parameter_values import AutomatedModule, ModuleKey, Points
 
-_REACH_SECONDS = 0.01  # [s] in which a value of a MIDI file is reached, so that it does not click
+_APPROACH_SECONDS = (
+    0.01  # [s] in which a value of a MIDI file is reached, so that it does not click
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +40,11 @@ class ModuleTracks:
 
 
 class _ConstantPoints(NamedTuple):
-    """The points of a module with these entries, on which nothing acts from beat `since` on."""
+    """The points of a module with these entries; nothing acts on it from beat `since_beat` on."""
 
     tracks: ModuleTracks
     automated_module: AutomatedModule
-    since: float
+    since_beat: float
     points: Points
     has_moved: bool  # whether they are other values than the module's own
 
@@ -62,7 +64,7 @@ class KnownAutomation:
     _note_lines_by_module: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
     _tracks: dict[ModuleKey, ModuleTracks] = field(default_factory=dict)
     # By the id of what they are made of, which is kept with them so that no other has its id.
-    _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
+    _note_lines_by_id: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
     # With the module and its part, of which a key has a reach of its own.
     _automated_modules: dict[ModuleKey, tuple[Module | None, object, AutomatedModule]] = field(
         default_factory=dict
@@ -81,19 +83,23 @@ class KnownAutomation:
         strikes = tuple([line for line in piece.strikes if line.moves_pitches])
         changed_modules: set[ModuleKey] = set()
         if not is_same_tempo:
-            self._lines, self._strikes, self._notes = (), (), {}
+            self._lines, self._strikes, self._note_lines_by_id = (), (), {}
             changed_modules |= self._tracks.keys()
         self._tempo = piece.tempo_map
         changed_lines = changed_part(self._lines, piece.automation)
         changed_strikes = changed_part(self._strikes, strikes)
         self._lines, self._strikes = piece.automation, strikes
-        gone_notes = [self._notes.pop(id(line)) for line in changed_strikes.before]
-        new_notes = [
+        removed_note_lines = [
+            self._note_lines_by_id.pop(id(line)) for line in changed_strikes.before
+        ]
+        new_note_lines = [
             (line, [*_strike_automation(piece.tempo_map, line)]) for line in changed_strikes.now
         ]
-        self._notes |= {id(line): (line, notes) for line, notes in new_notes}
-        notes = (notes for _, notes in (*gone_notes, *new_notes))
-        affected_lines = chain(changed_lines.before, changed_lines.now, *notes)
+        self._note_lines_by_id |= {
+            id(line): (line, note_lines) for line, note_lines in new_note_lines
+        }
+        note_lines = (note_lines for _, note_lines in (*removed_note_lines, *new_note_lines))
+        affected_lines = chain(changed_lines.before, changed_lines.now, *note_lines)
         changed_modules |= {module_key for line in affected_lines for module_key in line.modules}
         is_at_end = changed_lines.start + len(changed_lines.now) == len(piece.automation)
         if is_same_tempo and is_at_end:
@@ -103,7 +109,7 @@ class KnownAutomation:
         if changed_strikes or not is_same_tempo:
             self._note_lines_by_module = {}
             for automation_line in chain.from_iterable(
-                self._notes[id(strikes_line)][1] for strikes_line in strikes
+                self._note_lines_by_id[id(strikes_line)][1] for strikes_line in strikes
             ):
                 for module_key in automation_line.modules:
                     self._note_lines_by_module.setdefault(module_key, []).append(automation_line)
@@ -145,20 +151,22 @@ class KnownAutomation:
             if not module_lines:
                 self._tracks.pop(module_key, None)
                 continue
-            parameters: dict[str, list[Automation]] = {}
+            lines_by_parameter: dict[str, list[Automation]] = {}
             for line in module_lines:
-                parameters.setdefault(line.parameter, []).append(line)
-            track = self._track(tempo, parameters)
+                lines_by_parameter.setdefault(line.parameter, []).append(line)
+            track = self._make_track(tempo, lines_by_parameter)
             old_track = old_tracks.get(module_key)
             self._tracks[module_key] = (
                 old_track if old_track is not None and old_track == track else track
             )
 
-    def _track(self, tempo: TempoMap, parameters: Mapping[str, list[Automation]]) -> ModuleTracks:
+    def _make_track(
+        self, tempo: TempoMap, lines_by_parameter: Mapping[str, list[Automation]]
+    ) -> ModuleTracks:
         """The entries of a module: of each parameter one lasts until the next one begins."""
         entries_by_name: dict[str, list[Entry]] = {}
         first_move_beat = math.inf
-        for name, lines in parameters.items():
+        for name, lines in lines_by_parameter.items():
             spans = sorted([_entry_span(tempo, line) for line in lines], key=lambda span: span[1])
             entries = entries_by_name[name] = []
             for index, (automation_line, begin_beat, end_beat) in enumerate(spans):
@@ -172,20 +180,23 @@ class KnownAutomation:
     def automated_module(self, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
         """A module of a piece; None if it does not exist."""
         part = piece.keys.get(module_key[0]) or piece.instruments.get(module_key[0])
-        module, cached = (self._module(part, module_key), self._automated_modules.get(module_key))
-        if cached is not None:
+        module, known_module = (
+            self._module(part, module_key),
+            self._automated_modules.get(module_key),
+        )
+        if known_module is not None:
             # The values of a key's module depend on its reach too.
-            is_same = cached[0] is module is not None and isinstance(part, Instrument)
-            if is_same or cached[1] is part:
-                return cached[2]
-        automated = AutomatedModule.from_piece(piece, module_key)
-        if automated is None:
+            is_same = known_module[0] is module is not None and isinstance(part, Instrument)
+            if is_same or known_module[1] is part:
+                return known_module[2]
+        new_module = AutomatedModule.from_piece(piece, module_key)
+        if new_module is None:
             self._automated_modules.pop(module_key, None)
         else:
-            if cached is not None and cached[2].is_same(automated):
-                automated = cached[2]
-            self._automated_modules[module_key] = module, part, automated
-        return automated
+            if known_module is not None and known_module[2].is_same(new_module):
+                new_module = known_module[2]
+            self._automated_modules[module_key] = module, part, new_module
+        return new_module
 
     def _module(self, part: Key | Instrument | None, module_key: ModuleKey) -> Module | None:
         """A module of a part by name; None for a part as a whole."""
@@ -215,7 +226,7 @@ class KnownAutomation:
             or known_points.automated_module is not automated_module
         ):
             return None
-        return known_points.points if known_points.since <= beat else None
+        return known_points.points if known_points.since_beat <= beat else None
 
     def keep_constant_points(
         self,
@@ -226,7 +237,7 @@ class KnownAutomation:
         points: Points,
     ) -> None:
         """Keep the constant points of a module on which nothing acts from beat `since_beat` on."""
-        is_moved = any(point[1:] != automated_module.written_numbers for point in points)
+        is_moved = any(point[1:] != automated_module.written_engine_values for point in points)
         self._constant_points[module_key] = _ConstantPoints(
             tracks, automated_module, since_beat, points, is_moved
         )
@@ -276,7 +287,7 @@ def _file_glides(
     last_instant = tempo.seconds(start_beat)
     for length, amount in automation_line.moves:
         instant = tempo.seconds(tempo.after(start_beat, length))
-        glide_begin = max(last_instant, instant - _REACH_SECONDS)
+        glide_begin = max(last_instant, instant - _APPROACH_SECONDS)
         yield replace(
             automation_line,
             at=Position(plus=Length(beats=tempo.beats(glide_begin))),
@@ -312,7 +323,7 @@ def _wheel_automation(
         swing=None,
         place=glide.target.place,
         begin_place=glide.target.place,
-        struck=strikes_line.draw_key,
+        strikes_name=strikes_line.draw_key,
         moves=tuple((length, Amount(factor, is_factor=True)) for length, factor in glide.points),
     )
     yield from _file_glides(tempo, wheel_entry, start_beat)

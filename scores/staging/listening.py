@@ -24,7 +24,7 @@ _INSTANT_MAX = 1e9  # [s]
 _ROUTE_NS, _ROOM_NS = 10.0, 300.0
 _REFERENCE_PRESSURE = 1.0  # pressure of a radiating route at the reference level [Pa]
 _WeightedRange = tuple[int, int, float]
-Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
+FrameCurve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +45,11 @@ class TapRoute:
     share: float = 1.0
     room: int | None = None  # in place of the channel
     delay: int = 0  # frames
-    fade: Curve | None = None
+    fade: FrameCurve | None = None
     tones: tuple[Tone, ...] = ()
     echo: tuple[int, float] | None = None  # frames and ratio of what goes into the delay again
     # Places between two channels, and whether this is the way to the second.
-    pan: tuple[Curve, bool] | None = None
+    pan: tuple[FrameCurve, bool] | None = None
 
     def gain(self, reference: float | None, unit: float) -> float:
         """The gain, in units of `unit`, of samples in SI units or, with a reference, of those at
@@ -67,7 +67,7 @@ class Listening:
     outputs: list[str] = field(default_factory=list)
     tap_routes: list[TapRoute] = field(default_factory=list)
     rooms: tuple[Room, ...] = ()
-    fade: Curve = ()  # of all channels
+    fade: FrameCurve = ()  # of all channels
     # Instruments whose taps give silence, because their sound is known from elsewhere (frozen
     # parts).
     silent_instruments: Container[str] = ()
@@ -141,7 +141,7 @@ class Listening:
 
     def mix_key(
         self,
-        taps: Sequence[str],
+        tap_hashes: Sequence[str],
         *,
         highpass: float | None = None,
         reference: float | None = None,
@@ -149,14 +149,14 @@ class Listening:
         unit: float = 1.0,
         with_silent: bool = False,
     ) -> str:
-        """A hash of all that the frames of such a mixer depend on, up to a frame up to which `taps`
-        are the hashes of what each tap gives, empty where that is silence, which changes no mix.
-        The state of a mixer has places for ways `with_silent` taps, too.
+        """A hash of all that the frames of such a mixer depend on, up to a frame up to which
+        `tap_hashes` are the hashes of what each tap gives, empty where that is silence, which
+        changes no mix. The state of a mixer has places for ways `with_silent` taps, too.
         """
         rooms = [(room.size, room.t60, room.to, room.gain) for room in self.rooms]
         route_keys = [
             (
-                taps[tap_route.tap],
+                tap_hashes[tap_route.tap],
                 tap_route.channel,
                 tap_route.gain(reference, unit),
                 highpass if tap_route.highpass is None else tap_route.highpass,
@@ -169,7 +169,8 @@ class Listening:
                 *(("squared",) if tap_route.is_squared else ()),
             )
             for tap_route in self.tap_routes
-            if (taps[tap_route.tap] or with_silent) and (parts is None or tap_route.part in parts)
+            if (tap_hashes[tap_route.tap] or with_silent)
+            and (parts is None or tap_route.part in parts)
         ]
         return sha256(repr((self.n_channels, rooms, self.fade, route_keys)).encode()).hexdigest()
 
@@ -294,7 +295,7 @@ def _add_tap_routes(
         listening.tap_routes.append(replace(tap_route, room=room_index, share=share))
 
 
-def fade_curves(piece: Piece) -> list[Curve]:
+def fade_curves(piece: Piece) -> list[FrameCurve]:
     """The fades of a piece in frames: that of the master, then those of the routes, then how these
     move between their channels.
     """
@@ -306,17 +307,17 @@ def fade_curves(piece: Piece) -> list[Curve]:
     ]
 
 
-def _fade_frames(piece: Piece, fade: Fade) -> Curve:
+def _fade_frames(piece: Piece, fade: Fade) -> FrameCurve:
     """A fade with its instants in frames of the piece."""
-    return tuple((_frame(piece, point.at), point.gain, point.is_smooth) for point in fade)
+    return tuple((_frame_at(piece, point.at), point.gain, point.is_smooth) for point in fade)
 
 
-def _pan_frames(piece: Piece, path: PanPath) -> Curve:
+def _pan_frames(piece: Piece, path: PanPath) -> FrameCurve:
     """A pan with its instants in frames of the piece."""
-    return tuple((_frame(piece, point.at), point.pan, point.is_smooth) for point in path)
+    return tuple((_frame_at(piece, point.at), point.pan, point.is_smooth) for point in path)
 
 
-def _frame(piece: Piece, written_position: Position) -> int:
+def _frame_at(piece: Piece, written_position: Position) -> int:
     """The frame of the piece at a position."""
     tempo = piece.tempo_map
     instant = tempo.seconds(tempo.resolve(written_position))

@@ -43,7 +43,8 @@ _REST_MOVEMENT_MAX = 1e-12  # largest movement of a key at rest [m]
 
 @dataclass(frozen=True, slots=True)
 class LiveHand:
-    """A real hand on a key. `standin` (n_ticks,) [m] are the positions that play without a person.
+    """A real hand on a key. `standin_path` (n_ticks,) [m] are the positions that play without a
+    person.
 
     The player's part, or the stand-in, lasts `n_ticks`.
     """
@@ -54,7 +55,7 @@ class LiveHand:
     mat: int
     tick_frames: int
     reach: float
-    standin: NDArray[np.float64]
+    standin_path: NDArray[np.float64]
     n_ticks: int
 
 
@@ -232,10 +233,10 @@ def standin_positions(
 
 def solo_hands(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
     """The network of a player's key, its position as output, and the part or stand-in on it."""
-    solo = _solo_piece(piece, player)
-    network, hands = _network_and_hands(solo, player, collector)
-    hands.play_parts(solo)
-    if not solo.parts and player.standin:
+    solo_piece = _solo_piece(piece, player)
+    network, hands = _network_and_hands(solo_piece, player, collector)
+    hands.play_parts(solo_piece)
+    if not solo_piece.parts and player.standin:
         hands.play_standin(player)
     return network, hands
 
@@ -263,12 +264,12 @@ def leading_positions(
     for span_piece, window in spans:
         if player_name not in span_piece.players:
             continue
-        solo = _solo_piece(span_piece, span_piece.players[player_name])
-        until_beat = min(window.until, span_piece.tempo_map.beats(end) + SAME)
+        solo_piece = _solo_piece(span_piece, span_piece.players[player_name])
+        until_beat = min(window.until_beat, span_piece.tempo_map.beats(end) + SAME)
         span_hands = hands.for_piece(
-            solo, window._replace(until=until_beat, after_instant=settling_start)
+            solo_piece, window._replace(until_beat=until_beat, after_instant=settling_start)
         )
-        span_hands.play_parts(solo)
+        span_hands.play_parts(solo_piece)
     start = settling_tick * tick_frames
     simulation = _core.Simulation(
         network, hands.timeline, start=start, record=forces is not None, on_fault="mute"

@@ -11,14 +11,14 @@ _DEFAULT_PLACING = Placing(1.0, (0.0, 0.0), None)
 class Loudspeakers:
     """Finds the loudspeaker of a room that is nearest to a place on an instrument's bench."""
 
-    def __init__(self, room: Layout, placing: Placing | None) -> None:
+    def __init__(self, layout: Layout, placing: Placing | None) -> None:
         """Take the room; without `placing` a body of 1 m is 1 m wide, in the middle of the plan."""
         self._placing = placing or _DEFAULT_PLACING
         self._is_in_space = self._placing.height is not None
-        self._speakers = room.speakers
+        self._speakers = layout.speakers
         if not self._is_in_space:
-            projection = equidistant if room.is_equidistant else _top_view
-            self._speakers = tuple((*projection(place), 0.0) for place in room.speakers)
+            projection = equidistant if layout.is_equidistant else _top_view
+            self._speakers = tuple((*projection(place), 0.0) for place in layout.speakers)
 
     def nearest(self, place: tuple[float, float]) -> int:
         """The index of the nearest loudspeaker, from 0; the first if several are equally near."""

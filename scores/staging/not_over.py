@@ -20,14 +20,14 @@ NameAndCount = tuple[Hashable, int]  # an item that a line plays, with its count
 
 
 class _KnownSelection(NamedTuple):
-    """The indices of the lines that are not over on beat `since`, in order.
+    """The indices of the lines that are not over on beat `since_beat`, in order.
 
     `counts` says how often those that are over have played what they play, `counted_lines` the
     index of the last of them.
     """
 
     columns: _Columns
-    since: float
+    since_beat: float
     line_indices: list[int]
     counts: dict[Hashable, int]
     counted_lines: dict[Hashable, int]
@@ -49,22 +49,22 @@ class UnfinishedLines(Generic[_Line]):
     def select(
         self,
         columns: _Columns,
-        since: float,
+        since_beat: float,
         is_over: Callable[[_Line], bool],
         name_and_count: Callable[[_Line], NameAndCount | None],
     ) -> tuple[list[_Line], dict[Hashable, int]]:
-        """The lines that are not over on beat `since`, and how often the others have played what
-        they play. A line behind another one that plays the same and is not over stays too:
+        """The lines that are not over on beat `since_beat`, and how often the others have played
+        what they play. A line behind another one that plays the same and is not over stays too:
         occurrences are counted in the order of the lines.
 
         A line is an item of each of the `columns`, which keep the items that do not change. A line
         that is over must be over on all later beats.
         """
-        selection = self._last_selection(columns, since, name_and_count)
+        selection = self._last_selection(columns, since_beat, name_and_count)
         play_counts, counted_lines = dict(selection.counts), dict(selection.counted_lines)
         indices_left: list[int] = []
         uncounted_names: set[Hashable] = set()
-        for line_index in selection.line_indices if selection.since < since else ():
+        for line_index in selection.line_indices if selection.since_beat < since_beat else ():
             line = _line(columns, line_index)
             played_name, n_played = name_and_count(line) or (None, 0)
             if played_name in uncounted_names or not is_over(line):
@@ -74,26 +74,29 @@ class UnfinishedLines(Generic[_Line]):
             elif played_name is not None:
                 play_counts[played_name] = play_counts.get(played_name, 0) + n_played
                 counted_lines[played_name] = line_index
-        if selection.since < since:
-            selection = _KnownSelection(columns, since, indices_left, play_counts, counted_lines)
+        if selection.since_beat < since_beat:
+            selection = _KnownSelection(
+                columns, since_beat, indices_left, play_counts, counted_lines
+            )
             self._selections = [*self._selections[1 - _SELECTIONS_KEPT :], selection]
         return [_line(columns, index) for index in selection.line_indices], selection.counts
 
     def _last_selection(
         self,
         columns: _Columns,
-        since: float,
+        since_beat: float,
         name_and_count: Callable[[_Line], NameAndCount | None],
     ) -> _KnownSelection:
-        """The last look at these lines at `since` or before, of which changed lines are left."""
+        """The last look at these lines at `since_beat` or before, with changed lines left."""
         for selection in sorted(
-            self._selections, key=lambda selection: selection.since, reverse=True
+            self._selections, key=lambda selection: selection.since_beat, reverse=True
         ):
             if (
-                selection.since <= since
-                and (adapted := _adapted_selection(selection, columns, name_and_count)) is not None
+                selection.since_beat <= since_beat
+                and (adapted_selection := _adapted_selection(selection, columns, name_and_count))
+                is not None
             ):
-                return adapted
+                return adapted_selection
         return _KnownSelection(columns, -math.inf, [*range(len(columns[0]))], {}, {})
 
 
@@ -139,7 +142,7 @@ def _adapted_selection(
     # The changed lines are looked at again, on the same beat too.
     return _KnownSelection(
         columns,
-        math.nextafter(selection.since, -math.inf),
+        math.nextafter(selection.since_beat, -math.inf),
         indices_left,
         selection.counts,
         counted_lines,

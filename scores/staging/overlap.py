@@ -41,12 +41,12 @@ def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: C
                 for gesture_on_key in tracked_gestures
                 if gesture_on_key.start < layer.stop and layer.start < gesture_on_key.stop
             )
-            tracked = next(gestures_below, None)
-            if tracked is not None and layer.place not in reported_places:
+            tracked_gesture = next(gestures_below, None)
+            if tracked_gesture is not None and layer.place not in reported_places:
                 reported_places.add(layer.place)
                 message = (
-                    f"{quote(layer.name)} is a layer over {quote(tracked.name)}, which is tracked: "
-                    "the key stays on the tracked path, so the layer has no effect"
+                    f"{quote(layer.name)} is a layer over {quote(tracked_gesture.name)}, which is "
+                    "tracked: the key stays on the tracked path, so the layer has no effect"
                 )
                 collector.error("W313", message, layer.place)
 

@@ -17,7 +17,7 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import Approach
 from ergon.scores.pattern.search import first_index_from, n_before
 from ergon.scores.pattern.steps import PlaceBeats
-from ergon.scores.reading.automation import Automation, Shape, Swing
+from ergon.scores.reading.automation import Automation, Swing, WaveShape
 from ergon.scores.reading.piece import Piece
 
 # Time in which a value set by a pattern is reached [s]: a jump would click.
@@ -48,62 +48,67 @@ class Curve:
     the last.
     """
 
-    initial: float
-    t: list[float] = field(default_factory=list)
-    x: list[float] = field(default_factory=list)
-    fixed_instants: set[float] = field(default_factory=set)  # instants inside glides
+    initial_value: float
+    instants: list[float] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    corrected_instants: set[float] = field(default_factory=set)  # instants inside glides
 
     def add_point(self, instant: float, value: float) -> None:
         """Add a value, reached linearly from the last point."""
-        self.t.append(max(instant, self.t[-1]) if self.t else instant)
-        self.x.append(value)
+        self.instants.append(max(instant, self.instants[-1]) if self.instants else instant)
+        self.values.append(value)
 
     def add_step(self, instant: float, value: float, stop: float = math.inf) -> None:
-        """Set a value from an instant on; it is reached within GLIDE, or by `stop`."""
-        self.add_point(instant, self.x[-1] if self.x else self.initial)
+        """Set a value from an instant on; it is reached within `GLIDE_DURATION`, or by `stop`."""
+        self.add_point(instant, self.values[-1] if self.values else self.initial_value)
         self.add_point(min(instant + GLIDE_DURATION, stop), value)
 
     def evaluate(self, instant: float) -> float:
         """The value at an instant."""
-        index_after = bisect_right(self.t, instant)
-        if index_after in (0, len(self.t)):
-            return self.x[0 if index_after == 0 else -1] if self.x else self.initial
-        begin, end = self.t[index_after - 1], self.t[index_after]
+        index_after = bisect_right(self.instants, instant)
+        if index_after in (0, len(self.instants)):
+            return self.values[0 if index_after == 0 else -1] if self.values else self.initial_value
+        begin, end = self.instants[index_after - 1], self.instants[index_after]
         fraction = (instant - begin) / (end - begin)
-        return self.x[index_after - 1] + (self.x[index_after] - self.x[index_after - 1]) * fraction
+        return (
+            self.values[index_after - 1]
+            + (self.values[index_after] - self.values[index_after - 1]) * fraction
+        )
 
 
 class Entry(NamedTuple):
-    """An automation entry that controls its parameter from beat `begin` to beat `stop`."""
+    """An automation entry that controls its parameter from `begin_beat` to `stop_beat`."""
 
     automation: Automation
-    begin: float
-    stop: float
+    begin_beat: float
+    stop_beat: float
 
 
 class Extent(NamedTuple):
-    """What of a curve is needed: the beats from `since` to `until`, of them the points from the
-    last one at or before the instant `begin_instant` [s] on.
+    """What of a curve is needed: the beats from `since_beat` to `until_beat`, of them the
+    points from the last one at or before the instant `begin_instant` [s] on.
     """
 
-    since: float
-    until: float
+    since_beat: float
+    until_beat: float
     begin_instant: float = -math.inf
 
 
 def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> float:
     """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
     tempo, automation = piece.tempo_map, entry.automation
-    steps = automation.steps(tempo, piece.seed)
+    steps = automation.place_beats(tempo, piece.seed)
     places = steps.places
-    first_place, stop_place = needed_places(steps, extent.since, min(entry.stop, extent.until))
+    first_place, stop_place = needed_places(
+        steps, extent.since_beat, min(entry.stop_beat, extent.until_beat)
+    )
     for place_index in range(first_place, stop_place):
         if not place_index % 1024:
             _core.poll(_PLACE_STEPS * 1024)
         value_name, instant = (places.played_name(place_index), tempo.seconds(steps[place_index]))
         if instant >= NEVER:
             break
-        if value_name is not None and automation.struck:
+        if value_name is not None and automation.strikes_name:
             # The pitch of a note is reached one step of the grid before its strike.
             grid_step = GRID_FRAMES / piece.rate
             curve.add_step(
@@ -113,18 +118,18 @@ def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> flo
             next_instant = tempo.seconds(steps.beat(place_index + 1))
             curve.add_step(
                 instant,
-                automation.amounts[value_name].applied_to(curve.initial),
+                automation.amounts[value_name].applied_to(curve.initial_value),
                 max(next_instant, instant),
             )
     return steps.beat(len(steps))
 
 
-def needed_places(steps: PlaceBeats, since: float, stop_beat: float) -> tuple[int, int]:
-    """The places before beat `stop_beat` from the value on that holds at `since` and the one that
-    it comes from: the first, and the one behind the last.
+def needed_places(steps: PlaceBeats, since_beat: float, stop_beat: float) -> tuple[int, int]:
+    """The places before beat `stop_beat` from the value on that holds at `since_beat` and the one
+    that it comes from: the first, and the one behind the last.
     """
     stop_place = n_before(steps, stop_beat - SAME)
-    first_place, n_values_missing = min(stop_place, n_before(steps, since - SAME)), 2
+    first_place, n_values_missing = min(stop_place, n_before(steps, since_beat - SAME)), 2
     for _ in range(_PLACES_BACK_MAX):
         if first_place == 0 or n_values_missing == 0:
             break
@@ -161,14 +166,16 @@ def glide_path(piece: Piece, entry: Entry, initial_value: float) -> GlidePath:
     values = [to_scale(point.amount.applied_to(initial_value)) for point in automation.points]
     approaches: list[Approach] = [point.way for point in automation.points]
     if automation.over is not None:
-        start_instant = tempo.seconds(entry.begin)
-        instants = [start_instant, tempo.seconds(tempo.after(entry.begin, automation.over))]
+        start_instant = tempo.seconds(entry.begin_beat)
+        instants = [start_instant, tempo.seconds(tempo.after(entry.begin_beat, automation.over))]
         approaches.insert(0, "line")
     else:
-        instants = [tempo.instant(entry.begin, point.at) for point in automation.points]
+        instants = [tempo.instant(entry.begin_beat, point.at) for point in automation.points]
     if any(instant_after <= instant_before for instant_before, instant_after in pairwise(instants)):
         raise TextError("the points of the curve do not rise in time at this tempo")
-    return GlidePath(instants, values, approaches, min(instants[-1], tempo.seconds(entry.stop)))
+    return GlidePath(
+        instants, values, approaches, min(instants[-1], tempo.seconds(entry.stop_beat))
+    )
 
 
 def add_glide(piece: Piece, entry: Entry, curve: Curve, begin_instant: float = -math.inf) -> None:
@@ -177,12 +184,14 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begin_instant: float = -
     Points before the last one at or before the instant `begin_instant` [s] may be left out.
     """
     tempo, automation = piece.tempo_map, entry.automation
-    start_instant = tempo.seconds(entry.begin)
+    start_instant = tempo.seconds(entry.begin_beat)
     if isinstance(tempo, StoppedTempoMap):
         if start_instant < NEVER:  # the value on the present beat
             tempo_map = ShiftedTempoMap(tempo, 0.0)
             present_curve = Curve(
-                curve.initial, [tempo_map.seconds(entry.begin)], [curve.evaluate(start_instant)]
+                curve.initial_value,
+                [tempo_map.seconds(entry.begin_beat)],
+                [curve.evaluate(start_instant)],
             )
             add_glide(replace(piece, tempo_map=tempo_map), entry, present_curve)
             curve.add_point(
@@ -190,7 +199,7 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begin_instant: float = -
             )
         return
     to_scale, from_scale = _SCALES.get(automation.parameter, (_identity, _identity))
-    instants, values, approaches, stop_instant = glide_path(piece, entry, curve.initial)
+    instants, values, approaches, stop_instant = glide_path(piece, entry, curve.initial_value)
     old_value = curve.evaluate(start_instant)
     is_over = (
         stop_instant <= begin_instant and stop_instant > start_instant + GLIDE_DURATION
@@ -210,15 +219,15 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begin_instant: float = -
         times = times[max(0, bisect_right(times, begin_instant) - 1) :]
         # Points near a corner are not corrected for curvature.
         corner_reach = grid_spacing * (1.0 + SAME)
-        curve.fixed_instants.update(
+        curve.corrected_instants.update(
             grid_instant
             for grid_instant in times
             if all(abs(grid_instant - corner) > corner_reach for corner in instants)
         )
         for grid_instant, value in zip(times, _core.path_values(path, times), strict=True):
             curve.add_point(grid_instant, from_scale(value))
-    (end,) = _core.path_values(path, [stop_instant])
-    curve.add_point(stop_instant, from_scale(end))
+    (end_value,) = _core.path_values(path, [stop_instant])
+    curve.add_point(stop_instant, from_scale(end_value))
 
 
 def _glide_instants(
@@ -226,7 +235,7 @@ def _glide_instants(
 ) -> tuple[list[float], float]:
     """The instants on the grid within a glide that have points, and the time between them [s]."""
     grid_step = GRID_FRAMES / piece.rate
-    first_instant = max(curve.t[-1], start_instant) if curve.t else start_instant
+    first_instant = max(curve.instants[-1], start_instant) if curve.instants else start_instant
     grid_indices = range(
         math.floor(first_instant / grid_step) + 1, math.ceil(stop_instant / grid_step)
     )
@@ -253,7 +262,7 @@ def swing_beats(tempo: TempoMap, entry: Entry, swing: Swing) -> Callable[[int], 
     """The beat of each point of a swing, by number: `tempo.after` the beginning, with what does not
     depend on the number computed once.
     """
-    begin_beat, period = entry.begin, swing.period
+    begin_beat, period = entry.begin_beat, swing.period
     if period.seconds:
         return lambda number: tempo.after(begin_beat, period.times(number / SWING_SEGMENTS))
     period_beats = period.beats
@@ -282,28 +291,28 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     """Add a swing to a curve, from one period before the extent to its first point behind it."""
     swing = entry.automation.swing
     assert swing is not None
-    tempo, initial_value = piece.tempo_map, curve.initial
+    tempo, initial_value = piece.tempo_map, curve.initial_value
     low, high = swing.low.applied_to(initial_value), swing.high.applied_to(initial_value)
     beat_of = swing_beats(tempo, entry, swing)
     first_point = 0
-    if extent.since > entry.begin:
-        first_point = max(0, n_swing_points_before(beat_of, extent.since) - SWING_SEGMENTS)
+    if extent.since_beat > entry.begin_beat:
+        first_point = max(0, n_swing_points_before(beat_of, extent.since_beat) - SWING_SEGMENTS)
     phase_offset = round(swing.phase * SWING_SEGMENTS)
     edge_segments = {"square": (0, SWING_SEGMENTS // 2), "ramp": (0,)}.get(swing.shape, ())
     for number in range(first_point, first_point + _POINTS_MAX):
         point_beat, segment_index = (beat_of(number), (number + phase_offset) % SWING_SEGMENTS)
-        if point_beat > entry.stop or (instant := tempo.seconds(point_beat)) >= NEVER:
+        if point_beat > entry.stop_beat or (instant := tempo.seconds(point_beat)) >= NEVER:
             break
         swing_value = low + (high - low) * _swing_fraction(swing.shape, segment_index)
         if number == 0 or segment_index in edge_segments:
             curve.add_step(instant, swing_value, tempo.seconds(beat_of(number + 1)))
-        elif swing.shape != "square" or not curve.t:
+        elif swing.shape != "square" or not curve.instants:
             curve.add_point(instant, swing_value)
-        if point_beat > extent.until:
+        if point_beat > extent.until_beat:
             break
 
 
-def _swing_fraction(swing_shape: Shape, segment_index: int) -> float:
+def _swing_fraction(swing_shape: WaveShape, segment_index: int) -> float:
     """The position of a swing between its low end (0) and its high end (1), at a segment of its
     period.
     """

@@ -39,7 +39,7 @@ class AutomatedModule:
         self.module = module
         self.scale = scale
         self.written_values = _written_values(module)
-        self.written_numbers = self.numbers({})
+        self.written_engine_values = self.engine_values({})
 
     @classmethod
     def from_piece(cls, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
@@ -69,7 +69,7 @@ class AutomatedModule:
         kind = self.module.kind
         return member_count(kind, self.module.fields) if kind == "BANK" else 1
 
-    def numbers(self, values_by_name: Mapping[str, float]) -> tuple[float, ...]:
+    def engine_values(self, values_by_name: Mapping[str, float]) -> tuple[float, ...]:
         """The module's numbers, if some parameters have the values `values_by_name`."""
         module_kind = self.module.kind
         if module_kind == "CEL":
@@ -83,18 +83,18 @@ class AutomatedModule:
             stiffness, decay_rate = _square_and_decay_rate(self.written_values)
             new_k, new_rate = _square_and_decay_rate({**self.written_values, **values_by_name})
             return new_k / stiffness, new_rate / decay_rate if decay_rate else 1.0
-        scaled_names = KINDS[module_kind].scaled
+        scaled_names = KINDS[module_kind].scaled_fields
         return tuple(
             values_by_name[name] / self.written_values[name] if name in values_by_name else 1.0
             for name in scaled_names
         )
 
-    def transposed(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
+    def transposed(self, engine_values: tuple[float, ...], ratio: float) -> tuple[float, ...]:
         """The numbers with all times divided by a ratio, as `transpose` does."""
-        stiffness, viscosity, *other_numbers = numbers
-        return (stiffness * ratio * ratio, viscosity * ratio, *other_numbers)
+        stiffness, viscosity, *other_values = engine_values
+        return (stiffness * ratio * ratio, viscosity * ratio, *other_values)
 
-    def put(
+    def put_points(
         self, timeline: _core.Timeline, assembly: Assembly, module_key: ModuleKey, points: Points
     ) -> None:
         """Put the points on the timeline, so that the engine moves the module. Raises
@@ -127,7 +127,8 @@ def _written_values(part_module: Module) -> dict[str, float]:
         }
     if part_module.kind != "CEL":
         return {
-            name: float(module_fields.get(name) or 0.0) for name in KINDS[part_module.kind].scaled
+            name: float(module_fields.get(name) or 0.0)
+            for name in KINDS[part_module.kind].scaled_fields
         }
     k, z, m = cel_constants(module_fields)
     decay_rate = z / (2.0 * m)

@@ -84,7 +84,7 @@ class PlanWithNotes:
     is_draft: bool = False
 
 
-def cost(plan: _core.Plan) -> float:
+def plan_cost(plan: _core.Plan) -> float:
     """Work on one core for a second of sound [s/s], by the table of costs."""
     return sum(row.cost for row in plan.rows())
 
@@ -194,7 +194,7 @@ def make_plan(
     plan = planner.plan(accuracy, work_share)
     plan_notes = _plan_notes(plan, accuracy, is_foreseen=is_foreseen)
     cost_factor = 1.0 if is_cpu_only else correction
-    if accuracy.cpu is None or (not is_cpu_only and cost_factor * cost(plan) <= accuracy.cpu):
+    if accuracy.cpu is None or (not is_cpu_only and cost_factor * plan_cost(plan) <= accuracy.cpu):
         return PlanWithNotes(plan, accuracy, plan_notes, planner.finish())
     looser_accuracies = {error: Accuracy(error=error) for error in _LOOSER_ERRORS_DB}
     looser_plans = {
@@ -204,7 +204,7 @@ def make_plan(
     fitting_errors = [
         error
         for error, looser_plan in looser_plans.items()
-        if cost_factor * cost(looser_plan) <= accuracy.cpu
+        if cost_factor * plan_cost(looser_plan) <= accuracy.cpu
     ]
     if is_cpu_only and fitting_errors:
         return PlanWithNotes(
@@ -214,15 +214,15 @@ def make_plan(
         )
     plans = ((plan, accuracy), *zip(looser_plans.values(), looser_accuracies.values(), strict=True))
     cheapest_plan, cheapest_accuracy = min(
-        plans, key=lambda plan_and_accuracy: cost(plan_and_accuracy[0])
+        plans, key=lambda plan_and_accuracy: plan_cost(plan_and_accuracy[0])
     )
     hint = (
         f"error: {fitting_errors[0]:g}dB fits"
         if fitting_errors
-        else f"the cheapest plan takes {_percent_text(cost_factor * cost(cheapest_plan))}"
+        else f"the cheapest plan takes {_percent_text(cost_factor * plan_cost(cheapest_plan))}"
     )
     allowed_text = _percent_text(accuracy.cpu)
-    cost_text = _percent_text(cost_factor * cost(plan))
+    cost_text = _percent_text(cost_factor * plan_cost(plan))
     excess_sentence = (
         f"the plan takes {cost_text} of a core, above the {allowed_text} allowed; {hint}"
     )
@@ -274,7 +274,7 @@ def needs_trial(row: _core.PlanRow) -> bool:
     return row.what not in _EXACT_KINDS and not row.reference
 
 
-def draft_error(plan: _core.Plan) -> str:
+def draft_error_sentence(plan: _core.Plan) -> str:
     """A sentence on the known error of a plan that was made with few trials, at least in part."""
     plan_rows = [row for row in plan.rows() if row.cost > 0.0]
     drafted_rows = [row for row in plan_rows if row.drafted]
@@ -402,7 +402,7 @@ def _audible_misses(plan: _core.Plan, cents: float | None) -> list[str]:
     """A sentence for parts whose audible error is above what is allowed by ear, or in cents."""
     limits = _audible_limits(cents)
     allowed_error = _core.AudibleError(*limits)
-    misses: dict[str, list[str]] = {}
+    parts_by_sentence: dict[str, list[str]] = {}
     for plan_row in plan.rows():
         audible, trial_duration, spectral = plan_row.audible, plan_row.error_s, plan_row.spectral_db
         if trial_duration is None or plan_row.cut_short:
@@ -424,8 +424,11 @@ def _audible_misses(plan: _core.Plan, cents: float | None) -> list[str]:
             )
         else:
             continue
-        misses.setdefault(error_sentence, []).extend(plan_row.parts)
-    return [f"{' + '.join(dict.fromkeys(parts))}: {sentence}" for sentence, parts in misses.items()]
+        parts_by_sentence.setdefault(error_sentence, []).extend(plan_row.parts)
+    return [
+        f"{' + '.join(dict.fromkeys(parts))}: {sentence}"
+        for sentence, parts in parts_by_sentence.items()
+    ]
 
 
 def _audible_limits(cents: float | None) -> list[float]:

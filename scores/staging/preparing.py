@@ -42,7 +42,7 @@ from ergon.scores.staging.live import (
 )
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.parameter_values import ModuleKey, Points
-from ergon.scores.staging.refusals import StageError, refuse, stage_error
+from ergon.scores.staging.refusals import StageError, report_refusals, stage_error
 from ergon.scores.staging.stage_memory import StageMemory
 from ergon.scores.staging.striking import ALL_INSTANTS, Striking
 from ergon.scores.staging.takes import Takes
@@ -58,7 +58,7 @@ DURATION_MAX = 24 * 3600.0  # a day; a longer piece is a mistake
 class EarlierStage(Protocol):
     """A stage that was prepared before, whose results may be reused."""
 
-    built: BuiltNetwork
+    built_network: BuiltNetwork
     takes: Mapping[Hashable, _core.Take]
     paths: Mapping[ModuleKey, Points]
     paths_end: float
@@ -77,7 +77,7 @@ class Span(NamedTuple):
 class PreparedPiece:
     """A piece without its simulation. `collector` holds warnings and notes."""
 
-    built: BuiltNetwork
+    built_network: BuiltNetwork
     timeline: _core.Timeline
     n_frames: int
     hands: Hands
@@ -92,7 +92,7 @@ class PreparedPiece:
     @property
     def network(self) -> _core.Network:
         """The network of the modules."""
-        return self.built.network
+        return self.built_network.network
 
 
 @without_gc
@@ -119,10 +119,10 @@ def prepare(
     known_automation = memory.automation
     try:
         computed_piece = with_reduced_keys(piece, real_hands)
-        built = (old_stage and old_stage.built.for_piece(computed_piece, silent)) or build_network(
-            computed_piece, silent
-        )
-        assembly, couplings = built.assembly, built.couplings
+        built = (
+            old_stage and old_stage.built_network.for_piece(computed_piece, silent)
+        ) or build_network(computed_piece, silent)
+        assembly, couplings = built.assembly, built.coupling_links
         timeline = _core.Timeline(assembly.network, piece.rate)
         if piece.accuracy.is_unguarded:
             timeline.leave_unguarded()
@@ -138,40 +138,46 @@ def prepare(
         played_spans = [Span(piece, ALL_TIME)] if spans is None else spans
         inputs = add_inputs(piece, timeline, takes)
         add_drives(piece, assembly, hands, {name: index for name, (index, _) in inputs.items()})
-        instant = -math.inf if old_stage is None else start / piece.rate
-        notes = DrawnNotes(
-            timeline, old_stage.drawn_notes if old_stage else (), instant, piece.rate
+        takeover_instant = -math.inf if old_stage is None else start / piece.rate
+        drawn_notes = DrawnNotes(
+            timeline, old_stage.drawn_notes if old_stage else (), takeover_instant, piece.rate
         )
         events_end = _put_events(
-            piece, assembly, hands, couplings, real_hands, played_spans, memory, notes
+            piece, assembly, hands, couplings, real_hands, played_spans, memory, drawn_notes
         )
-        end = max(events_end, _hands_end(piece, live_hands))
-        end = max([end, *(seconds for _, seconds in inputs.values())])
+        end_instant = max(events_end, _hands_end(piece, live_hands))
+        end_instant = max([end_instant, *(seconds for _, seconds in inputs.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         check_delays(computed_piece, collector)
         check_mix(piece, collector)
-        n_frames = _n_frames(piece, end, collector) if spans is None else 0
+        n_frames = _n_frames(piece, end_instant, collector) if spans is None else 0
         (paths, permanent_modules), paths_until = _automation_of_spans(
-            piece, spans, n_frames, collector, instant, known_automation
+            piece, spans, n_frames, collector, takeover_instant, known_automation
         )
         if old_stage is not None:
-            takeover = (old_stage.paths, paths, piece, instant, old_stage.paths_end)
-            paths = takeover_points(*takeover, permanent_modules, known_automation)
+            takeover_arguments = (
+                old_stage.paths,
+                paths,
+                piece,
+                takeover_instant,
+                old_stage.paths_end,
+            )
+            paths = takeover_points(*takeover_arguments, permanent_modules, known_automation)
         for module_key, points in paths.items():
-            if automated := known_automation.automated_module(piece, module_key):
+            if automated_module := known_automation.automated_module(piece, module_key):
                 try:
-                    automated.put(timeline, assembly, module_key, points)
+                    automated_module.put_points(timeline, assembly, module_key, points)
                 except _core.EngineError as error:
-                    refuse(piece, collector, error)
+                    report_refusals(piece, collector, error)
     except _core.EngineError as error:
         raise stage_error(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    fade_start = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
+    fade_start = int(end_instant * piece.rate + 0.5) if piece.render.tail == "auto" else None
     path_arguments = paths, paths_until
     piece_arguments = built, timeline, n_frames, hands, collector, live_hands
-    return PreparedPiece(*piece_arguments, *path_arguments, fade_start, memory, notes.notes)
+    return PreparedPiece(*piece_arguments, *path_arguments, fade_start, memory, drawn_notes.notes)
 
 
 def _automation_of_spans(
@@ -179,12 +185,11 @@ def _automation_of_spans(
     piece_spans: Sequence[Span] | None,
     n_frames: int,
     collector: Collector,
-    begins: float,
+    begin_instant: float,
     known_automation: KnownAutomation,
 ) -> tuple[AutomatedPoints, float]:
     """The points of automated modules, up to the end of the piece or of its last stretch, and the
-    instant up to which they are complete [s]. A stretch needs them from the instant `begins` [s]
-    on.
+    instant up to which they are complete [s]. A stretch needs them from `begin_instant` [s] on.
     """
     tempo = piece.tempo_map
     if not piece.automation and not any(strikes.moves_pitches for strikes in piece.strikes):
@@ -196,7 +201,7 @@ def _automation_of_spans(
         stopped_beat = tempo.beats(0.0)
         return automation_points(piece, stopped_beat, stopped_beat, collector), math.inf
     since, until, _ = piece_spans[-1].window
-    points = automation_points(piece, since, until, collector, begins, known_automation)
+    points = automation_points(piece, since, until, collector, begin_instant, known_automation)
     return points, last_complete_instant(piece, until)
 
 
@@ -238,19 +243,21 @@ def _put_events(
     event_ends = [gesture.stop for gesture in hands.gestures]
     for played_piece, window in piece_spans:
         span_instants = _window_instants(played_piece, window)
-        for strikes in memory.strikes.unfinished(played_piece, window.since):
+        for strikes in memory.strikes.unfinished(played_piece, window.since_beat):
             targets = (
                 struck_target
                 for struck_target in strikes.to
                 if (struck_target.part, struck_target.module) in assembly.mats
             )
             mats = [mat for target in targets for mat in assembly.members(target)]
-            source = hands.sources.add(partial(_same_place, strikes.place))
+            source = hands.ergon_places.add(partial(_same_place, strikes.place))
             striking = Striking(
                 played_piece, timeline, strikes, mats, source, span_instants, assembly, drawn_notes
             )
             event_ends.append(striking.play(hands.collector))
-    drawn_notes.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
+    drawn_notes.end_others(
+        assembly.mats.get, hands.ergon_places.add(partial(_same_place, piece.place))
+    )
     for link, (begin, until) in zip(couplings, coupling_spans(piece), strict=True):
         if until == COUPLING_ENDED_SECONDS:
             begin, until = NEVER, None
@@ -263,8 +270,8 @@ def _window_instants(piece: Piece, window: Window) -> tuple[float, float]:
     if window is ALL_TIME:
         return ALL_INSTANTS
     tempo = piece.tempo_map
-    start_instant = tempo.seconds(window.since) if window.since > -math.inf else 0.0
-    stop_instant = tempo.seconds(window.until) if window.until < math.inf else math.inf
+    start_instant = tempo.seconds(window.since_beat) if window.since_beat > -math.inf else 0.0
+    stop_instant = tempo.seconds(window.until_beat) if window.until_beat < math.inf else math.inf
     return max(0.0, start_instant), stop_instant
 
 

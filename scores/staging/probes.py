@@ -23,7 +23,7 @@ class Point:
     """A MAT that is measured, by the number of its output; `name` is its full name."""
 
     name: str
-    output: int
+    output_number: int
     is_fixed: bool
 
 
@@ -32,7 +32,7 @@ class ProbedLink:
     """A BUT whose `a` strikes `b`, or an LNL with friction, in SI units; or one point of such a
     link over a range.
 
-    `whole` is the name of the link as it is written. Its elongation is x_b - x_a.
+    `full_name` is the name of the link as it is written. Its elongation is x_b - x_a.
     """
 
     name: str
@@ -44,7 +44,7 @@ class ProbedLink:
 
 @dataclass(frozen=True, slots=True)
 class ProbedPiece:
-    """The piece with outputs at its points; `left_out_count` counts contacts and points without an
+    """The piece with outputs at its points; `n_left_out` counts contacts and points without an
     output.
     """
 
@@ -97,12 +97,12 @@ def probe_piece(piece: Piece) -> ProbedPiece:
     probed_piece = replace(
         piece, instruments={**piece.instruments, _PROBE_NAME: probe_instrument}, mix=mix
     )
-    left_out = len(probed_targets) - len(first_targets) + len(contacts) - len(measured_contacts)
+    n_left_out = len(probed_targets) - len(first_targets) + len(contacts) - len(measured_contacts)
     return ProbedPiece(
         probed_piece,
         tuple(points_by_target.values()),
         tuple(measured_contacts),
-        left_out,
+        n_left_out,
         tuple(measured_frictions),
     )
 

@@ -117,7 +117,7 @@ def solo(
         times=1,
         until=None,
         do=transforms,
-        manner=playing_options or PlayingOptions(),
+        options=playing_options or PlayingOptions(),
         place=gesture_or_take.place,
         begin_place=gesture_or_take.place,
         until_place=None,

@@ -39,7 +39,7 @@ def place_of(piece: Piece, engine_name: str | None) -> Place:
     return piece.place
 
 
-def refuse(piece: Piece, collector: Collector, error: _core.EngineError) -> None:
+def report_refusals(piece: Piece, collector: Collector, error: _core.EngineError) -> None:
     """Report each module that the engine refuses (E309)."""
     for refusal in getattr(error, "refusals", ()) or (error,):
         collector.error(
@@ -49,5 +49,5 @@ def refuse(piece: Piece, collector: Collector, error: _core.EngineError) -> None
 
 def stage_error(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
     """An error with all diagnostics, including this refusal."""
-    refuse(piece, collector, error)
+    report_refusals(piece, collector, error)
     return StageError(collector.finish())

@@ -48,11 +48,11 @@ class Stage:
     """
 
     piece: Piece
-    built: BuiltNetwork
+    built_network: BuiltNetwork
     simulation: _core.Simulation
     n_frames: int
     gestures: list[StagedGesture]
-    sources: ErgonPlaces
+    ergon_places: ErgonPlaces
     diagnostics: list[Diagnostic]
     plan: _core.Plan | None = None
     is_plan_kept: bool = False
@@ -74,12 +74,12 @@ class Stage:
     @property
     def network(self) -> _core.Network:
         """The network of the modules."""
-        return self.built.network
+        return self.built_network.network
 
     @property
     def listening(self) -> Listening:
         """The taps of the network and the ways from them to channels."""
-        return self.built.listening
+        return self.built_network.listening
 
     @property
     def rate(self) -> float:
@@ -177,10 +177,10 @@ class Stage:
         }
 
     def _stem_parts(self) -> dict[str, list[str]]:
-        family = self.piece.note_families()
+        family_by_part = self.piece.note_families()
         parts_by_family: dict[str, list[str]] = {}
         for part in self.listening.parts():
-            parts_by_family.setdefault(family.get(part, part), []).append(part)
+            parts_by_family.setdefault(family_by_part.get(part, part), []).append(part)
         return parts_by_family
 
     @property
@@ -190,22 +190,22 @@ class Stage:
 
     def mix_key(
         self,
-        taps: Sequence[str],
+        tap_hashes: Sequence[str],
         *,
         highpass: float | None,
         reference: float | None,
         with_silent: bool = False,
     ) -> str:
         """A hash of all that the frames of `mixer` depend on, or its state `with_silent` outputs;
-        `taps` are hashes of outputs.
+        `tap_hashes` are hashes of outputs.
         """
         return self.listening.mix_key(
-            taps, highpass=highpass, reference=reference, with_silent=with_silent
+            tap_hashes, highpass=highpass, reference=reference, with_silent=with_silent
         )
 
     def stem_keys(
         self,
-        taps: Sequence[str],
+        tap_hashes: Sequence[str],
         *,
         highpass: float | None,
         reference: float | None,
@@ -216,7 +216,7 @@ class Stage:
         """
         return [
             self.listening.mix_key(
-                taps,
+                tap_hashes,
                 highpass=highpass,
                 reference=reference,
                 parts=parts,
@@ -231,11 +231,11 @@ class Stage:
         written.
         """
         return Diagnostic(
-            "E401", str(error), place_of(self.piece, error.module), None, self._advice
+            "E401", str(error), place_of(self.piece, error.module), None, self._stiffness_advice
         )
 
     @property
-    def _advice(self) -> str:
+    def _stiffness_advice(self) -> str:
         """The help text for a part that is too stiff for its steps."""
         accuracy = self.planned_accuracy
         is_chosen = accuracy is not None and accuracy.method is not None
@@ -247,7 +247,9 @@ class Stage:
         """
         reports = self.simulation if self.reports is None else self.reports
         return [
-            Diagnostic("W404", gain.sentence, place_of(self.piece, gain.name), None, self._advice)
+            Diagnostic(
+                "W404", gain.sentence, place_of(self.piece, gain.name), None, self._stiffness_advice
+            )
             for gain in reports.gains()
         ]
 
@@ -280,7 +282,7 @@ class RecalledOutputs(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StageTakeover:
-    """A stage that takes over from the running stage `running_stage`, at frame `start`.
+    """A stage that takes over from the running stage `running_stage`, at frame `start_frame`.
 
     `spans` is what parts of this piece and of earlier ones play; None: all of it. `glides` are
     parameters that are still gliding. `strike_points` are MATs that may be struck while it
@@ -289,7 +291,7 @@ class StageTakeover:
 
     spans: Sequence[Span] | None = None
     running_stage: Stage | None = None
-    start: int = 0
+    start_frame: int = 0
     glides: Sequence[Glide] = ()
     strike_points: StrikePoints = ()
 
@@ -334,11 +336,13 @@ def stage(
         piece = replace(piece, seed=seed)
     takeover = takeover or StageTakeover()
     old_stage = takeover.running_stage
-    prepared_piece = prepare(piece, real_hands, silent, takeover.spans, old_stage, takeover.start)
+    prepared_piece = prepare(
+        piece, real_hands, silent, takeover.spans, old_stage, takeover.start_frame
+    )
     native.speed_up(prepared_piece.network, prepared_piece.n_frames)
     if takeover.spans is not None:
         prepared_piece.timeline.open()
-        put_trial_strikes(piece, prepared_piece.built.assembly, prepared_piece.timeline)
+        put_trial_strikes(piece, prepared_piece.built_network.assembly, prepared_piece.timeline)
     _add_glides(piece, prepared_piece, takeover)
     _add_strike_points(piece, prepared_piece, takeover)
     plan, planning = None, None
@@ -366,7 +370,7 @@ def stage(
             prepared_piece.network,
             prepared_piece.timeline,
             plan=plan,
-            start=takeover.start,
+            start=takeover.start_frame,
             ledger=ledger,
             record=record,
             on_fault=on_fault,
@@ -386,11 +390,11 @@ def _make_stage(
 ) -> Stage:
     return Stage(
         piece,
-        prepared.built,
+        prepared.built_network,
         simulation,
         prepared.n_frames,
         prepared.hands.gestures,
-        prepared.hands.sources,
+        prepared.hands.ergon_places,
         prepared.collector.finish(),
         plan,
         planning is not None and planning.is_kept,
@@ -412,14 +416,14 @@ def _add_glides(piece: Piece, prepared: PreparedPiece, takeover: StageTakeover) 
         for glide in takeover.glides:
             if glide.module_key in prepared.paths:
                 continue  # automation changes it
-            glide.put(prepared.timeline, prepared.built.assembly)
+            glide.put(prepared.timeline, prepared.built_network.assembly)
     except _core.EngineError as error:
         raise stage_error(piece, prepared.collector, error) from error
 
 
 def _add_strike_points(piece: Piece, prepared: PreparedPiece, takeover: StageTakeover) -> None:
     """Register the MATs that may be struck while the stage plays."""
-    assembly = prepared.built.assembly
+    assembly = prepared.built_network.assembly
     try:
         for part_name, part_module, member, strike_number in takeover.strike_points:
             first_mat = assembly.mats.get((part_name, part_module))

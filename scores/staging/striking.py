@@ -30,7 +30,7 @@ _STRIKE_STEPS = 2_000  # steps of work for a strike
 _OPEN_NOTE_SECONDS = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
 
 # When a note begins and ends [s]; None where nothing says when it ends.
-Span = tuple[float, float | None]
+NoteSpan = tuple[float, float | None]
 
 
 def _beat_of_instant(tempo: TempoMap, instant: float) -> float:
@@ -41,7 +41,7 @@ def _beat_of_instant(tempo: TempoMap, instant: float) -> float:
 class NoteHolds(NamedTuple):
     """What lasts as long as the note of a MAT: other MATs, and the MAT itself if it `is_drawn`."""
 
-    mats: Sequence[tuple[int, Hold]]
+    mats_and_holds: Sequence[tuple[int, Hold]]
     impulse_range: ImpulseRange
     is_drawn: bool
 
@@ -75,14 +75,14 @@ class Striking:
             if strikes.passing is not None:
                 return self._strike_along_path(strikes.passing)
             if strikes.pattern is not None:
-                return self._strike_by_pattern(strikes.steps(piece))
+                return self._strike_by_pattern(strikes.place_beats(piece))
             if strikes.rate is not None and strikes.levels is not None and stop_beat is not None:
                 end = tempo.seconds(stop_beat)
                 if self._gain == 0.0:
                     return end
                 first_level, impulse_range = (
                     strikes.levels.steps[0],
-                    next(iter(strikes.reaches.values()), None),
+                    next(iter(strikes.impulse_ranges.values()), None),
                 )
                 self.timeline.rain(
                     self.mats,
@@ -112,7 +112,7 @@ class Striking:
         """The ratio by which impulses are scaled."""
         return 1.0 if self.strikes.session_gain is None else self.strikes.session_gain
 
-    def _is_inside(self, instant: float) -> bool:
+    def _is_within_interval(self, instant: float) -> bool:
         return self.interval[0] <= instant < self.interval[1]
 
     def _strikes_by_axis(self) -> Iterator[Striking]:
@@ -129,16 +129,16 @@ class Striking:
                 self, strikes=axis_strikes, mats=self.mats[axis * n_mats : (axis + 1) * n_mats]
             )
 
-    def _strike_by_pattern(self, pattern_steps: PlaceBeats) -> float:
+    def _strike_by_pattern(self, place_beats: PlaceBeats) -> float:
         """Strike in the places of a pattern; chance is drawn for each member separately."""
-        places, tempo = pattern_steps.places, self.piece.tempo_map
+        places, tempo = place_beats.places, self.piece.tempo_map
         pattern = places.pattern
 
-        def seconds(place: int) -> float:
-            return tempo.seconds(pattern_steps[place])
+        def place_instant(place: int) -> float:
+            return tempo.seconds(place_beats[place])
 
         first_place, stop_place = (
-            first_index_from(seconds, len(pattern_steps), instant) for instant in self.interval
+            first_index_from(place_instant, len(place_beats), instant) for instant in self.interval
         )
         for place_index in range(
             max(0, first_place - 1), stop_place
@@ -146,16 +146,18 @@ class Striking:
             note_name = places.name_in_place(place_index)
             if note_name is None:
                 continue
-            strike_seconds, strike_number = seconds(place_index), place_index + pattern.skip
-            strike_end = seconds(place_index + 1) if place_index + 1 < len(pattern_steps) else None
+            strike_instant, strike_number = place_instant(place_index), place_index + pattern.skip
+            strike_end = (
+                place_instant(place_index + 1) if place_index + 1 < len(place_beats) else None
+            )
             for member, mat in enumerate(self._voice_mats(note_name)):
                 if pattern.chance is None or places.draws.happens(
                     pattern.chance, strike_number, member
                 ):
                     self._strike(
-                        mat, (strike_seconds, strike_end), member, strike_number, len(pattern_steps)
+                        mat, (strike_instant, strike_end), member, strike_number, len(place_beats)
                     )
-        return self._strikes_end(tempo.seconds(pattern_steps[-1])) if pattern_steps else 0.0
+        return self._strikes_end(tempo.seconds(place_beats[-1])) if place_beats else 0.0
 
     def _voice_mats(self, name: str) -> Sequence[int]:
         """The MATs that a name of the pattern strikes: all, unless it is a note of an
@@ -182,7 +184,7 @@ class Striking:
                 start = max(0.0, start + chance.uniform(-jitter_seconds, jitter_seconds))
             end = max(end, start)
             mats = [mat for target in melody_hit.to for mat in self._members(target)]
-            note_length = melody_hit.lasting
+            note_length = melody_hit.duration
             stop = (
                 None if note_length is None else tempo.seconds(tempo.after(hit_beat, note_length))
             )
@@ -190,7 +192,12 @@ class Striking:
                 end = max(end, stop)
             for member, mat in enumerate(mats):
                 self._strike_at_level(
-                    mat, (start, stop), melody_hit.level, melody_hit.reach, member, hit_index
+                    mat,
+                    (start, stop),
+                    melody_hit.level,
+                    melody_hit.impulse_range,
+                    member,
+                    hit_index,
                 )
         return end
 
@@ -203,13 +210,15 @@ class Striking:
         parts = list(dict.fromkeys(target.part for target in strikes.to))
         visits = member_visits(passing, self.assembly.network, parts, self.mats)
         rounds = strikes.rounds(tempo)
-        for cycle, round_start in enumerate(rounds):
+        for round_index, round_start in enumerate(rounds):
             passing_beats = tempo.after(round_start, strikes.length) - round_start
             end = max(end, tempo.seconds(round_start + passing_beats))
             _core.poll(_STRIKE_STEPS * len(visits))
-            for strike_number, (fraction, struck_member) in enumerate(visits, cycle * len(visits)):
+            for strike_number, (fraction, struck_member) in enumerate(
+                visits, round_index * len(visits)
+            ):
                 instant = tempo.seconds(round_start + fraction * passing_beats)
-                if not self._is_inside(instant):
+                if not self._is_within_interval(instant):
                     continue
                 if draws.happens(passing.chance, strike_number, struck_member):
                     n_strikes = len(visits) * len(rounds)
@@ -245,7 +254,7 @@ class Striking:
         is_drawn = any(note_holds.is_drawn for note_holds in self._note_holds.values())
         return instant + _OPEN_NOTE_SECONDS if is_drawn else instant
 
-    def _strike(self, mat: int, span: Span, member: int, number: int, count: int) -> None:
+    def _strike(self, mat: int, span: NoteSpan, member: int, number: int, count: int) -> None:
         """Strike a MAT with the impulse of stroke `number` of `count`."""
         strikes, strike_gain = self.strikes, self._gain
         if strikes.levels is not None:
@@ -253,14 +262,14 @@ class Striking:
             self._strike_at_level(mat, span, level, self._impulse_ranges.get(mat), member, number)
             return
         self._hold_mats(mat, span, MEZZO_FORTE.low)
-        if strike_gain > 0.0 and self._is_inside(span[0]):
+        if strike_gain > 0.0 and self._is_within_interval(span[0]):
             speed = None if strikes.speed is None else strikes.speed * strike_gain
             self.timeline.strike(mat, span[0], mass=strikes.mass, speed=speed, source=self.source)
 
     def _strike_at_level(
         self,
         mat: int,
-        stroke_span: Span,
+        stroke_span: NoteSpan,
         stroke_level: Level,
         impulse_range: ImpulseRange | None,
         member: int,
@@ -274,7 +283,7 @@ class Striking:
             return chance.uniform(low, high)
 
         note_holds = self._note_holds.get(mat)
-        if note_holds is None and not self._is_inside(stroke_span[0]):
+        if note_holds is None and not self._is_within_interval(stroke_span[0]):
             return  # most notes of a version that plays from its middle
         impulse = stroke_level.impulse(impulse_range, draw)
         if impulse_range is not None and impulse_range.turns and strike_number % 2:
@@ -286,7 +295,7 @@ class Striking:
         elif self._gain > 0.0:
             self._push(mat, stroke_span[0], self._gain * impulse)
 
-    def _play_drawn(self, mat: int, span: Span, impulse: float) -> None:
+    def _play_drawn(self, mat: int, span: NoteSpan, impulse: float) -> None:
         """Strike a MAT, and by the opposite impulse where the note ends."""
         begin, end = span[0], span[0] + _OPEN_NOTE_SECONDS if span[1] is None else span[1]
         assert self.drawn_notes is not None
@@ -294,16 +303,16 @@ class Striking:
         self.drawn_notes.play(note, mat, self.source, self.interval)
 
     def _push(self, mat: int, instant: float, impulse: float) -> None:
-        if self._is_inside(instant):
+        if self._is_within_interval(instant):
             contact_seconds = self._contact_seconds(mat)
             self.timeline.strike(
                 mat, instant, impulse=impulse, lasts=contact_seconds, source=self.source
             )
 
-    def _hold_mats(self, mat: int, stroke_span: Span, strength: float) -> None:
+    def _hold_mats(self, mat: int, stroke_span: NoteSpan, strength: float) -> None:
         """Let what lasts as long as a note begin and end with it."""
         note_holds = self._note_holds.get(mat)
-        for other_mat, hold in () if note_holds is None else note_holds.mats:
+        for other_mat, hold in () if note_holds is None else note_holds.mats_and_holds:
             impulse = hold.impulse(strength)
             if not hold.is_lifted:
                 self._play_drawn(other_mat, stroke_span, impulse if self._gain > 0.0 else 0.0)
@@ -339,24 +348,26 @@ class Striking:
     @cached_property
     def _note_holds(self) -> Mapping[int, NoteHolds]:
         """What lasts as long as the note of each MAT."""
-        holds: dict[int, NoteHolds] = {}
+        holds_by_mat: dict[int, NoteHolds] = {}
         for part in self.strikes.parts:
             instrument = self.piece.instruments.get(part)
             for act in () if instrument is None else instrument.acts:
-                mats = [
+                mats_and_holds = [
                     (mat, hold)
                     for hold in act.holds
                     for target in hold.targets
                     for mat in self._members(target)
                 ]
-                for target in act.targets if mats or act.is_drawn else ():
+                for target in act.targets if mats_and_holds or act.is_drawn else ():
                     for mat in self._members(target):
-                        old_holds = holds.get(mat, NoteHolds((), act.reach, is_drawn=False))
+                        old_holds = holds_by_mat.get(mat, NoteHolds((), act.reach, is_drawn=False))
                         is_drawn = old_holds.is_drawn or act.is_drawn
-                        holds[mat] = NoteHolds(
-                            (*old_holds.mats, *mats), act.reach, is_drawn=is_drawn
+                        holds_by_mat[mat] = NoteHolds(
+                            (*old_holds.mats_and_holds, *mats_and_holds),
+                            act.reach,
+                            is_drawn=is_drawn,
                         )
-        return holds
+        return holds_by_mat
 
     @cached_property
     def _module_keys(self) -> Mapping[int, ModuleKey]:
@@ -376,7 +387,7 @@ class Striking:
     @cached_property
     def _impulse_ranges(self) -> Mapping[int, ImpulseRange]:
         """The reach of each MAT that is struck."""
-        range_by_part = self.strikes.reaches
+        range_by_part = self.strikes.impulse_ranges
         return {
             mat: range_by_part[target.part]
             for target in self.strikes.to

@@ -52,25 +52,27 @@ def _struck_parts(piece: Piece) -> list[str]:
 
 
 def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[StruckNote]:
-    dampers = list(_damper_mats(stage.built.assembly, instrument))
+    mats_of_dampers = list(_damper_mats(stage.built_network.assembly, instrument))
     impulse_range = instrument.acts[0].reach if instrument.acts else None
-    strokes = _stroke_impulses(stage, instrument, {*dampers})
+    strokes = _stroke_impulses(stage, instrument, {*mats_of_dampers})
     lift_instants = sorted(
         stroke.at
-        for mat in dampers[:1]
+        for mat in mats_of_dampers[:1]
         for stroke in _strikes_on(stage, mat)
         if stroke.impulse > 0.0
     )
     note_spans = [*_drawn_spans(stage, instrument)]
     for index, (note_begin, impulse) in enumerate(strokes):
         next_strike = strokes[index + 1][0] if index + 1 < len(strokes) else math.inf
-        damp_time = next(
+        damp_instant = next(
             (instant for instant in lift_instants if instant > note_begin + _SAME_STROKE_SECONDS),
             math.inf,
         )
         # A damper that comes down after the next stroke ends that one.
-        is_ended = damp_time <= next_strike + _SAME_STROKE_SECONDS and math.isfinite(damp_time)
-        note_end = min(next_strike, damp_time if is_ended else note_begin + _NOTE_SECONDS_MAX)
+        is_ended = damp_instant <= next_strike + _SAME_STROKE_SECONDS and math.isfinite(
+            damp_instant
+        )
+        note_end = min(next_strike, damp_instant if is_ended else note_begin + _NOTE_SECONDS_MAX)
         note_spans.append((note_begin, note_end, impulse))
     impulse_max = max((impulse for *_, impulse in note_spans), default=0.0)
     for note_begin, note_end, impulse in sorted(note_spans):
@@ -93,25 +95,25 @@ def _drawn_spans(stage: Stage, instrument: Instrument) -> Iterator[tuple[float, 
     """The beginning and end [s] of the notes that are drawn, and their impulses [N·s]. What only
     presses is no note of its own.
     """
-    drawn_places = {
+    drawn_modules = {
         (target.part, target.module)
         for act in instrument.acts
         if act.is_drawn and act.name != PRESS
         for target in act.targets
     }
     for note in stage.drawn_notes:
-        if note.module_key in drawn_places and note.impulse:
+        if note.module_key in drawn_modules and note.impulse:
             yield note.begin, note.end, abs(note.impulse)
 
 
 def _stroke_impulses(
-    stage: Stage, instrument: Instrument, dampers: set[int]
+    stage: Stage, instrument: Instrument, damper_mats: set[int]
 ) -> list[tuple[float, float]]:
     """Instants [s] and impulses [N·s] of strokes, without what is drawn; those of one instant are
     one.
     """
-    strokes_by_frame: dict[int, tuple[float, float]] = {}
-    assembly = stage.built.assembly
+    stroke_by_microsecond: dict[int, tuple[float, float]] = {}
+    assembly = stage.built_network.assembly
     targets = (target for strikes in stage.piece.strikes for target in strikes.to)
     part_targets = {target for target in targets if target.part == instrument.name}
     mats = {mat for target in part_targets for mat in _members(assembly, target)}
@@ -119,12 +121,12 @@ def _stroke_impulses(
         drawn_target for act in instrument.acts if act.is_drawn for drawn_target in act.targets
     ]
     drawn_mats = {mat for target in drawn_targets for mat in _members(assembly, target)}
-    for mat in sorted(mats - dampers - drawn_mats):
+    for mat in sorted(mats - damper_mats - drawn_mats):
         for stroke in _strikes_on(stage, mat):
-            frame = round(stroke.at / _SAME_STROKE_SECONDS)
-            impulse_before = strokes_by_frame.get(frame, (stroke.at, 0.0))[1]
-            strokes_by_frame[frame] = stroke.at, max(impulse_before, abs(stroke.impulse))
-    return [stroke for _, stroke in sorted(strokes_by_frame.items()) if stroke[1] > 0.0]
+            microsecond = round(stroke.at / _SAME_STROKE_SECONDS)
+            impulse_before = stroke_by_microsecond.get(microsecond, (stroke.at, 0.0))[1]
+            stroke_by_microsecond[microsecond] = stroke.at, max(impulse_before, abs(stroke.impulse))
+    return [stroke for _, stroke in sorted(stroke_by_microsecond.items()) if stroke[1] > 0.0]
 
 
 def _strikes_on(stage: Stage, mat: int) -> Sequence[Impulse]:

@@ -39,23 +39,25 @@ def member_visits(
     if passing.sweep is None:
         positions = np.array([network.position_of(mat) for mat in mats])
         return _path_passes(passing.path, passing.width, positions)
-    quantity, is_falling = SWEEPS[passing.sweep]
-    if quantity == "pitch":
+    coordinate, is_falling = SWEEPS[passing.sweep]
+    if coordinate == "pitch":
         fractions = _scaled_to_unit(_log_frequencies(network, part_names, mats))
     else:
-        fractions = _sweep_positions(quantity, np.array([network.position_of(mat) for mat in mats]))
+        fractions = _sweep_positions(
+            coordinate, np.array([network.position_of(mat) for mat in mats])
+        )
     visits = [(1.0 - share if is_falling else share, i) for i, share in enumerate(fractions)]
     return sorted(visits)
 
 
-def _sweep_positions(quantity: str, positions: _Floats) -> list[float]:
+def _sweep_positions(coordinate: str, positions: _Floats) -> list[float]:
     """The position of each place along a sweep, from 0 to 1."""
-    if quantity == "angle":  # a turn, from the front to the left
+    if coordinate == "angle":  # a turn, from the front to the left
         azimuths = (angles((x, y, 0.0))[0] for x, y in positions.tolist())
         return [azimuth / 360.0 % 1.0 for azimuth in azimuths]
-    if quantity == "radius":
+    if coordinate == "radius":
         return _scaled_to_unit([sqrt(x * x + y * y) for x, y in positions.tolist()])
-    return _scaled_to_unit(positions[:, "xy".index(quantity)].tolist())
+    return _scaled_to_unit(positions[:, "xy".index(coordinate)].tolist())
 
 
 def _scaled_to_unit(values: Sequence[float]) -> list[float]:

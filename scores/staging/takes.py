@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Takes:
-    """Takes of a piece, read and splined when first needed, unless they are in `earlier_takes`.
+    """Takes of a piece, read and splined when first needed, unless they are in `old_takes`.
 
-    `takes_by_identity` gets the takes that are needed, each by the values that it is made of.
+    `known_takes` gets the takes that are needed, each by the values that it is made of.
     """
 
     piece: Piece

@@ -39,7 +39,7 @@ def check_travel(
     Each distinct gesture is checked once, alone on its free key, up to 64 for a line with
     throws; each line of a part is reported once, for its farthest swing.
     """
-    reported_keys: set[tuple[object, ...]] = set()
+    checked_keys: set[tuple[object, ...]] = set()
     rehearsal_counts: Counter[Place] = Counter()
     farthest_by_place: dict[Place, tuple[float, str, str]] = {}
     singular_places: set[Place] = set()
@@ -57,7 +57,7 @@ def check_travel(
         player_key = piece.keys[gesture.key]
         if gesture.throw_indices and rehearsal_counts[gesture.place] == _REHEARSALS_MAX:
             continue
-        points = zip(gesture.t, gesture.x, strict=True)
+        points = zip(gesture.instants, gesture.positions, strict=True)
         relative_points = tuple((round(t - gesture.start, 9), x) for t, x in points)
         gesture_key = (
             gesture.key,
@@ -66,9 +66,9 @@ def check_travel(
             gesture.throw_indices,
             gesture.curves,
         )
-        if gesture_key in reported_keys:
+        if gesture_key in checked_keys:
             continue
-        reported_keys.add(gesture_key)
+        checked_keys.add(gesture_key)
         rehearsal_counts[gesture.place] += 1
         if gesture.place not in singular_places and (message := _aim_warning(player_key, gesture)):
             singular_places.add(gesture.place)
@@ -138,9 +138,9 @@ def _travel_advice(
         return "write `smooth` instead of `throw` to keep the key on a path"
     position_min, position_max = travel_limits
     if (
-        gesture.x
-        and min(gesture.x) >= position_min - _TRAVEL_TOLERANCE
-        and max(gesture.x) <= position_max + _TRAVEL_TOLERANCE
+        gesture.positions
+        and min(gesture.positions) >= position_min - _TRAVEL_TOLERANCE
+        and max(gesture.positions) <= position_max + _TRAVEL_TOLERANCE
     ):
         return (
             "write a `hold` at the turning point, or more time, "
@@ -196,10 +196,10 @@ def _rehearsed_range(
     key_index = timeline.key(player_key.name, struck_mat)
     # Time to reach the first point, wherever it is.
     lead_seconds = 0.05
-    t = [time - gesture.start + lead_seconds for time in gesture.t]
-    timeline.gesture(key_index, t, list(gesture.x), gesture.curves)
+    instants = [instant - gesture.start + lead_seconds for instant in gesture.instants]
+    timeline.gesture(key_index, instants, list(gesture.positions), gesture.curves)
     simulation = _core.Simulation(network, timeline)
-    start_frame, stop_frame = int(lead_seconds * rate), int(t[-1] * rate) + 1
+    start_frame, stop_frame = int(lead_seconds * rate), int(instants[-1] * rate) + 1
     simulation.process(np.zeros((start_frame, 1)))
     lowest, highest = (math.inf, 0), (-math.inf, 0)
     for first_frame in range(start_frame, stop_frame, _BLOCK_FRAMES):
@@ -222,7 +222,8 @@ def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
     """The two points of the throw during which an instant falls: `0.125 s and 0.375 s`."""
     for throw_index in gesture.throw_indices:
         begin, end = (
-            gesture.t[point_index] - gesture.start for point_index in (throw_index - 1, throw_index)
+            gesture.instants[point_index] - gesture.start
+            for point_index in (throw_index - 1, throw_index)
         )
         if begin <= instant <= end + 1e-3:
             return f"{begin:.3f} s and {end:.3f} s"
@@ -234,7 +235,7 @@ def _aim_warning(player_key: Key, gesture: StagedGesture) -> str | None:
     if natural_frequency is None:
         return None
     for throw_index in gesture.throw_indices:
-        throw_seconds = gesture.t[throw_index] - gesture.t[throw_index - 1]
+        throw_seconds = gesture.instants[throw_index] - gesture.instants[throw_index - 1]
         if (
             abs(math.sin(natural_frequency * throw_seconds)) < _AIM_SINE_MIN
             and natural_frequency * throw_seconds > math.pi / 2

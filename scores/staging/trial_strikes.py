@@ -64,10 +64,10 @@ def _impulses(strikes: Strikes) -> Iterator[tuple[Target, float]]:
     gain = max(1.0, strikes.session_gain or 1.0)
     for hit in strikes.hits:
         for target in hit.to:
-            yield target, gain * hit.level.impulse(hit.reach, max)
+            yield target, gain * hit.level.impulse(hit.impulse_range, max)
     if strikes.levels is not None:
         for target in strikes.to:
-            impulse_range = strikes.reaches.get(target.part)
+            impulse_range = strikes.impulse_ranges.get(target.part)
             for level in strikes.levels.steps:
                 if impulse_range is not None or not level.is_strength:
                     yield target, gain * level.impulse(impulse_range, max)

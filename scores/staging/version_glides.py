@@ -30,15 +30,16 @@ _TUNING_FIELDS = ("f", "t60", "M", "X0", "V0")
 
 @dataclass(frozen=True, slots=True)
 class Glide:
-    """A linear change of a module's parameters from `before` to `after` between two instants [s].
+    """A linear change of a module's parameters between two instants [s], from `initial_values` to
+    `final_values`.
 
-    `network_value` is the K that a link has in the network, if it is not the one in `after`.
+    `network_value` is the K that a link has in the network, if it is not the one in `final_values`.
     """
 
     part: str
     module: str
-    before: _Values
-    after: _Values
+    initial_values: _Values
+    final_values: _Values
     start: float
     stop: float
     network_value: float | None = None
@@ -51,19 +52,19 @@ class Glide:
     @property
     def factors(self) -> tuple[float, float]:
         """The factors of a link's force at the beginning and the end."""
-        network_value = self.after[0] if self.network_value is None else self.network_value
-        return self.before[0] / network_value, self.after[0] / network_value
+        network_value = self.final_values[0] if self.network_value is None else self.network_value
+        return self.initial_values[0] / network_value, self.final_values[0] / network_value
 
     def evaluate(self, instant: float) -> _Values:
         """The values at an instant."""
         fraction = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
-        number_pairs = zip(self.before, self.after, strict=True)
+        number_pairs = zip(self.initial_values, self.final_values, strict=True)
         return tuple(start + (end - start) * fraction for start, end in number_pairs)
 
     @property
     def body_factors(self) -> tuple[float, float]:
         """The initial K and Z of a body's links, as factors of the final ones."""
-        number_pairs = zip(self.before, self.after, strict=True)
+        number_pairs = zip(self.initial_values, self.final_values, strict=True)
         k, z = (
             value_before / value_after if value_after else 1.0
             for value_before, value_after in number_pairs
@@ -73,10 +74,10 @@ class Glide:
     def put(self, timeline: _core.Timeline, assembly: Assembly) -> None:
         """Put the glide on a timeline. Raises EngineError."""
         module_key = self.part, self.module
-        if len(self.before) == 3:
-            k, z, m = self.before
+        if len(self.initial_values) == 3:
+            k, z, m = self.initial_values
             timeline.glide(assembly.mats[module_key], k, z, m, self.start, self.stop)
-        elif len(self.before) == 2:
+        elif len(self.initial_values) == 2:
             links = assembly.generator_links[module_key]
             points = [(self.start, *self.body_factors), (self.stop, 1.0, 1.0)]
             timeline.lead(links.start, points, n=len(links))
@@ -85,20 +86,24 @@ class Glide:
                 timeline.fade(link, *self.factors, self.start, self.stop)
 
 
-def glides(
-    old_piece: Piece, new_piece: Piece, running: Iterable[Glide], start_s: float, duration: float
+def version_glides(
+    old_piece: Piece,
+    new_piece: Piece,
+    running_glides: Iterable[Glide],
+    start_s: float,
+    duration: float,
 ) -> tuple[Glide, ...]:
     """Glides from `start_s` [s] on, when a piece takes over from another: values that differ
-    glide for `duration`, `running` glides to the same values go on to their end. A new link
+    glide for `duration`, `running_glides` glides to the same values go on to their end. A new link
     fades in from no force if it joins parts that were there before.
     """
-    active = {
+    running_by_module = {
         (glide_running.part, glide_running.module): glide_running
-        for glide_running in running
+        for glide_running in running_glides
         if glide_running.stop > start_s
     }
     old_values, new_values = (
-        dict(_gliding_values(*piece_pair, active))
+        dict(_gliding_values(*piece_pair, running_by_module))
         for piece_pair in ((old_piece, new_piece), (new_piece, old_piece))
     )
     forms_by_piece = (
@@ -107,14 +112,14 @@ def glides(
     )
     glides_by_module = {}
     for module_key, values in new_values.items():
-        running_glide = active.get(module_key)
+        running_glide = running_by_module.get(module_key)
         if module_key not in old_values or len(old_values[module_key]) != len(values):
             continue
         if len(values) == 2 and forms_by_piece[0].get(module_key) != forms_by_piece[1].get(
             module_key
         ):
             continue  # another body takes its place
-        if running_glide is not None and running_glide.after == values:
+        if running_glide is not None and running_glide.final_values == values:
             glides_by_module[module_key] = running_glide
         elif old_values[module_key] != values:
             current_values = (
@@ -125,7 +130,7 @@ def glides(
             )
     old_links = _changed_links(old_piece, new_piece)
     for module_key, new_link in _changed_links(new_piece, old_piece).items():
-        running_glide = active.get(module_key)
+        running_glide = running_by_module.get(module_key)
         if module_key not in old_links and _has_old_end(new_link, old_piece):
             values = _module_values(new_link) or (1.0,)
             current_values = (0.0,) if running_glide is None else running_glide.evaluate(start_s)
@@ -133,7 +138,7 @@ def glides(
             if glide.module_key not in glides_by_module:  # a link over a range glides as one
                 glides_by_module[module_key] = (
                     running_glide
-                    if running_glide is not None and running_glide.after == values
+                    if running_glide is not None and running_glide.final_values == values
                     else glide
                 )
     return tuple(glides_by_module.values())
@@ -150,7 +155,7 @@ class FadingLink:
 def fading_links(
     old_piece: Piece,
     new_piece: Piece,
-    running: Iterable[Glide],
+    running_glides: Iterable[Glide],
     earlier_links: Iterable[FadingLink],
     start_s: float,
 ) -> tuple[FadingLink, ...]:
@@ -158,12 +163,10 @@ def fading_links(
     ones that still do.
     """
     staying_links = _changed_links(new_piece, old_piece)
-    active = {
-        (glide_running.part, glide_running.module): glide_running
-        for glide_running in running
-        if glide_running.stop > start_s
+    running_by_module = {
+        (glide.part, glide.module): glide for glide in running_glides if glide.stop > start_s
     }
-    fading = [link for link in earlier_links if link.glide.stop > start_s]
+    links_fading = [link for link in earlier_links if link.glide.stop > start_s]
     removed_links = {
         module_key: link
         for module_key, link in _changed_links(old_piece, new_piece).items()
@@ -172,9 +175,11 @@ def fading_links(
     for module_key, removed_link in removed_links.items():
         full_values = _module_values(removed_link) or (1.0,)
         current_values = (
-            active[module_key].evaluate(start_s) if module_key in active else full_values
+            running_by_module[module_key].evaluate(start_s)
+            if module_key in running_by_module
+            else full_values
         )
-        fading.append(
+        links_fading.append(
             FadingLink(
                 removed_link,
                 Glide(
@@ -189,7 +194,7 @@ def fading_links(
         )
     return tuple(
         link
-        for link in fading
+        for link in links_fading
         if (link.glide.part, link.glide.module) not in staying_links
         and all(_end_stays(end, old_piece, new_piece) for end in link.module.ends)
     )
@@ -265,14 +270,14 @@ def _has_old_end(module: Module, old_piece: Piece) -> bool:
 
 
 def _gliding_values(
-    piece: Piece, other_piece: Piece, gliding: Iterable[tuple[str, str]]
+    piece: Piece, other_piece: Piece, running_keys: Iterable[tuple[str, str]]
 ) -> Iterator[tuple[tuple[str, str], _Values]]:
     """The parameters that can glide, by (part, module), as the piece sees them: of modules that
-    have changed from another piece, and of those that are `gliding`.
+    have changed from another piece, and of those that are `running_keys`.
     """
     gliding_keys = {
         (part.name, module.name) for part, module in _changed_modules(piece, other_piece)
-    }.union(gliding)
+    }.union(running_keys)
     names = {name for name, _ in gliding_keys}
     for piece_part in _parts(piece):
         for part_module in piece_part.modules if piece_part.name in names else ():

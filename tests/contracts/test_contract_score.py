@@ -163,10 +163,10 @@ def drawn(text: str) -> list[tuple[float, ...]]:
     """What chance gave ada's knocks and the rain."""
     played = staged(text, record=True)
     ada = [g for g in played.gestures if g.player == "ada"]
-    points = [point for g in ada for point in zip(g.t, g.x, strict=True)]
+    points = [point for g in ada for point in zip(g.instants, g.positions, strict=True)]
     rendered(played, int(3.1 * RATE))
     ergons = played.simulation.ergons()
-    places = [played.sources[int(i)] for i in ergons["source"]]
+    places = [played.ergon_places[int(i)] for i in ergons["source"]]
     rain = [text.split("\n")[place.line - 2].lstrip().startswith("rain") for place in places]
     columns = zip(ergons["time"][rain], ergons["impulse"][rain], strict=True)
     return [*points, *((float(t), float(p)) for t, p in columns)]
@@ -181,7 +181,7 @@ def test_random_draws_independent_of_other_players():
 
 
 def test_gesture_occurrences_draw_independently_on_beat():
-    points = [tuple(zip(g.t, g.x, strict=True)) for g in staged(HANDS).gestures]
+    points = [tuple(zip(g.instants, g.positions, strict=True)) for g in staged(HANDS).gestures]
     assert [p[0][0] for p in points] == pytest.approx([0.0, 1.0, 2.0])
     assert len({p[1][1] for p in points}) == 3
     for index, item in enumerate(points):

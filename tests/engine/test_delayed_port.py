@@ -74,9 +74,9 @@ def staged(delay: float, link: str = SPRING):
 @pytest.mark.parametrize("delay", [0.002, 0.0033])
 def test_key_and_bell_by_the_delay_equation(delay: float):
     done = staged(delay)
-    simulation = _core.Simulation(done.built.network, done.timeline)
+    simulation = _core.Simulation(done.built_network.network, done.timeline)
     path, out = np.zeros((N, 2)), np.zeros((1, simulation.n_out))
-    mats = done.built.assembly.mats
+    mats = done.built_network.assembly.mats
     for i in range(N):
         path[i] = simulation.positions()[[mats["k", ""], mats["bell", "m"]]]
         simulation.process(out)
@@ -91,7 +91,7 @@ def test_key_and_bell_by_the_delay_equation(delay: float):
 @pytest.mark.parametrize("link", [SPRING, CONTACT])
 def test_ledger_of_a_delayed_key(link: str):
     done = staged(0.002, link)
-    simulation = _core.Simulation(done.built.network, done.timeline, ledger=True)
+    simulation = _core.Simulation(done.built_network.network, done.timeline, ledger=True)
     simulation.process(np.zeros((N, simulation.n_out)))
     energy = simulation.energy()
     balance = energy.start + energy.injected - energy.stored - energy.lost + energy.produced
@@ -109,7 +109,7 @@ def test_plan_of_a_delayed_key(link: str):
 
 def test_snapshot_of_a_delayed_key():
     done = staged(0.0033)
-    simulation = _core.Simulation(done.built.network, done.timeline)
+    simulation = _core.Simulation(done.built_network.network, done.timeline)
     simulation.process(np.zeros((400, simulation.n_out)))
     snapshot = simulation.snapshot()
     first, again = (np.zeros((800, simulation.n_out)) for _ in range(2))
@@ -122,11 +122,11 @@ def test_snapshot_of_a_delayed_key():
 
 def test_delay_outside_zero_to_one_is_refused():
     done = staged(0.0)
-    network = done.built.network
+    network = done.built_network.network
     port = network.sol("port")
     timeline = _core.Timeline(network, RATE)
     with pytest.raises(_core.EngineError, match="a delay must be a finite number from 0 to 1 s"):
-        timeline.delay_forces(port, done.built.assembly.mats["k", ""], 1.5)
+        timeline.delay_forces(port, done.built_network.assembly.mats["k", ""], 1.5)
 
 
 @pytest.mark.parametrize(("stiffness", "is_named"), [(540, False), (660, True)])
@@ -139,10 +139,10 @@ def test_swinging_of_delayed_key_warns_w336(stiffness: int, is_named: bool):
     done = ready(text)
     named = [own.code for own in done.hands.collector.finish()]
     assert ("W336" in named) is is_named
-    simulation = _core.Simulation(done.built.network, done.timeline)
+    simulation = _core.Simulation(done.built_network.network, done.timeline)
     out, path = np.zeros((1, simulation.n_out)), np.zeros(2 * RATE)
     for i in range(len(path)):
-        path[i] = simulation.positions()[done.built.assembly.mats["k", ""]]
+        path[i] = simulation.positions()[done.built_network.assembly.mats["k", ""]]
         simulation.process(out)
     early, late = np.ptp(path[: RATE // 2]), np.ptp(path[-RATE // 2 :])
     assert bool(late > early) is is_named

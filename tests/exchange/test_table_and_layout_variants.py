@@ -49,8 +49,8 @@ def test_tables_of_other_programs(seed: int, tmp_path: Path) -> None:
     assert table.n_rows == n
     assert [column.name for column in table.columns] == rows[0]
     for column, expected in zip(table.columns, numbers.T, strict=True):
-        assert (column.low, column.high) == (expected.min(), expected.max())
-        assert (column.first, column.last) == (expected[0], expected[-1])
+        assert (column.low_value, column.high_value) == (expected.min(), expected.max())
+        assert (column.first_value, column.last_value) == (expected[0], expected[-1])
 
 
 def _speakers(chance: random.Random) -> list[tuple[int, float, float, float]]:

@@ -195,8 +195,8 @@ def _read_table(case: tuple[str, bytes], folder: Path) -> Iterator[str]:
     path = folder / f"a{suffix}"
     path.write_bytes(data)
     for column in summary(path).columns:
-        yield f"{column.low} … {column.high}"
-        assert not column.is_time or np.isfinite([column.first, column.last]).all()
+        yield f"{column.low_value} … {column.high_value}"
+        assert not column.is_time or np.isfinite([column.first_value, column.last_value]).all()
 
 
 MEASURED = """\

@@ -38,7 +38,7 @@ def _read_gltf(data: str | bytes, _: Path) -> None:
 def _read_obj(text: str, _: Path) -> Iterator[str]:
     collector = Collector()
     document = Document("a.obj", text)
-    obj_file.Reader(document, "MESH", collector).mesh(Place("b.yaml", 1, 1))
+    obj_file.Reader(document, "MESH", collector).read_mesh(Place("b.yaml", 1, 1))
     for item in collector.finish():
         yield full(item, {"a.obj": document})
 

@@ -16,7 +16,7 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled_positions
 from ergon.scores.pattern import cycle_table, cycle_transforms, turn_chain, words
-from ergon.scores.reading.rhythms import check_text
+from ergon.scores.reading.rhythms import checked_text
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import damaged, soup
 
@@ -170,7 +170,7 @@ def _rhythm(chance: random.Random) -> str:
 
 
 def _read_rhythm(text: str, _: Path) -> None:
-    check_text(text)
+    checked_text(text)
 
 
 LEVELS = ("f p mf p", "p -> f", "1mNs..4mNs", "f! v64 -6dB 2 mNs", "pp..mf 0.4 2/3")

@@ -100,8 +100,8 @@ def test_live_hand_pauses_without_computation(
     assert sum(ticks) <= min(1e3 * seconds, hand.n_ticks + 2)
     monkeypatch.setattr(live, "_pauses", lambda *_: ())
     (complete,) = prepare(piece, {"ada": None}).live_hands
-    assert np.abs(hand.standin - complete.standin).max() < 1e-11
-    assert np.ptp(complete.standin[-400:]) > 1e-3
+    assert np.abs(hand.standin_path - complete.standin_path).max() < 1e-11
+    assert np.ptp(complete.standin_path[-400:]) > 1e-3
 
 
 @pytest.mark.parametrize("key", ["Z: 1.2Ns/m", "Z: 1.2Ns/m, X0: 2mm", "Z: 0Ns/m"])

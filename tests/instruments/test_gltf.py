@@ -123,7 +123,7 @@ def test_score_with_gltf_net(tmp_path):
     (tmp_path / "rock.gltf").write_text(json.dumps(tetrahedron()))
     (tmp_path / "s.yaml").write_text(SCORE % "rock.gltf")
     piece = load(str(tmp_path / "s.yaml")).piece
-    network = stage(piece).built.network
+    network = stage(piece).built_network.network
     assert (network.n_mat, network.n_lia) == (12, 5)
 
 

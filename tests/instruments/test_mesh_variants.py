@@ -56,7 +56,7 @@ def test_obj_files_of_other_programs(seed: int) -> None:
     collector = Collector()
     text = decoded(data, "x.obj", collector)
     assert text is not None
-    mesh = Reader(Document("x.obj", text), "m", collector).mesh(Place("x.obj", 1, 1))
+    mesh = Reader(Document("x.obj", text), "m", collector).read_mesh(Place("x.obj", 1, 1))
     assert mesh is not None, collector.finish()
     np.testing.assert_allclose(mesh.points, points, rtol=1e-5)
     assert set(mesh.edges) == edges
@@ -152,7 +152,7 @@ def test_gltf_files_of_other_programs(seed: int) -> None:
 def _obj(text: bytes) -> Mesh:
     collector = Collector()
     document = Document("x.obj", str(decoded(text, "x.obj", collector)))
-    mesh = Reader(document, "m", collector).mesh(Place("x.obj", 1, 1))
+    mesh = Reader(document, "m", collector).read_mesh(Place("x.obj", 1, 1))
     assert mesh is not None
     return mesh
 

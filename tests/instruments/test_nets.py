@@ -244,7 +244,7 @@ def test_mesh_file_points_and_springs(tmp_path):
     net = nets.mesh(module.fields)
     assert net.positions[0] == pytest.approx((0.01, 0.01, 0.01))
     assert all(rest == pytest.approx(0.01 * math.sqrt(8)) for _, _, rest in springs(net))
-    assert stage(piece).built.network.n_lia == 6
+    assert stage(piece).built_network.network.n_lia == 6
     upright = nets.mesh(module.fields | {"up": "y", "held": "bottom"})
     assert upright.positions[1] == pytest.approx((-0.01, 0.01, -0.01))
     assert upright.is_held == [False, True, False, True]

@@ -250,7 +250,7 @@ strikes: {a: {to: net.5.z, at: 0, impulse: 1mNs, lasts: 0s}}
 render: {tail: 10ms}
 """
     built = stage(check(text).piece)
-    network = built.built.network
+    network = built.built_network.network
     # 3 rows of 3 springs, 4 columns of 2, 12 across the 6 meshes.
     assert (network.n_mat, network.n_lia) == (36, 9 + 8 + 12)
     sound = np.empty((built.n_frames, built.simulation.n_out))

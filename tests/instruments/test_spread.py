@@ -13,7 +13,7 @@ from ergon.scores.staging.built_network import build_network
 from ergon.scores.staging.implausible import warn_implausible
 from ergon.scores.staging.reach import freeze_obstacles
 from ergon.scores.staging.stage import stage
-from ergon.scores.staging.version_glides import fading_links, glides, with_fading_links
+from ergon.scores.staging.version_glides import fading_links, version_glides, with_fading_links
 
 SCORE = """\
 ergon: 1
@@ -272,8 +272,8 @@ def test_spread_gap_profile_scaled_and_replaced_by_set(tmp_path):
 def test_spread_contact_points_fade_in_and_out():
     """A session lets links come from no force and let go: those of a range too."""
     short, long = (check(SCORE % (SOL, over(3, last, "0mm"), "c")).piece for last in (5, 7))
-    coming = glides(short, long, (), 0.0, 0.1)
-    assert [(one.module, one.before, one.after) for one in coming] == [
+    coming = version_glides(short, long, (), 0.0, 0.1)
+    assert [(one.module, one.initial_values, one.final_values) for one in coming] == [
         ("c.3", (0.0,), (2e4,)),
         ("c.4", (0.0,), (2e4,)),
     ]
@@ -284,7 +284,7 @@ def test_spread_contact_points_fade_in_and_out():
     assert build_network(saved, ()).network.n_lia == build_network(long, ()).network.n_lia
     # A new value of K is one glide of all points.
     stiffer = check((SCORE % (SOL, over(3, 7, "0mm"), "c")).replace("20kN/m", "40kN/m")).piece
-    assert [one.module for one in glides(long, stiffer, (), 0.0, 0.1)] == ["c"]
+    assert [one.module for one in version_glides(long, stiffer, (), 0.0, 0.1)] == ["c"]
 
 
 def test_freeze_refused_for_hand_through_spread_contact():

@@ -80,5 +80,5 @@ def test_delay_of_real_key_comes_from_device():
     loaded = check(SCORE.replace("{calib: key.yaml}", "{M: 400g, K: 60N/m, delay: 2ms}"))
     assert loaded.piece is not None
     by_hand = stage(loaded.piece, real_hands={"remi": None})
-    assert not by_hand.built.assembly.ports
-    assert stage(loaded.piece).built.assembly.ports
+    assert not by_hand.built_network.assembly.ports
+    assert stage(loaded.piece).built_network.assembly.ports

@@ -85,7 +85,7 @@ def written(tmp_path: Path) -> np.ndarray:
     piece = load(str(tmp_path / "score.yaml")).piece
     assert piece is not None
     (hand,) = stage(piece, real_hands={"ada": None}).live_hands
-    return hand.standin
+    return hand.standin_path
 
 
 def error(tmp_path: Path, positions: np.ndarray) -> float:

@@ -290,7 +290,7 @@ def test_guide_moves_real_key_along_written_part(tmp_path: Path):
         played(score, *live, *guide)
     x = recorded(take).positions()[:, 0]
     (hand,) = staged(score, real_hands={"remi": None}).live_hands
-    part = hand.standin[: len(x)]
+    part = hand.standin_path[: len(x)]
     assert part.max() == pytest.approx(8e-3, abs=1e-4)
     # A spring leads, a damper brakes: behind by z/K while it moves, there where the part rests.
     assert np.abs(x[: len(part)] - part).max() < 3e-3

@@ -51,12 +51,12 @@ def test_standin_of_take_by_ticks():
     assert (hand.player, hand.tick_frames, hand.reach) == ("remi", 44, 1.0)
     take = read(TAKES / "hand-point-1.csv")
     spline = _core.Take(take.t, take.x)
-    t = np.arange(len(hand.standin)) * hand.tick_frames / 44100.0
+    t = np.arange(len(hand.standin_path)) * hand.tick_frames / 44100.0
     inside = t < spline.duration - 1e-3
     asked = np.array([spline.evaluate(t[0] + when)[0] for when in t[inside]])
     # The key joins the take from where it rests; from then on it is where the hand was.
     late = t[inside] > 0.1
-    assert np.max(np.abs(hand.standin[inside] - asked)[late]) < 1e-8
+    assert np.max(np.abs(hand.standin_path[inside] - asked)[late]) < 1e-8
 
 
 def test_standin_of_written_part_by_free_key():
@@ -66,7 +66,7 @@ def test_standin_of_written_part_by_free_key():
     )  # nobody is said to be there: a virtual hand plays it
     (hand,) = stage(piece(mine), real_hands={"remi": None}).live_hands
     position = round(60 / 60 / 8 * 44100 / 44)  # an eighth of a beat at 60 a minute
-    assert hand.standin[position] == pytest.approx(6e-3, abs=5e-5)
+    assert hand.standin_path[position] == pytest.approx(6e-3, abs=5e-5)
 
 
 @pytest.mark.parametrize("planned", [False, True])

@@ -17,12 +17,12 @@ from ergon.notation.text.edit import (
     rows,
 )
 from ergon.notation.text.errors import Collector
-from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.sections import SCORE_RECORD
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("scores/library", "cli/templates", "instruments/library", "tests/data")
 SCORES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.yaml"))]
-ORDER = tuple(SCORE.by_name)
+ORDER = tuple(SCORE_RECORD.by_name)
 ODD = """\
 # first
 ergon: 1

@@ -96,7 +96,7 @@ def test_motion_rate_part_against_dop853() -> None:
         text, arguments, links = tangle(motion)
         built = staged(text)
         simulation, every = built.simulation, 44_100 // motion
-        mats = [built.built.assembly.mats["flag", f"m{i}"] for i in range(1, 4)]
+        mats = [built.built_network.assembly.mats["flag", f"m{i}"] for i in range(1, 4)]
         n = int(0.4 * motion)
         exact = matter.solve(**arguments, links=links, when=np.arange(n) / motion, gravity=G)
         out = np.empty((every, simulation.n_out))

@@ -44,7 +44,7 @@ def _open(piece: Piece, *, is_tried: bool = True) -> PreparedPiece:
     prepared = prepare(piece)
     prepared.timeline.open()
     if is_tried:
-        put_trial_strikes(piece, prepared.built.assembly, prepared.timeline)
+        put_trial_strikes(piece, prepared.built_network.assembly, prepared.timeline)
     return prepared
 
 
@@ -101,7 +101,7 @@ class _Recorder:
 @pytest.mark.parametrize(("impulse", "hardest"), [("30mNs", 0.04), ("90mNs", 0.09), ("ff", 0.04)])
 def test_trial_strikes_of_instrument_and_score(impulse: str, hardest: float):
     piece = _piece(1, _hit(impulse))
-    assembly, recorder = prepare(piece).built.assembly, _Recorder()
+    assembly, recorder = prepare(piece).built_network.assembly, _Recorder()
     put_trial_strikes(piece, assembly, recorder)  # type: ignore[arg-type]
     assert recorder.declared == [(assembly.mats["bar0", "mallet"], pytest.approx(hardest), None)]
 
@@ -116,7 +116,7 @@ mix: {channels: 1, route: [{from: saw, to: 1}]}
     assert piece is not None
     assert any(act.is_drawn for act in piece.instruments["saw"].acts)
     recorder = _Recorder()
-    put_trial_strikes(piece, prepare(piece).built.assembly, recorder)  # type: ignore[arg-type]
+    put_trial_strikes(piece, prepare(piece).built_network.assembly, recorder)  # type: ignore[arg-type]
     assert recorder.declared == []
 
 
@@ -124,7 +124,7 @@ def test_closed_timeline_without_trial_strikes():
     """A closed timeline plays none of them, and its plan tries none."""
     piece = _piece(1, _hit("mf"))
     plain, declared = prepare(piece), prepare(piece)
-    put_trial_strikes(piece, declared.built.assembly, declared.timeline)
+    put_trial_strikes(piece, declared.built_network.assembly, declared.timeline)
     sounds = [_sound(prepared, 0.5) for prepared in (plain, declared)]
     assert np.abs(sounds[0]).max() > 0.0
     assert np.array_equal(*sounds)

@@ -95,7 +95,7 @@ def test_undo_of_link_removal_during_its_fade(tmp_path: Path) -> None:
     running = player_session.session.schedule.running
     assert running.fading_links == ()
     (glide,) = (one for one in running.glides if one.module == "ab")
-    assert 0.0 < glide.before[0] < glide.after[0]
+    assert 0.0 < glide.initial_values[0] < glide.final_values[0]
     player_session.close()
     assert np.array_equal(player_session.again(), player_session.sound)
 

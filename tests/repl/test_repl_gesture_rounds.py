@@ -33,9 +33,9 @@ class Path(NamedTuple):
 
 
 def path(gesture, beat: float) -> Path:
-    lasting = gesture.t[-1] - gesture.t[0]
-    highest = (gesture.t[int(np.argmax(gesture.x))] - gesture.t[0]) / lasting
-    x = tuple(gesture.x)
+    lasting = gesture.instants[-1] - gesture.instants[0]
+    highest = (gesture.instants[int(np.argmax(gesture.positions))] - gesture.instants[0]) / lasting
+    x = tuple(gesture.positions)
     return Path(round(beat, 2), gesture.name, round(lasting, 4), round(highest, 4), x)
 
 

@@ -248,7 +248,7 @@ def test_instruments_lists_routes_and_families(session: Stepped):
 def test_library_instruments_have_descriptions():
     assert {"skins", "bells", "plates"} <= families.library().keys()
     for name, members in families.library().items():
-        assert all(member.about for member in members), name
+        assert all(member.comment for member in members), name
 
 
 def test_gestures_and_voices_and_scenes_are_listed(tmp_path: Path):

@@ -139,7 +139,7 @@ def test_hush_leaves_no_later_ergons(beat):
             if strikes.span:
                 ends.append(tempo.after(tempo.resolve(strikes.at), strikes.span))
             if strikes.pattern and not ends:
-                places = strikes.steps(silent)
+                places = strikes.place_beats(silent)
                 ends.append(places.beat(len(places)))
             elif strikes.hits and not ends:
                 # A phrase that has begun plays to its end, as a gesture does.

@@ -202,7 +202,7 @@ def test_save_of_pattern(session, tmp_path):
     piece = load(tmp_path / "live.yaml").piece
     assert piece is not None
     (play,) = piece.parts
-    assert play.what == "walk knock tap"
+    assert play.played_text == "walk knock tap"
     assert play.pattern is not None
     assert play.pattern.swing == 0.6
 
@@ -542,7 +542,7 @@ def test_transform_last_gesture_of_ended_pattern(tmp_path):
     player_session.run(1.6)  # the last lean began on 1|4 and lasts half a beat
     player_session.ok("ada do scale 1.1 now")
     last = player_session.session.schedule.head.piece.parts[-1]
-    assert (last.what, last.pattern, len(last.do)) == ("lean", None, 1)
+    assert (last.played_text, last.pattern, len(last.do)) == ("lean", None, 1)
     player_session.run(1.0)
     player_session.close()
     assert np.array_equal(player_session.again(), player_session.sound)

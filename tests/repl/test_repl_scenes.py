@@ -391,7 +391,7 @@ def test_scene_repeats_strikes_by_pattern_in_rounds():
         for item in (own for own in source.strikes if own.name.startswith(name)):
             steps = dataclasses.replace(
                 item, pattern=dataclasses.replace(item.pattern, chance=None)
-            ).steps(source)
+            ).place_beats(source)
             for place, beat in enumerate(steps):
                 note = steps.places.played_name(place)
                 if note is not None and first - 1e-9 <= beat < last - 1e-9:

@@ -144,7 +144,7 @@ def test_link_during_play_starts_without_jump(stepped_session: Stepped):
     stepped_session.ok("link bell.m bell.low REF K=2kN/m now")
     stepped_session.run(0.3)
     (glide,) = stepped_session.session.schedule.running.glides
-    assert (glide.part, glide.module, glide.before) == ("links", "ref-1", (0.0,))
+    assert (glide.part, glide.module, glide.initial_values) == ("links", "ref-1", (0.0,))
     stepped_session.run(1.0)
     bends = np.abs(np.diff(stepped_session.sound[:, 0], 3))
     n = int(stepped_session.rate)
@@ -180,11 +180,11 @@ def test_rename_gesture_and_player_in_parts(stepped_session: Stepped):
     stepped_session.ok("rename knock tap2")
     piece = stepped_session.session.schedule.head.piece
     assert [*piece.gestures] == ["tap2", "lean"]
-    assert {play.what for play in piece.parts} == {"tap2", "lean"}
+    assert {play.played_text for play in piece.parts} == {"tap2", "lean"}
     stepped_session.ok("rename leo eva")
     piece = stepped_session.session.schedule.head.piece
     assert [*piece.players] == ["ada", "eva"]
-    assert [play.what for play in piece.parts if play.player == "eva"] == ["tap2", "lean"]
+    assert [play.played_text for play in piece.parts if play.player == "eva"] == ["tap2", "lean"]
     text = stepped_session.session.schedule.head.texts.text
     assert text.replace("tap2", "knock").replace("eva:", "leo:") == SCORE
     stepped_session.run(2.0)

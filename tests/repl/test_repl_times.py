@@ -93,7 +93,7 @@ def test_defined_gesture_has_its_written_points(name):
     assert [point.x for point in result.points] == [0.0, 0.007, 0.0]
     if name in piece.gestures:
         assert result.do == piece.gestures[name].do
-        assert result.manner == piece.gestures[name].manner
+        assert result.options == piece.gestures[name].options
 
 
 def test_define_edits_gesture_in_its_file():

@@ -56,7 +56,7 @@ def stepped_session(tmp_path: Path):
 
 def numbers(piece, part):
     return {
-        module.name: AutomatedModule.from_piece(piece, (part, module.name)).written_numbers
+        module.name: AutomatedModule.from_piece(piece, (part, module.name)).written_engine_values
         for module in piece.instruments[part].modules
         if module.name in MOVED
     }

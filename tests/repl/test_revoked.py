@@ -38,7 +38,7 @@ def begun(tmp_path: Path) -> Stage:
 
 def damped(like: Stage, frame: int) -> Change:
     """A change that damps what sounds."""
-    going = StageTakeover(spans=(), running_stage=like, start=frame)
+    going = StageTakeover(spans=(), running_stage=like, start_frame=frame)
     new = stage(like.piece, planned=True, on_fault="mute", takeover=going)
     return Change(frame, new, like, damp=0.1)
 

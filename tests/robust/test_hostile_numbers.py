@@ -95,9 +95,9 @@ def test_take_summary_skips_hidden_values(tmp_path: Path):
     path = tmp_path / "a.csv"
     path.write_text("t [s],x [mm],y [mm]\n0,nan,nan\n0.1,2,nan\n0.2,1,nan\n")
     time, x, y = summary(path).columns
-    assert (time.first, time.last) == (0.0, 0.2)
-    assert (x.low, x.high, x.first, x.last) == (1.0, 2.0, 2.0, 1.0)
-    assert y.low > y.high
+    assert (time.first_value, time.last_value) == (0.0, 0.2)
+    assert (x.low_value, x.high_value, x.first_value, x.last_value) == (1.0, 2.0, 2.0, 1.0)
+    assert y.low_value > y.high_value
     path.write_text("t [s],x [mm]\n0,1\n0,2\n")
     with pytest.raises(
         TakeError, match=r"a\.csv:3: the time 0 is not later than the time 0 of the row before"

@@ -62,7 +62,7 @@ def test_calibrated_key_has_all_measured_modules(piece):
     assert spring["Z"] == pytest.approx(2 * 0.02 * 3 * math.log(10.0) / 0.3)
     dry = modules["dry"].fields
     assert (dry["F"], dry["static"], dry["speed"], dry["K"]) == (0.05, 0.08, 4e-3, None)
-    assert piece().keys["k"].measured == (pytest.approx(0.38), 1.2, 1e-3)
+    assert piece().keys["k"].measured_constants == (pytest.approx(0.38), 1.2, 1e-3)
 
 
 def test_calibrated_key_with_simple_option(piece):
@@ -171,8 +171,8 @@ def test_standin_path_of_heavy_key(piece):
     text = piece(measured, hand=", hand: live")
     (hand,) = stage(text, real_hands={"ada": None}).live_hands
     written = played_positions(piece(measured))[:: hand.tick_frames]
-    n = min(len(written), len(hand.standin))
-    assert np.abs(hand.standin[:n] - written[:n]).max() < 2e-6
+    n = min(len(written), len(hand.standin_path))
+    assert np.abs(hand.standin_path[:n] - written[:n]).max() < 2e-6
 
 
 @pytest.mark.parametrize(

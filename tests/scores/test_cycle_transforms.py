@@ -141,7 +141,7 @@ def test_parse_places():
     (first, second) = parse_transforms("every 4 (rev, fast 2),  degrade 0.4 ", 100)
     assert isinstance(first, CycleTransform)
     assert (first.word, first.values, first.offset, first.length) == ("every", (4,), 100, 21)
-    assert [(inner.word, inner.offset, inner.length) for inner in first.inner] == [
+    assert [(inner.word, inner.offset, inner.length) for inner in first.inner_transforms] == [
         ("rev", 109, 3),
         ("fast", 114, 6),
     ]
@@ -153,8 +153,8 @@ def test_examples_of_transformation_table(word):
     form = FORM_BY_WORD[word]
     (transform,) = parse_transforms(form.example)
     assert transform.word == word
-    assert form.line[0].islower()
-    assert not form.line.endswith(".")
+    assert form.description[0].islower()
+    assert not form.description.endswith(".")
     plain = [[(e.begin, e.value) for e in parse("a*8 c4.maj", Struck).onsets(c)] for c in range(16)]
     changed = transformed("a*8 c4.maj", form.example)
     assert [[(e.begin, e.value) for e in changed.onsets(c)] for c in range(16)] != plain

@@ -40,7 +40,7 @@ def piece(rows: str, seed: int = 5) -> Piece:
 def paths(rows: str, seed: int = 5) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
     """Each gesture that is played: its name, and the instants and positions of its points."""
     return [
-        (g.name, tuple(round(t, 9) for t in g.t), tuple(g.x))
+        (g.name, tuple(round(t, 9) for t in g.instants), tuple(g.positions))
         for g in prepare(piece(rows, seed)).hands.gestures
     ]
 
@@ -126,7 +126,9 @@ def test_do_of_rounds_as_list_and_as_table():
         assert read.piece is not None, read.diagnostics
         result = prepare(read.piece).hands.gestures
         expected = prepare(table).hands.gestures
-        assert [(g.start, tuple(g.x)) for g in result] == [(g.start, tuple(g.x)) for g in expected]
+        assert [(g.start, tuple(g.positions)) for g in result] == [
+            (g.start, tuple(g.positions)) for g in expected
+        ]
 
 
 @pytest.mark.parametrize(

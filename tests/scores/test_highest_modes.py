@@ -15,7 +15,7 @@ SCORE = "ergon: 1\ninstruments:\n  s: {modules: {body: {%s}}}\n"
 
 def modes(fields: str) -> list:
     piece = check(SCORE % fields).piece
-    return highest_modes(piece, prepare(piece).built)
+    return highest_modes(piece, prepare(piece).built_network)
 
 
 def test_highest_mode_of_string_by_formula():

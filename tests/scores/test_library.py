@@ -236,13 +236,13 @@ def test_library_scores_have_no_clicks() -> None:
 
 def test_times_counts_the_rounds_of_a_pattern() -> None:
     piece = piece_of(SCORES / "patterns.yaml")
-    assert {own.name: len(own.steps(piece)) for own in piece.strikes} == {
+    assert {own.name: len(own.place_beats(piece)) for own in piece.strikes} == {
         "tune": 8 * 5,  # rounds of eight steps, of which five strike
         "walk": 16,  # rounds of one step, before chance
         "three": 3 * 3,
     }
     played = zip(piece.parts, piece.starts, strict=True)
-    assert [(play.what, len(starts or ())) for play, starts in played] == [
+    assert [(play.played_text, len(starts or ())) for play, starts in played] == [
         ("tap ~ (soft soft) loose", 2 * 5),
         ("choose tap soft loose", 8),
         ("tap soft", 4 * 5),

@@ -49,7 +49,7 @@ def test_load_of_example_duet():
     rain = piece.strikes[0]
     assert (rain.to[0].part, rain.to[0].first, rain.to[0].count) == ("sky", 0, 100)
     assert rain.levels == Levels((Level(1e-6, 4e-6),))
-    assert [(p.player, p.what) for p in piece.parts] == [
+    assert [(p.player, p.played_text) for p in piece.parts] == [
         ("ada", "knock"),
         ("ada", "lean"),
         ("ada", "soft"),

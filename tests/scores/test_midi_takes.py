@@ -200,7 +200,7 @@ def test_midi_take_transposed_stretched_and_repeated(tmp_path):
     text += "strikes: {s: {play: t, to: cell, at: 2|1, times: 2, transpose: 2st, do: stretch 2}}\n"
     piece = checked(tmp_path, text).piece
     assert piece is not None
-    result = [(beat, hit.what) for beat, _, hit in piece.strikes[0].played_hits(piece)]
+    result = [(beat, hit.struck_text) for beat, _, hit in piece.strikes[0].played_hits(piece)]
     first = [(4.0, "D3"), (5.0, "F#3"), (5.0, "A3"), (7.0, "D#3"), (8.0, "E3")]
     assert result == [*first, *((beat + 8.0, what) for beat, what in first)]
 
@@ -377,7 +377,7 @@ def test_hostile_midi_bytes_are_read_or_refused(tmp_path, seed):
             counts = [count for each in held.tracks for count in each.counts_by_channel.values()]
             assert all(0 <= count.low <= count.high < 128 for count in counts)
         try:
-            result = midi_file._read.__wrapped__(path, None, ())
+            result = midi_file._read_notes.__wrapped__(path, None, ())
         except TakeError:
             continue
         assert all(note.at >= 0.0 and 0 <= note.number < 128 for note in result.notes)

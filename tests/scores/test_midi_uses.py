@@ -141,7 +141,9 @@ def pressed(folder: Path, lines: str, play: str) -> list[float]:
     assert loaded.piece is not None, loaded.diagnostics
     staged = stage(loaded.piece)
     points = [
-        (t, x) for gesture in staged.gestures for t, x in zip(gesture.t, gesture.x, strict=True)
+        (t, x)
+        for gesture in staged.gestures
+        for t, x in zip(gesture.instants, gesture.positions, strict=True)
     ]
     return sorted(t for t, x in points if x > 0.0)
 

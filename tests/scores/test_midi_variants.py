@@ -80,14 +80,14 @@ def _variant(seed: int) -> tuple[bytes, bytes]:
 def test_midi_files_of_other_programs(seed: int) -> None:
     data, plain = _variant(seed)
     file = MidiBytes(Path("x.mid"), data)
-    header = file.header()
+    header = file.read_header()
     theirs = mido.MidiFile(file=io.BytesIO(plain), clip=True)
     assert (header.format, header.ticks_per_quarter) == (theirs.type, theirs.ticks_per_beat)
     assert len(header.track_spans) == len(theirs.tracks)
     for span, track in zip(header.track_spans, theirs.tracks, strict=True):
         ours = [
             (event.tick, event.kind, event.channel - 1, *event.content)
-            for event in file.track(span)
+            for event in file.track_events(span)
             if event.kind in (NOTE_ON, NOTE_OFF)
         ]
         tick, expected = 0, []
@@ -109,8 +109,8 @@ def _file(track: bytes, n_tracks: int = 1) -> bytes:
 
 def _notes(data: bytes) -> list[tuple[int, int]]:
     file = MidiBytes(Path("x.mid"), data)
-    (span,) = file.header().track_spans
-    return [(e.tick, e.content[0]) for e in file.track(span) if e.kind == NOTE_ON]
+    (span,) = file.read_header().track_spans
+    return [(e.tick, e.content[0]) for e in file.track_events(span) if e.kind == NOTE_ON]
 
 
 def test_running_status_over_system_exclusive_message() -> None:
@@ -127,6 +127,6 @@ def test_midi_file_within_riff() -> None:
 
 
 def test_midi_tracks_missing_from_file_are_counted() -> None:
-    header = MidiBytes(Path("x.mid"), _file(NOTE, n_tracks=3)).header()
+    header = MidiBytes(Path("x.mid"), _file(NOTE, n_tracks=3)).read_header()
     assert (len(header.track_spans), header.n_missing) == (1, 2)
-    assert MidiBytes(Path("x.mid"), _file(NOTE)).header().n_missing == 0
+    assert MidiBytes(Path("x.mid"), _file(NOTE)).read_header().n_missing == 0

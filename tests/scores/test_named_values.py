@@ -16,7 +16,7 @@ from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.memory import Memory
 from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
-from ergon.scores.reading.sections import SCORE as TABLE
+from ergon.scores.reading.sections import SCORE_RECORD as TABLE
 
 SCORE = """\
 ergon: 1

@@ -96,7 +96,7 @@ def test_automation_points_from_instant_equal_complete_points(seed: int):
         some = automation_points(source, beat, beat + 16, collector, begins).points
         assert not collector.has_errors(), collector.finish()
         for where in complete.keys() | some.keys():
-            alone = [(0.0, *led_of(source, where).written_numbers)]
+            alone = [(0.0, *led_of(source, where).written_engine_values)]
             item, expected = (
                 _from(points.get(where) or alone, begins) for points in (some, complete)
             )
@@ -133,7 +133,7 @@ def _evening(count: int) -> Piece:
 def _counted(monkeypatch, source: Piece, beat: float) -> dict[str, int]:
     """How many points of curves and numbers of modules are made for a line on a beat."""
     counts = {"points": 0, "numbers": 0}
-    to, numbers = parameter_curves.Curve.add_point, AutomatedModule.numbers
+    to, numbers = parameter_curves.Curve.add_point, AutomatedModule.engine_values
 
     def counted_to(self, instant, value):
         counts["points"] += 1
@@ -182,7 +182,7 @@ def test_module_glided_back_remains_automated():
     )
     led = led_of(source, ("bell", "n"))
     result = automation_points(source, 60.0, 76.0, Collector(), 59.9)
-    assert {point[1:] for point in result.points["bell", "n"]} == {led.written_numbers}
+    assert {point[1:] for point in result.points["bell", "n"]} == {led.written_engine_values}
     paths = takeover_points({}, result.points, source, 59.9, 75.0, result.permanent_modules)
     assert paths.keys() == {("bell", "n")}
     assert takeover_points({}, result.points, source, 59.9, 75.0) == {}

@@ -43,7 +43,7 @@ def piece(fields: str) -> Piece:
 
 def falls(fields: str) -> list[str]:
     score = piece(f"{fields}, at: 0")
-    return [f"{beat:.9g} {hit.what}" for beat, _, hit in score.strikes[0].played_hits(score)]
+    return [f"{beat:.9g} {hit.struck_text}" for beat, _, hit in score.strikes[0].played_hits(score)]
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_midi_file_keeps_its_chords_and_lengths(tmp_path: Path):
         loaded = load(tmp_path / "s.yaml", text=text.replace("DO", do))
         assert loaded.piece is not None, loaded.diagnostics
         falling = loaded.piece.strikes[0].played_hits(loaded.piece)
-        lines.append([(beat, hit.what, hit.level.low) for beat, _, hit in falling])
+        lines.append([(beat, hit.struck_text, hit.level.low) for beat, _, hit in falling])
     notes = [(0.0, "C4", 100 / 127), (1.0, "E4", 64 / 127), (2.0, "G4", 77 / 127)]
     assert lines[0] == lines[1] == notes
     assert lines[2] == [(1.0, "C4", 100 / 127), (1.5, "G4", 77 / 127), (2.5, "E4", 64 / 127)]
@@ -175,7 +175,9 @@ def test_do_from_next_round():
     fields = "play: call, at: 1|1, times: 4, transpose: 12st, do: [scale 0.5]"
     text, score = transformed(fields, 6.0, "rev")
     beats = sorted(
-        (beat, hit.what) for strikes in score.strikes for beat, _, hit in strikes.played_hits(score)
+        (beat, hit.struck_text)
+        for strikes in score.strikes
+        for beat, _, hit in strikes.played_hits(score)
     )
     expected = [(start + beat, what) for start in (0, 4) for beat, what in
                 [(0, "C5"), (0.5, "E5 G5"), (3, "D5")]]  # fmt: skip
@@ -192,7 +194,7 @@ def test_do_of_a_phrase_with_words_of_rhythms():
     text, score = transformed("play: call, at: 1|1, times: 4, do: [every 2 rev]", 6.0, "fast 2")
     assert "every 2 rev, fast 2" in text
     (last,) = [strikes for strikes in score.strikes if strikes.name != "s"]
-    falling = [(beat, hit.what) for beat, _, hit in last.played_hits(score)]
+    falling = [(beat, hit.struck_text) for beat, _, hit in last.played_hits(score)]
     assert falling[:4] == [(8, "D4"), (8.5, "E4"), (8.5, "G4"), (9.75, "C4")]
 
 

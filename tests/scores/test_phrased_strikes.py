@@ -37,9 +37,9 @@ def hits(fields: str) -> list[tuple[float, Hit]]:
 def falls(fields: str) -> list[str]:
     """Every stroke with its beat and how many beats it lasts."""
     return [
-        f"{beat:.9g} {hit.what} {hit.lasting.beats:.9g}"
+        f"{beat:.9g} {hit.struck_text} {hit.duration.beats:.9g}"
         for beat, hit in hits(fields)
-        if hit.lasting
+        if hit.duration
     ]
 
 
@@ -71,7 +71,7 @@ def test_strokes_of_a_bar(fields, expected):
 
 def impulses(fields: str) -> list[float]:
     """The impulse of each stroke [mN·s]."""
-    return [1000 * hit.level.impulse(hit.reach, max) for _, hit in hits(fields)]
+    return [1000 * hit.level.impulse(hit.impulse_range, max) for _, hit in hits(fields)]
 
 
 def strength(value: float) -> float:
@@ -233,7 +233,7 @@ def test_do_with_named_values():
 
 def test_walk_under_do_visits_neighbours():
     fields = "to: bar, notes: walk C4 E4 G4, every: 1, times: 400, at: 0, do: fast 1"
-    places = [["C4", "E4", "G4"].index(hit.what) for _, hit in hits(fields)]
+    places = [["C4", "E4", "G4"].index(hit.struck_text) for _, hit in hits(fields)]
     assert places[0] == 0
     assert {b - a for a, b in pairwise(places)} == {-1, 0, 1}
 

@@ -83,7 +83,7 @@ def test_instrument_struck_by_first_act():
 def test_notes_struck_by_act_of_each():
     (strikes,) = piece("strikes: {s: {to: bar, at: 0, notes: C4 E4, every: 1, times: 1}}\n").strikes
     assert [(t.part, t.module) for t in strikes.voices["E4"]] == [("bar.E4", "")]
-    assert strikes.reaches["bar.E4"] == ImpulseRange(1e-3, 4e-3)
+    assert strikes.impulse_ranges["bar.E4"] == ImpulseRange(1e-3, 4e-3)
 
 
 @pytest.mark.parametrize(
@@ -120,8 +120,8 @@ def test_phrase_scaled_in_strength():
     (strikes,) = piece(text).strikes
     (hit,) = strikes.hits
     assert isinstance(hit, Hit)
-    assert hit.reach == ImpulseRange(1e-3, 16e-3)
-    assert hit.level.impulse(hit.reach, max) == pytest.approx(0.5e-3 * 16 ** (5 / 7))
+    assert hit.impulse_range == ImpulseRange(1e-3, 16e-3)
+    assert hit.level.impulse(hit.impulse_range, max) == pytest.approx(0.5e-3 * 16 ** (5 / 7))
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,8 @@ def falls(fields: str) -> list[str]:
     """Every stroke of a rhythm, as its beat and its word."""
     score_piece = piece(f"strikes: {{s: {{{fields}}}}}\n")
     return [
-        f"{beat:.9g} {hit.what}" for beat, _, hit in score_piece.strikes[0].played_hits(score_piece)
+        f"{beat:.9g} {hit.struck_text}"
+        for beat, _, hit in score_piece.strikes[0].played_hits(score_piece)
     ]
 
 
@@ -79,7 +80,7 @@ def test_levels_of_words_and_cycle():
     fields = "rhythm: 'kick hat:p kick:2mNs hat', at: 0, times: 1, impulse: f mf, do: scale 0.5"
     score_piece = piece(f"strikes: {{s: {{{fields}}}}}\n")
     hits = [hit for *_, hit in score_piece.strikes[0].played_hits(score_piece)]
-    amounts = [hit.level.impulse(hit.reach, max) for hit in hits]
+    amounts = [hit.level.impulse(hit.impulse_range, max) for hit in hits]
     expected = [1e-3 * 16 ** (5 / 7), 1e-3 * 4 ** (2 / 7), 2e-3, 1e-3 * 4 ** (4 / 7)]
     assert amounts == pytest.approx([amount / 2 for amount in expected])
 

@@ -52,7 +52,7 @@ def piece(part: str, seed: int = 5) -> Piece:
 def staged(source: Piece, spans=None) -> list[tuple[str, float, tuple[float, ...]]]:
     gestures = prepare(source, spans=spans).hands.gestures
     beat = source.tempo_map.beats
-    return [(g.name, round(beat(g.start), 9), tuple(g.x)) for g in gestures]
+    return [(g.name, round(beat(g.start), 9), tuple(g.positions)) for g in gestures]
 
 
 def test_pattern_part_as_table_equals_list():
@@ -89,7 +89,7 @@ def test_pattern_draws_with_another_seed():
 
     other = stage(piece(TABLE), seed=6)
     beat = other.piece.tempo_map.beats
-    again = [(g.name, round(beat(g.start), 9), tuple(g.x)) for g in other.gestures]
+    again = [(g.name, round(beat(g.start), 9), tuple(g.positions)) for g in other.gestures]
     assert again == for_six
 
 

@@ -113,7 +113,7 @@ def test_sdif_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     writer, path = SdifWriter(seed), tmp_path / "x.sdif"
     path.write_bytes(writer.written())
     others: Counter[str] = Counter()
-    columns = sdif_file.columns(path, others)
+    columns = sdif_file.read_columns(path, others)
     assert others == writer.others
     expected = {
         writer.name(stream, row, column): (stream, row, column)
@@ -123,9 +123,9 @@ def test_sdif_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     }
     assert set(columns) == set(expected)
     for name, (stream, row, column) in expected.items():
-        np.testing.assert_array_equal(columns[name].t, writer.times[stream])
+        np.testing.assert_array_equal(columns[name].instants, writer.times[stream])
         values = [each[row, column] for each in writer.values[stream]]
-        np.testing.assert_array_equal(columns[name].x, values)
+        np.testing.assert_array_equal(columns[name].values, values)
 
 
 def _matrix(name: bytes = b"XPOS", kind: int = 8, rows: int = 1, columns: int = 1,

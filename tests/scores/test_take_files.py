@@ -77,7 +77,7 @@ def test_csv_tables_of_spreadsheets(tmp_path, text):
     assert take.t.tolist() == [0.0, 0.1, 0.2]
     assert take.x.tolist() == [1e-3, 2e-3, 4.5e-3]
     _, x = summary(path).columns
-    assert (x.low, x.high) == (1.0, 4.5)
+    assert (x.low_value, x.high_value) == (1.0, 4.5)
 
 
 def test_csv_unit_option_of_unitless_column(tmp_path):

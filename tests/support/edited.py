@@ -58,7 +58,7 @@ def begun(piece, player):
         if play.player != player:
             continue
         for place, start in enumerate(starts or [piece.tempo_map.resolve(play.at)]):
-            name, do = play.what, play.do
+            name, do = play.played_text, play.do
             if play.pattern is not None:  # as it was drawn in this place
                 name, do = starts.places.played_name(place), (*do, *starts.places.transforms(place))
             if name is not None:

@@ -101,7 +101,10 @@ def _inputs(
     struck_names |= {
         target.text for strikes in piece.strikes for target in strikes.to
     }  # several points
-    shapes_by_point = {**part_modes.points, **shapes_at_contacts(piece, prepared.built, part_modes)}
+    shapes_by_point = {
+        **part_modes.points,
+        **shapes_at_contacts(piece, prepared.built_network, part_modes),
+    }
     for point_label, shape in shapes_by_point.items():
         is_output = point_label.split(" ")[0] == "out"
         if not is_output and point_label not in struck_names:

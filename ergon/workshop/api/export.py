@@ -78,7 +78,7 @@ def mode_tables(
     part_names = selected_parts(piece, options.parts)
     ca_rates = {name: modes.ca_rate for name, modes in piece.instruments.items()}
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
-        built = prepare(piece).built
+        built = prepare(piece).built_network
         modes_by_part = [
             compute_modes(piece, built, name, {"to": upto}, loaded.inputs) for name in part_names
         ]
@@ -185,7 +185,7 @@ def part_banks(
     with (report or Report()).waiting("computing modes"):
         prepared = prepare(piece)
         for name in names:
-            modes = compute_modes(piece, prepared.built, name, {"to": upto}, inputs)
+            modes = compute_modes(piece, prepared.built_network, name, {"to": upto}, inputs)
             if modes.masses:
                 bank = bank_of(piece, prepared, modes, n_modes_max)
                 banks.append((bank, tuple(omissions(modes))))

@@ -57,7 +57,7 @@ class Score:
 
     def hear(self, frames: Floats) -> Floats:
         """Mix by the piece's own routes."""
-        listening = prepare(self.piece).built.listening
+        listening = prepare(self.piece).built_network.listening
         mixed = np.zeros((len(frames), listening.n_channels))
         mixer = listening.mixer(self.rate, frames.shape[1], highpass=HIGHPASS_HZ)
         mixer.process(np.ascontiguousarray(frames), mixed)

@@ -14,8 +14,8 @@ from ergon.notation.tables.shapes import Reference, Shape, Text
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.gesture_tables import CURVE_SHAPE, GestureShape, UnreadText
-from ergon.scores.reading.part import OPTION_SHAPES, Part
-from ergon.scores.reading.rhythms import RHYTHM
+from ergon.scores.reading.part import OPTION_SHAPES, PartShape
+from ergon.scores.reading.rhythms import RHYTHM_SHAPE
 
 from . import cursor as cursors
 from . import music_parts
@@ -89,13 +89,13 @@ def _value_completions(
             yield from (
                 Completion(note, "value", f"{frequency_of(note):.2f} Hz") for note in _NOTES
             )
-        if shape is RHYTHM:
+        if shape is RHYTHM_SHAPE:
             yield from _name_completions(catalogue.definitions_in("instruments"))
         if shape in (k.WHEN, k.MARK):
             yield from _name_completions(catalogue.definitions_in("marks"))
     elif isinstance(shape, Reference):
         yield from _name_completions(catalogue.definitions_in(*shape.sections))
-    elif isinstance(shape, Part):
+    elif isinstance(shape, PartShape):
         yield from _name_completions(catalogue.definitions_in("marks", *_GESTURE_SECTIONS))
         for word, option in OPTION_SHAPES.items():
             yield Completion(word, "field", option.words(), " ")

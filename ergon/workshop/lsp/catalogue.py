@@ -10,7 +10,7 @@ from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text import document
 from ergon.notation.text.values import Place
 from ergon.scores.reading.load import Loaded
-from ergon.scores.reading.uses import NOUNS, Names
+from ergon.scores.reading.uses import NOUN_BY_SECTION, Names
 
 # Sections whose names other files cannot use, each with the noun for one of its entries.
 _LOCAL_SECTIONS = {"marks": "mark", "players": "player", "strikes": "strikes"}
@@ -60,7 +60,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
         return Catalogue()
     root = score_names.document.root
     sections: dict[str, dict[str, Definition]] = {MODULES: {}}
-    for section_name, noun in NOUNS.items():
+    for section_name, noun in NOUN_BY_SECTION.items():
         sections[section_name] = {
             name: Definition(name, noun, _place(entry.values, entry.brought_place, score_names))
             for name, entry in score_names.tables[section_name].items()

@@ -14,7 +14,7 @@ from ergon.notation.tables.shapes import Shape
 from ergon.notation.text import document
 from ergon.notation.text.document import Document, Node, Scalar
 from ergon.notation.text.errors import Collector
-from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.sections import SCORE_RECORD
 
 _T = TypeVar("_T")
 WORD = re.compile(r"[\w.#/-]*")
@@ -44,7 +44,7 @@ def cursor_at(score_file: Document, index: int) -> Cursor | None:
     if score_file.root is None:
         return None
     node: Node = score_file.root
-    shape: Shape | None = SCORE
+    shape: Shape | None = SCORE_RECORD
     table: Record | None = None
     field: Field | None = None
     path: tuple[str, ...] = ()

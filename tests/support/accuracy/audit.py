@@ -280,7 +280,7 @@ def _plan(
         render_error=error_db(sound, listened, piece.rate),
         doubt=error_db(exact.rough, exact.sound, piece.rate, pilot),
         pilot=pilot,
-        cost=planning.cost(static.plan) + counted * piece.rate,
+        cost=planning.plan_cost(static.plan) + counted * piece.rate,
         warned=bool(built.notes),
         chaotic=is_chaotic,
         spectrum=_unlike(sound, exact, piece.rate) if is_chaotic else 0.0,
@@ -315,7 +315,7 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Sequence[Plan]) -> Iterator[P
         except (_core.EngineError, StageError):
             continue
         reals = tuple(error_db(sound[: len(exact)], exact, piece.rate, own) for own in pilots)
-        cost = planning.cost(static) + counted * times * piece.rate
+        cost = planning.plan_cost(static) + counted * times * piece.rate
         audible = [_audible(sound[: len(exact)], exact, piece.rate, pilot) for pilot in by_ear]
         yield Plain(method, times, reals, cost, max(audible, default=inf))
 
