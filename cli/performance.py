@@ -16,9 +16,9 @@ from .outcome import Late, Refused
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.led_hands import LedHands
     from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
+    from ergon.live.pointer_hands import PointerHands
     from ergon.scores.staging.stage import Stage
 
 _REFRESH_SECONDS = 0.1  # [s] between two looks: a hand is shown ten times a second
@@ -34,7 +34,7 @@ class ShownPerformance:
         console: Console,
         stage: Stage,
         performance: _core.Performance,
-        hands: LedHands,
+        hands: PointerHands,
         *,
         strict: bool,
         plain: bool,
@@ -69,7 +69,7 @@ class ShownPerformance:
             begin()
             if osc is not None:
                 self._osc = osc
-                osc.begin(performance, self._stage, config.gain, config.start)
+                osc.begin(performance, self._stage, config.gain, config.start_frame)
             if granted := self._granted():
                 self._console.detail(f"physics: {granted}")
             while not performance.wait(_REFRESH_SECONDS):

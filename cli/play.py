@@ -91,6 +91,6 @@ def _play(
             if not play_options.loop or (osc is not None and osc.is_stop_requested):
                 return
             if play_options.until is None:
-                config = replace(config, start=0)
+                config = replace(config, start_frame=0)
     finally:
         prepared.close()

@@ -13,7 +13,7 @@ from .outcome import DeviceMissing, Refused
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.led_hands import LedHands
+    from ergon.live.pointer_hands import PointerHands
 
 _POLL_SECONDS = 0.1  # [s]
 _HAND = "hand"
@@ -96,18 +96,18 @@ def _until_over(console: Console, performance: _core.Performance) -> None:
             return
 
 
-def _hands(live: tuple[str, ...]) -> LedHands:
+def _hands(live: tuple[str, ...]) -> PointerHands:
     from dataclasses import replace
 
     from ergon.live.boards import PAGE_KINDS, BoardError, boards, device_urls, parse_live_options
     from ergon.live.calibration import known_axes
-    from ergon.live.led_hands import open_led_hands
+    from ergon.live.pointer_hands import open_pointer_hands
 
     try:
         hand_boards = boards(parse_live_options(_named(live)), device_urls())
         if any(board.kind in PAGE_KINDS for board in hand_boards):
             raise BoardError("a page's key needs a piece: `ergon duet SCORE --record` records it")
-        return open_led_hands(
+        return open_pointer_hands(
             [replace(board, calibrations=known_axes(board.url)) for board in hand_boards]
         )
     except BoardError as error:

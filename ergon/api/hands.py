@@ -13,8 +13,8 @@ from .errors import DeviceError, OptionError
 if TYPE_CHECKING:
     from ergon.live.boards import Board
     from ergon.live.calibration import AxisCalibration
-    from ergon.live.led_address import LedKey
-    from ergon.live.led_hands import LedHands
+    from ergon.live.pointer_address import PointerKey
+    from ergon.live.pointer_hands import PointerHands
     from ergon.scores.reading.piece import Piece
     from ergon.scores.reading.playing import Key
 
@@ -30,7 +30,7 @@ _GUIDE_STIFFNESS_MAX = 1e6  # [N/m] of a led key: it yields 20 µm to the greate
 def boards_of(piece: Piece, options: PerformanceOptions) -> list[Board]:
     """Devices of `--live` and `--drive`, each under a player's key. Raises OptionError."""
     from ergon.live.boards import BoardError, boards, device_urls, parse_live_options
-    from ergon.live.led_address import is_led, parse_led_address
+    from ergon.live.pointer_address import is_pointer_driven, parse_pointer_address
 
     try:
         options_by_player = parse_live_options((*options.live, *options.drive))
@@ -39,8 +39,8 @@ def boards_of(piece: Piece, options: PerformanceOptions) -> list[Board]:
                 raise OptionError("live", no_player_message(piece, name))
         opened_boards = boards(options_by_player, device_urls() if options_by_player else {})
         for board in opened_boards:
-            if is_led(board.url):
-                parse_led_address(board.url)
+            if is_pointer_driven(board.url):
+                parse_pointer_address(board.url)
         return opened_boards
     except BoardError as error:
         raise OptionError("live", str(error)) from None
@@ -50,7 +50,7 @@ def driven_players(
     piece: Piece, options: PerformanceOptions, boards: Sequence[Board]
 ) -> frozenset[str]:
     """The players whose real keys their parts drive. Raises OptionError."""
-    from ergon.live.led_address import is_led
+    from ergon.live.pointer_address import is_pointer_driven
 
     driven_names = frozenset(text.partition("=")[0] for text in options.drive)
     players_with_part = {play.player for play in piece.parts}
@@ -60,7 +60,7 @@ def driven_players(
             if player_name not in driven_names:
                 continue
             player_key = piece.keys[player.key]
-            if is_led(board.url):
+            if is_pointer_driven(board.url):
                 refusal_reason = (
                     f"{board.url} has no motor that could move a key; --live {player_name}=… plays "
                     "it"
@@ -81,21 +81,21 @@ def driven_players(
     return driven_names
 
 
-def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands:
+def pointer_hands(piece: Piece, boards: Sequence[Board], report: Report) -> PointerHands:
     """Open what leads the fingers on keys of a piece without a device. Raises OptionError."""
     from ergon.live.boards import BoardError
-    from ergon.live.led_address import is_led
-    from ergon.live.led_hands import LedHands, open_led_hands
+    from ergon.live.pointer_address import is_pointer_driven
+    from ergon.live.pointer_hands import PointerHands, open_pointer_hands
 
-    if not any(is_led(board.url) for board in boards):
-        return LedHands(boards)
+    if not any(is_pointer_driven(board.url) for board in boards):
+        return PointerHands(boards)
     try:
         keys = {
             player: _led_key(piece.keys[piece.players[player].key])
             for board in boards
             for _, player in board.axes
         }
-        opened_hands = open_led_hands(boards, keys)
+        opened_hands = open_pointer_hands(boards, keys)
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     for sentence in opened_hands.sentences:
@@ -103,17 +103,17 @@ def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands
     return opened_hands
 
 
-def _led_key(score_key: Key) -> LedKey:
+def _led_key(score_key: Key) -> PointerKey:
     """Travel, spring and rest of a key of the score, for one that is played without a device."""
-    from ergon.live.led_address import LedKey
+    from ergon.live.pointer_address import PointerKey
     from ergon.scores.staging.version_glides import cel_constants
 
-    travel = score_key.travel or LedKey().travel
+    travel = score_key.travel or PointerKey().travel
     (struck_cel,) = (module for module in score_key.modules if module.name == score_key.struck)
     if struck_cel.kind != "CEL":
-        return LedKey(travel)
+        return PointerKey(travel)
     stiffness, _, _ = cel_constants(struck_cel.fields)
-    return LedKey(
+    return PointerKey(
         travel, min(stiffness, _GUIDE_STIFFNESS_MAX), float(struck_cel.fields.get("rest") or 0.0)
     )
 

@@ -19,7 +19,7 @@ from . import score as scores
 from .errors import OptionError, not_started_error
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, calibrated_boards, driven_players, led_hands
+from .hands import boards_of, calibrated_boards, driven_players, pointer_hands
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
@@ -27,8 +27,8 @@ from .pages import pages_of, sees_all
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
-    from ergon.live.led_hands import LedHands
     from ergon.live.perform import PlaybackConfig
+    from ergon.live.pointer_hands import PointerHands
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
@@ -72,9 +72,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         config = _performance_config(piece, options, boards, first_version.levels, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
-    led = led_hands(piece, boards, report)
+    led = pointer_hands(piece, boards, report)
     try:
-        pages = pages_of(options, report, led.page_leads)
+        pages = pages_of(options, report, led.page_pointers)
         journal = Journal.begin(Path(options.journal))
     except JournalError as error:
         led.close()
@@ -111,7 +111,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 past=first_version.past,
                 frozen=frozen,
                 is_seen=is_seen,
-                driven=driven,
+                driven_players=driven,
             )
     except BaseException:
         journal.close()
@@ -150,7 +150,7 @@ def _start_session(session: Session) -> None:
 class _SummarisedHands:
     """Led hands that report a summary of their input when they are closed."""
 
-    led: LedHands
+    led: PointerHands
     report: Report
 
     def close(self) -> None:
@@ -199,7 +199,7 @@ def _session_beginning(
             )
             if gap_sentence := journal_content.gaps.sentence(str(resume_path)):
                 report.warn(gap_sentence)
-            session_start = journal_content.start
+            session_start = journal_content.session_start
             gain_and_reference = session_start.gain, session_start.reference
             return _SessionBeginning(
                 *resumed_state(journal_content),
@@ -376,7 +376,7 @@ def _session_makers(
             tick_frames,
             *gain_options,
             past,
-            version.base,
+            version.file_texts,
             take,
             version.maps,
             version.rules,

@@ -22,8 +22,8 @@ from .hands import (
     calibrated_boards,
     driven_players,
     guide_stiffnesses,
-    led_hands,
     no_player_message,
+    pointer_hands,
 )
 from .options import PlayOptions
 from .osc import osc_of
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.exchange.frozen import VerifiedStem
     from ergon.live.boards import Board
-    from ergon.live.led_hands import LedHands
     from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
+    from ergon.live.pointer_hands import PointerHands
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
@@ -47,7 +47,7 @@ class PreparedPlay:
     """A score ready to be played."""
 
     stage: Stage
-    hands: LedHands
+    hands: PointerHands
     config: PlaybackConfig
     osc: OscServer | None
 
@@ -95,9 +95,9 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
         _performance_config(piece, stage, boards, options, stems, report),
         driven_players=driven_names,
     )
-    hands = led_hands(piece, boards, report)
+    hands = pointer_hands(piece, boards, report)
     try:
-        pages = pages_of(options, report, hands.page_leads)
+        pages = pages_of(options, report, hands.page_pointers)
     except OptionError:
         hands.close()
         raise
@@ -123,7 +123,7 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
     from ergon.live.perform import perform
 
     try:
-        with report.progress("going there", config.start, stage.rate) as progress:
+        with report.progress("going there", config.start_frame, stage.rate) as progress:
             return perform(stage, config, progress.update)
     except _core.EngineError as error:
         raise not_started_error(error, _fault_sentence(error, stage)) from None
@@ -214,8 +214,8 @@ def _performance_config(
         limit=limit,
         highpass=HIGHPASS_HZ,
         reference=piece.mix.reference(),
-        start=start_frame // tick_frames(stage) * tick_frames(stage),
-        end=end_frame,
+        start_frame=start_frame // tick_frames(stage) * tick_frames(stage),
+        end_frame=end_frame,
         boards=boards,
         guides=guide_stiffnesses(piece, boards, play_options.guide),
         force_max=play_options.force_max,

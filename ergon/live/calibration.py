@@ -76,8 +76,12 @@ def board_identity(url: str) -> str | None:
     address_kind, _, address = target.partition(":")
     if address_kind in ("firefader", "frame"):
         return _core.serial_identity(address)
-    ids = [option[3:] for option in url_options.split("&") if option.startswith("id=")]
-    return f"haply:{ids[-1]}" if address_kind == "haply" and ids and ids[-1] else None
+    haply_ids = [option[3:] for option in url_options.split("&") if option.startswith("id=")]
+    return (
+        f"haply:{haply_ids[-1]}"
+        if address_kind == "haply" and haply_ids and haply_ids[-1]
+        else None
+    )
 
 
 def axis_key(url: str, number: int) -> str:
@@ -246,8 +250,11 @@ def store_axis(url: str, axis_number: int, stored_axis: AxisCalibration) -> Path
     text_after = _with_table(config_text, table_lines)
     # However the user's file is formatted, everything else in it must stay the same.
     try:
-        expected = {**config_before, _TABLE: {**_axis_table(config_before), axis_name: axis_row}}
-        is_unchanged = parse_toml(text_after.encode()) == expected
+        expected_config = {
+            **config_before,
+            _TABLE: {**_axis_table(config_before), axis_name: axis_row},
+        }
+        is_unchanged = parse_toml(text_after.encode()) == expected_config
     except MalformedTextError:
         is_unchanged = False
     if not is_unchanged:

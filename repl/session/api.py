@@ -55,8 +55,8 @@ class SessionProxy(VerbMethods):
                     f"a session has no verb '{verb_name}'", name=verb_name, obj=self
                 )
 
-            def call(*given: object, **named: object) -> Reply:
-                return self(building.build_line(verb, given, named))
+            def call(*arguments: object, **keyword_arguments: object) -> Reply:
+                return self(building.build_line(verb, arguments, keyword_arguments))
 
             call.__name__ = call.__qualname__ = verb_name
             call.__doc__ = "\n\n".join(

@@ -58,7 +58,7 @@ class KindRule(NamedTuple):
     is_fenced: bool
 
 
-RULES: Mapping[LineKind, KindRule] = {
+RULE_BY_KIND: Mapping[LineKind, KindRule] = {
     LineKind.FADERS: KindRule(is_quick=True, is_fenced=False),
     LineKind.ENDS: KindRule(is_quick=True, is_fenced=False),
     LineKind.VALUES: KindRule(is_quick=False, is_fenced=False),
@@ -67,7 +67,7 @@ RULES: Mapping[LineKind, KindRule] = {
 }
 
 # Commands that are not listed change structure.
-_KINDS: Mapping[type[Command], LineKind] = {
+_KIND_BY_COMMAND: Mapping[type[Command], LineKind] = {
     **dict.fromkeys((Gain, Mute, Solo, Unmute), LineKind.FADERS),
     **dict.fromkeys((Hush, Damp), LineKind.ENDS),
     **dict.fromkeys(
@@ -83,7 +83,9 @@ def kind_of(commands: Sequence[Command], *, has_levels: bool = False) -> LineKin
 
     A line that ends all mute or solo needs a stage where strikes have levels (`has_levels`).
     """
-    command_kinds = {_KINDS.get(type(command), LineKind.STRUCTURE) for command in commands}
+    command_kinds = {
+        _KIND_BY_COMMAND.get(type(command), LineKind.STRUCTURE) for command in commands
+    }
     if has_levels and any(isinstance(command, Solo | Unmute) for command in commands):
         command_kinds = {*(command_kinds - {LineKind.FADERS}), LineKind.VALUES}
     if len(command_kinds) == 1:

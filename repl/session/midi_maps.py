@@ -74,9 +74,9 @@ def without_map(version: Version, map_name: str) -> Mapping[str, Map]:
 def rename_in_maps(maps: Mapping[str, Map], old_name: str, new_name: str) -> Mapping[str, Map]:
     """The maps after a renaming."""
 
-    def renamed_path(text: str | None) -> str | None:
-        first_name, dot, path_rest = (text or "").partition(".")
-        return f"{new_name}{dot}{path_rest}" if first_name == old_name and text else text
+    def rename_path(text: str | None) -> str | None:
+        first_word, dot, path_rest = (text or "").partition(".")
+        return f"{new_name}{dot}{path_rest}" if first_word == old_name and text else text
 
     renamed_maps: list[Map] = []
     for midi_map in maps.values():
@@ -84,14 +84,14 @@ def rename_in_maps(maps: Mapping[str, Map], old_name: str, new_name: str) -> Map
             renamed_maps.append(
                 replace(
                     midi_map,
-                    target=renamed_path(midi_map.target),
-                    sounding=renamed_path(midi_map.sounding),
+                    target=rename_path(midi_map.target),
+                    sounding=rename_path(midi_map.sounding),
                 )
             )
             continue
-        midi_map = replace(midi_map, target=renamed_path(midi_map.target) or midi_map.target)
+        midi_map = replace(midi_map, target=rename_path(midi_map.target) or midi_map.target)
         if isinstance(midi_map, MapNotes):
-            midi_map = replace(midi_map, gesture=renamed_path(midi_map.gesture))
+            midi_map = replace(midi_map, gesture=rename_path(midi_map.gesture))
         renamed_maps.append(midi_map)
     return {midi_map.name: midi_map for midi_map in renamed_maps}
 
@@ -123,8 +123,8 @@ def line_of_value(control: MapControl, position: float) -> str:
         return f"tempo {target_value:.6g} now"
     if control.target is not None:
         return f"set {control.target} {target_value:.6g}{control.unit} over 50ms now"
-    name = "" if control.sounding is None else f"{control.sounding} "
-    return f"gain {name}{target_value:.6g}dB now"
+    level_name = "" if control.sounding is None else f"{control.sounding} "
+    return f"gain {level_name}{target_value:.6g}dB now"
 
 
 def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
@@ -183,9 +183,9 @@ def _hear_notes(written_notes: list[object]) -> tuple[str, ...] | None:
 def _read_row(journal_event: JournalEvent, row: object) -> Map:
     match row:
         case ["hear", str(target_text), *notes] if _WORD_PATTERN.fullmatch(target_text):
-            words = _hear_notes(notes)
-            if words is not None:
-                return Hear(target_text, words, MEZZO_FORTE)
+            note_words = _hear_notes(notes)
+            if note_words is not None:
+                return Hear(target_text, note_words, MEZZO_FORTE)
         case [
             "note",
             low_number,

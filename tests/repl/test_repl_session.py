@@ -393,7 +393,7 @@ def test_version_starts_at_multiple_of_ticks(session):
     session.ok("play")
     session.run(0.1)
     session.ok("ada plays knock now")
-    assert session.session.schedule.running.start % EVERY == 0
+    assert session.session.schedule.running.start_frame % EVERY == 0
 
 
 def test_strikes_end_and_begin_at_bar(tmp_path):

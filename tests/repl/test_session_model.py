@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from sessions import EVERY
 
-from ergon.repl.session.line_kinds import RULES, LineKind
+from ergon.repl.session.line_kinds import RULE_BY_KIND, LineKind
 from ergon.scores.reading.load import load
 from tests.repl.test_repl_session import SCORE
 
@@ -180,7 +180,7 @@ class SessionMachine(RuleBasedStateMachine):
         fenced = [
             (frame, lines[number])
             for frame, number in done
-            if RULES[LineKind[lines[number]["kind"].upper()]].is_fenced
+            if RULE_BY_KIND[LineKind[lines[number]["kind"].upper()]].is_fenced
         ]
         starts = _starts_by_number(events)
         plays = [number for number, line in lines.items() if line["goes"] is True]

@@ -185,7 +185,7 @@ BREAKS = {
     ),
     "repl/test_repl_osc.py::test_osc_line_requiring_password_is_refused": (
         "repl/session/osc.py",
-        ", barred=_TYPED_ONLY)",
+        ", refusal_by_command=_TYPED_ONLY)",
         ")",
     ),
 }
