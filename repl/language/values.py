@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Record
 from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
@@ -368,7 +368,7 @@ def _read_file_name(file_text: str, *_: Any) -> str:
     )
     if '"' in file_word:
         raise TextError("the quotation mark is not closed", offset=file_text.index('"'))
-    return str(k.PATH.parse(file_word))
+    return str(value_kinds.PATH.parse(file_word))
 
 
 def _file_completions(context: CompletionContext, suffix: bool = True) -> Iterator[Completion]:

@@ -21,9 +21,9 @@ from ergon.repl.language import (
     stopping,
     striking,
     transport,
+    values,
     versions,
 )
-from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot, form
 from ergon.repl.language.values import Completion, Value
 
@@ -226,7 +226,7 @@ def find_verb(verb_word: str) -> str:
     if len(matching_verbs) > 1:
         raise ambiguous_verb_error(verb_word, matching_verbs)
     if not matching_verbs:
-        raise v.unknown_name_error(verb_word, "a verb", all_verbs)
+        raise values.unknown_name_error(verb_word, "a verb", all_verbs)
     return matching_verbs[0]
 
 

@@ -13,7 +13,7 @@ from ergon.notation.tables.strengths import MEZZO_FORTE
 from ergon.notation.tables.tuning import is_pitch
 from ergon.notation.tables.velocities import LAWS
 from ergon.repl.language.hearing import Hear
-from ergon.repl.language.mapping import BPM_UNIT, EVEN, MapControl, MapNotes
+from ergon.repl.language.mapping import BPM_UNIT, EVEN_CURVE, MapControl, MapNotes
 from ergon.repl.language.midi import is_source
 from ergon.repl.session.struck_places import maps_of, places_of_line, places_of_note
 from ergon.repl.session.version import NotTakenError
@@ -193,12 +193,13 @@ def _read_row(journal_event: JournalEvent, row: object) -> Map:
             target_text,
         ]:  # journals before maps had curves
             return _read_row(
-                journal_event, ["notes", low_number, high_number, target_text, None, None, EVEN]
+                journal_event,
+                ["notes", low_number, high_number, target_text, None, None, EVEN_CURVE],
             )
         case ["note", low_number, high_number, target_text, weak, strong]:
             return _read_row(
                 journal_event,
-                ["notes", low_number, high_number, target_text, [weak, strong], None, EVEN],
+                ["notes", low_number, high_number, target_text, [weak, strong], None, EVEN_CURVE],
             )
         case ["cc", int(number), *rest]:
             return _read_row(journal_event, ["control", f"cc {number}", *rest])
