@@ -53,14 +53,14 @@ def _sound(console: Console) -> None:
 
 def _named(console: Console) -> None:
     from ergon.live.boards import BoardError, config_path, device_urls, url_and_axis
-    from ergon.live.calibration import known_axes
+    from ergon.live.calibration import stored_calibrations
     from ergon.live.hand_sources import uses_of
 
     try:
         urls_by_name = device_urls()
         for device_name, device_url in urls_by_name.items():
             url, _ = url_and_axis(device_url, {})
-            tested = sorted(known_axes(url))
+            tested = sorted(stored_calibrations(url))
             if console.json:
                 uses = list(uses_of(url))
                 console.record("device", name=device_name, url=device_url, tested=tested, uses=uses)

@@ -125,12 +125,12 @@ def open_axis(
     """
     from ergon import _core
     from ergon.live.boards import BoardError, device_urls, url_and_axis
-    from ergon.live.calibration import known_axes
+    from ergon.live.calibration import stored_calibrations
     from ergon.workshop.metrology.ladder import Axis
 
     try:
         url, axis_index = url_and_axis(device, {} if ":" in device else device_urls())
-        calibrated: dict[int, Known] = known_axes(url)
+        calibrated: dict[int, Known] = stored_calibrations(url)
     except BoardError as error:
         raise Refused(str(error)) from None
     try:
@@ -164,14 +164,14 @@ def take_header(url: str, take_number: int) -> str:
     """The header of a take of an axis, as JSON."""
     from ergon import _core
     from ergon.live.boards import Board
-    from ergon.live.calibration import axis_header, known_axes
+    from ergon.live.calibration import axis_header, stored_calibrations
 
     return json.dumps(
         {
             "made": f"by ergon {_core.__version__}",
             "day": time.strftime("%Y-%m-%d %H:%M:%S"),
             "sent": "wire",
-            "axes": [axis_header(Board(url, (), known_axes(url)), take_number)],
+            "axes": [axis_header(Board(url, (), stored_calibrations(url)), take_number)],
         }
     )
 

@@ -124,9 +124,9 @@ def _render_several(
             if rendered.error is not None:
                 failed[rendered.score] = explain(rendered.error)
                 console.outcome(failed[rendered.score])
-            elif rendered.done is not None:
-                _tell(console, rendered.done)
-                if strict and _is_silent(rendered.done):
+            elif rendered.completed is not None:
+                _tell(console, rendered.completed)
+                if strict and _is_silent(rendered.completed):
                     failed[rendered.score] = Findings()
             progress.update(render_number)
     if failed:

@@ -58,7 +58,7 @@ def repl(
     if session_options.socket is None:
         from ergon._core import stop_on_signals
 
-        session = local_session.begin(score_path, session_options, console)
+        session = local_session.begin_session(score_path, session_options, console)
         _prompt(session, stop_on_signals, plain=plain, strict=strict)
     elif engine:
         remote_session.serve(score_path, session_options, console)

@@ -100,7 +100,7 @@ def _hands(live: tuple[str, ...]) -> PointerHands:
     from dataclasses import replace
 
     from ergon.live.boards import PAGE_KINDS, BoardError, boards, device_urls, parse_live_options
-    from ergon.live.calibration import known_axes
+    from ergon.live.calibration import stored_calibrations
     from ergon.live.pointer_hands import open_pointer_hands
 
     try:
@@ -108,7 +108,7 @@ def _hands(live: tuple[str, ...]) -> PointerHands:
         if any(board.kind in PAGE_KINDS for board in hand_boards):
             raise BoardError("a page's key needs a piece: `ergon duet SCORE --record` records it")
         return open_pointer_hands(
-            [replace(board, calibrations=known_axes(board.url)) for board in hand_boards]
+            [replace(board, calibrations=stored_calibrations(board.url)) for board in hand_boards]
         )
     except BoardError as error:
         raise Refused(f"--live: {error}") from None

@@ -19,7 +19,9 @@ _POLL_SECONDS = 0.02  # [s] between two looks whether something came
 _WAIT_SECONDS_MAX = 120.0  # [s] for the first position
 
 
-def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> list[Finding]:
+def measure_hands(
+    addresses: Sequence[str], measure_seconds: float, report: Report
+) -> list[Finding]:
     """Measure for some seconds after each input has sent its first position; one finding for each.
 
     Raises OptionError for an address that is none of a key without a device, or cannot be opened.
@@ -43,11 +45,11 @@ def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> l
     server = None
     try:
         if hands.page_pointers:
-            server = serve(ANY_LOCAL_PORT, "hands", report, leads=hands.page_pointers)
+            server = serve(ANY_LOCAL_PORT, "hands", report, pointers=hands.page_pointers)
             report.say(f"play the keys at {server.url}hands.html")
         for sentence in hands.sentences:
             report.say(sentence)
-        _wait_for_hands(hands, seconds, report)
+        _wait_for_hands(hands, measure_seconds, report)
         return [
             describe_arrivals(board, board.pointer)
             for board in hands.boards
@@ -59,18 +61,21 @@ def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> l
         hands.close()
 
 
-def _wait_for_hands(hands: PointerHands, timeout: float, report: Report) -> None:
+def _wait_for_hands(hands: PointerHands, measure_seconds: float, report: Report) -> None:
     """Wait until each input has been measured, or has sent nothing for long."""
-    leads = [board.pointer for board in hands.boards if board.pointer is not None]
-    report.say(f"move each input for {timeout:g} s")
+    pointers = [board.pointer for board in hands.boards if board.pointer is not None]
+    report.say(f"move each input for {measure_seconds:g} s")
     start_by_hand: dict[str, float] = {}
-    end = time.monotonic() + _WAIT_SECONDS_MAX
-    while time.monotonic() < end:
-        now = time.monotonic()
-        for lead in leads:
-            if lead.name not in start_by_hand and lead.tally["taken"]:
-                start_by_hand[lead.name] = now
-            lead.discard()  # no performance reads them
-        if len(start_by_hand) == len(leads) and now >= max(start_by_hand.values()) + timeout:
+    deadline = time.monotonic() + _WAIT_SECONDS_MAX
+    while time.monotonic() < deadline:
+        instant_now = time.monotonic()
+        for pointer in pointers:
+            if pointer.name not in start_by_hand and pointer.tally["taken"]:
+                start_by_hand[pointer.name] = instant_now
+            pointer.discard()  # no performance reads them
+        if (
+            len(start_by_hand) == len(pointers)
+            and instant_now >= max(start_by_hand.values()) + measure_seconds
+        ):
             return
         time.sleep(_POLL_SECONDS)

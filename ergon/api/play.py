@@ -23,7 +23,7 @@ from .hands import (
     driven_players,
     guide_stiffnesses,
     no_player_message,
-    pointer_hands,
+    open_hands,
 )
 from .options import PlayOptions
 from .osc import osc_of
@@ -89,13 +89,13 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     _refuse_felt_automation(stage, real_players)
     stems: Sequence[VerifiedStem] = ()
     if frozen is not None and options.frozen is not None:
-        stems = freeze.verified(stage, frozen, Path(options.frozen))
+        stems = freeze.verify_stems(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = replace(
         _performance_config(piece, stage, boards, options, stems, report),
         driven_players=driven_names,
     )
-    hands = pointer_hands(piece, boards, report)
+    hands = open_hands(piece, boards, report)
     try:
         pages = pages_of(options, report, hands.page_pointers)
     except OptionError:

@@ -18,7 +18,7 @@ from ergon.common.report import Report
 from ergon.common.terminal import clean
 
 from .errors import EngineExitError, OptionError
-from .local_session import begin
+from .local_session import begin_session
 from .options import SessionOptions
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _serve_session(
         socket_path
     )  # before anything sounds: two engines at one place are one too many
     try:
-        session = begin(path, session_options, report)
+        session = begin_session(path, session_options, report)
     except BaseException:
         server_socket.close()
         raise

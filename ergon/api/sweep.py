@@ -330,7 +330,7 @@ def _compute_missing(
 
         with open_cluster(sweep_options.on, report) as cluster:
             engine_version = version()
-            outcomes = cluster.computed(
+            outcomes = cluster.compute_items(
                 missing_variants,
                 lambda pool, variant: pool.submit(
                     compute_on_worker,

@@ -97,7 +97,7 @@ def _device_address(url: str) -> str:
     return url_target + ("?" + "&".join(target_options) if target_options else "")
 
 
-def known_axes(url: str) -> dict[int, AxisCalibration]:
+def stored_calibrations(url: str) -> dict[int, AxisCalibration]:
     """The known calibrations of a device's axes, by their numbers.
 
     Raises BoardError.
@@ -202,7 +202,7 @@ def find_direction(
         device.close()
 
 
-def confirmed_axes(
+def confirm_axes(
     url: str, axes_before: Mapping[int, AxisCalibration | None]
 ) -> dict[int, AxisCalibration]:
     """Push the axes `axes_before` together by small forces; return those that move in the expected

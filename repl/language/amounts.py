@@ -14,7 +14,7 @@ from ergon.repl.language.commands import NOW, Now, Sync
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.values import (
     ANY_NAME,
-    NUMBER,
+    NUMBER_PATTERN,
     Completion,
     CompletionContext,
     Value,
@@ -35,7 +35,7 @@ def unit_completions(
     unit_words = [unit for unit in unit_names if unit.isascii()]
 
     def complete_units(context: CompletionContext) -> Iterator[Completion]:
-        number_match = NUMBER.match(context.typed)
+        number_match = NUMBER_PATTERN.match(context.typed_text)
         if number_match is None:
             yield Completion(example, quantity_name)
         else:
@@ -182,7 +182,7 @@ _BPM_OFFERS = {0: (Completion("72", "bpm"),), 1: (Completion("->", "to another t
 BPM_VALUE = Value(
     "a tempo, such as 72 or 60 -> 84",
     lambda text, *_: value_kinds.BPM.parse(text),
-    lambda context: _BPM_OFFERS.get(len(context.before), ()),
+    lambda context: _BPM_OFFERS.get(len(context.earlier_words), ()),
 )
 STIFFNESS_VALUE = dimension_value(value_kinds.STIFFNESS)
 DAMPING_VALUE = dimension_value(value_kinds.DAMPING)
@@ -228,7 +228,7 @@ def _read_change(
 
 
 def _change_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.typed.startswith("x"):
+    if not context.typed_text.startswith("x"):
         yield from dimension_value(context.scope.targets[context.fields["target"]]).completions(
             context
         )
@@ -237,7 +237,7 @@ def _change_completions(context: CompletionContext) -> Iterator[Completion]:
 
 def _target_completions(context: CompletionContext) -> Iterator[Completion]:
     """The completions up to the next dot: a part, then its modules, then their parameters."""
-    typed_text = context.typed
+    typed_text = context.typed_text
     for target_path, shape in context.scope.targets.items():
         if target_path.startswith(typed_text):
             dot_index = target_path.find(".", len(typed_text))

@@ -140,7 +140,7 @@ def _read_lfo(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -
 
 def _option_completions(option_examples: Mapping[str, str], first_example: str = "") -> Any:
     def complete_options(context: values.CompletionContext) -> Iterator[values.Completion]:
-        if not context.before:
+        if not context.earlier_words:
             shape = context.scope.targets[context.fields["target"]]
             value_completions = (
                 (values.Completion(first_example, "its ends"),)
@@ -149,14 +149,14 @@ def _option_completions(option_examples: Mapping[str, str], first_example: str =
             )
             yield from value_completions
             return
-        last_word = context.before[-1]
+        last_word = context.earlier_words[-1]
         if last_word in option_examples:
             yield values.Completion(
                 option_examples[last_word].split()[0], AUTOMATION.by_name[last_word].doc
             )
             return
         for name in option_examples:
-            if name not in context.before:
+            if name not in context.earlier_words:
                 yield values.Completion(name, AUTOMATION.by_name[name].doc)
 
     return complete_options
@@ -168,7 +168,7 @@ def _read_source(text: str, *_: object) -> str:
 
 
 def _source_completions(context: values.CompletionContext) -> Iterator[values.Completion]:
-    if context.before[-1:] == ("cc",):
+    if context.earlier_words[-1:] == ("cc",):
         yield values.Completion("1/33", "a controller, or two")
         return
     for word, hint in SOURCES.items():
@@ -213,7 +213,7 @@ FILE_SOURCE = values.Value(
     "what moves in the file, such as cc 1",
     _read_source,
     _source_completions,
-    count=source_word_count,
+    word_count=source_word_count,
     first_words=("cc", "bend", "pressure"),
 )
 FILE_RANGE = values.Value(

@@ -112,15 +112,15 @@ def _parse_rule(rule_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Con
 
 
 def _rule_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield from (Completion(text, "a condition") for text in ("bar", "beat"))
-    elif context.before[-2:-1] == ("%",):
+    elif context.earlier_words[-2:-1] == ("%",):
         yield Completion("==", "as in when bar % 4 == 3 fill")
-    elif context.before[-1].isdigit():
+    elif context.earlier_words[-1].isdigit():
         yield Completion("and", "a further condition")
         yield from values.name_completions(context.scope.blocks)
     else:
-        last_word = context.before[-1]
+        last_word = context.earlier_words[-1]
         next_words = {"bar": ("%", "=="), "beat": ("==", "%"), "and": ("bar", "beat")}.get(
             last_word, ()
         )
@@ -132,7 +132,7 @@ NEW_BLOCK = Value(
     "a name and ':'",
     _read_block_name,
     lambda context: values.name_completions(context.scope.blocks),
-    count=_count_to_colon,
+    word_count=_count_to_colon,
 )
 VALUES_VALUE = Value(
     "values, such as 16 or n=16", lambda text, *_: tuple(text.split()), lambda _: ()

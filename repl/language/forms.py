@@ -41,7 +41,7 @@ class Form:
     short: str
     effect: str
     example: str
-    make: Callable[..., Command]
+    make_command: Callable[..., Command]
     slots: tuple[Slot, ...] = ()
     takes_time: bool = True  # whether a line may end in `now`, `at C` or `in 2`
     begins_with_subject: bool = False

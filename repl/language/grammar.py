@@ -182,7 +182,7 @@ class _FormReader:
             self._offer_options(option_slots)
             return None
         self._refuse_extra_words(option_slots)
-        return self.form.make(**self.fields, when=self.when, words=self.written_words)
+        return self.form.make_command(**self.fields, when=self.when, words=self.written_words)
 
     def _read_time(self) -> None:
         """Take the time `now`, `at C` or `in 2` from the end of the words."""
@@ -233,7 +233,7 @@ class _FormReader:
         if form_slot.takes_many:
             return self._read_many(form_slot, option_slots)
         word_texts = [word.text for word in self.words]
-        n_words = form_slot.value.count(word_texts)
+        n_words = form_slot.value.word_count(word_texts)
         if len(word_texts) < n_words:
             self._offer_value(form_slot.value, tuple(word_texts))
             self.words = []

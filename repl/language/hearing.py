@@ -138,9 +138,9 @@ def _check_level(level: Level, level_text: str, target_path: str, scope: Scope) 
 
 
 def _completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield from values.struck_completions(context)
-    elif not is_level(context.before[-1]):
+    elif not is_level(context.earlier_words[-1]):
         yield from (Completion(word, "how strongly") for word in DYNAMICS)
 
 

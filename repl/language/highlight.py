@@ -9,7 +9,7 @@ from ergon.repl.language import verbs
 from ergon.repl.language.lines import MAX_LINE, comment_start
 from ergon.repl.language.parse import first_error
 from ergon.repl.language.scope import Scope
-from ergon.repl.language.values import RESERVED
+from ergon.repl.language.values import RESERVED_WORDS
 from ergon.scores.gesture.points import CURVES
 
 Token = tuple[int, int, str]  # start, end, kind
@@ -87,7 +87,7 @@ def _word_tokens(line_word: str, scope: Scope) -> Iterator[Token]:
         yield 0, len(line_word), "curve"
     elif any(line_word in getattr(scope, section_name) for section_name in _SCOPE_FIELDS):
         yield 0, len(line_word), "name"
-    elif line_word in RESERVED:
+    elif line_word in RESERVED_WORDS:
         yield 0, len(line_word), "option"
     else:
         for word_match in _NUMBER_PATTERN.finditer(line_word):

@@ -122,7 +122,7 @@ def _unknown_verb_error(
         return TextError(
             _instrument_line_advice(line_words, scope), offset=word_start, length=len(first_word)
         )
-    known_words = (*verbs.VERBS, *list(scope.players)[: values.MAX_COMPARED])
+    known_words = (*verbs.VERBS, *list(scope.players)[: values.MAX_COMPARED_NAMES])
     nearest_verb = verbs.VERB_BY_SYNONYM.get(first_word) or nearest(first_word, known_words)
     is_synonym = first_word in verbs.VERB_BY_SYNONYM
     if (

@@ -72,7 +72,7 @@ def source_word_count(line_words: Sequence[str]) -> int:
 
 
 def _source_offers(context: CompletionContext) -> Iterator[Completion]:
-    if context.before[-1:] == ("cc",):
+    if context.earlier_words[-1:] == ("cc",):
         yield Completion("21", "a controller, 0 to 127")
         return
     for source, hint in SOURCES.items():
@@ -83,7 +83,7 @@ SOURCE_VALUE = Value(
     "what moves (cc 21, bend, pressure or learn)",
     _read_source,
     _source_offers,
-    count=source_word_count,
+    word_count=source_word_count,
     first_words=("cc", "bend", "pressure", LEARN),
 )
 
@@ -147,7 +147,7 @@ LEVELS_VALUE = Value(
 TEMPOS_VALUE = Value(
     "two tempos, such as 60..180",
     _read_tempos,
-    lambda context: () if context.typed else (Completion("60..180", "two tempos"),),
+    lambda context: () if context.typed_text else (Completion("60..180", "two tempos"),),
 )
 
 
@@ -259,7 +259,7 @@ NOTES_VALUE = Value(
 STRUCK_VALUE = Value(
     "a module, such as bell.m",
     _read_struck,
-    lambda context: values.complete_to_dot(context.typed, values.module_names(context.scope)),
+    lambda context: values.complete_to_dot(context.typed_text, values.module_names(context.scope)),
 )
 PLAYED_BY_NOTES = Value(
     "an instrument that says how it is played, or a block",

@@ -120,9 +120,9 @@ def _read_send(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str,
 
 
 def _send_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         return values.name_completions(context.scope.rooms)
-    return iter((Completion("-12dB", "a level"),) if len(context.before) == 1 else ())
+    return iter((Completion("-12dB", "a level"),) if len(context.earlier_words) == 1 else ())
 
 
 def _read_filter_kind(text: str, *_: Any) -> str:
@@ -157,7 +157,7 @@ def _read_filter_fields(
 
 
 def _filter_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield Completion("off", "without it")
 
 

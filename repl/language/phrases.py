@@ -126,28 +126,30 @@ def _read_played_phrase(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> M
 
 
 def _completions(context: CompletionContext) -> Iterator[Completion]:
-    last_word = context.before[-1] if context.before else ""
-    if not context.before:
+    last_word = context.earlier_words[-1] if context.earlier_words else ""
+    if not context.earlier_words:
         yield from values.name_completions(context.scope.phrases)
-    elif context.before[0] not in context.scope.phrases:
+    elif context.earlier_words[0] not in context.scope.phrases:
         return
-    elif "do" in context.before:
+    elif "do" in context.earlier_words:
         yield from values.transform_completions(context)
-        yield from transform_completions(context.before[context.before.index("do") + 1 :])
+        yield from transform_completions(
+            context.earlier_words[context.earlier_words.index("do") + 1 :]
+        )
     elif last_word in _OPTION_EXAMPLES:
         yield Completion(_OPTION_EXAMPLES[last_word], STRIKES_RECORD.by_name[last_word].doc)
     else:
         for name in (*_OPTION_EXAMPLES, "do"):
-            if name not in context.before:
+            if name not in context.earlier_words:
                 yield Completion(name, STRIKES_RECORD.by_name[name].doc)
 
 
 def _entry_completions(context: CompletionContext) -> Iterator[Completion]:
     """What an entry strikes, behind its time; the time of the first entry."""
     entry_words: list[str] = []
-    for word in context.before:
+    for word in context.earlier_words:
         entry_words = [] if word.endswith(",") else [*entry_words, word]
-    if not context.before:
+    if not context.earlier_words:
         yield Completion("0", "when, what, how strongly")
     elif len(entry_words) == 1 or (entry_words and not _IMPULSE_PATTERN.match(entry_words[-1])):
         yield from values.struck_completions(context)

@@ -141,10 +141,10 @@ def _option_value(option: str) -> values.Value:
 
 def _completions(context: values.CompletionContext) -> Iterator[values.Completion]:
     """Completions: after an option its values, else options and transformations."""
-    if not context.before:
+    if not context.earlier_words:
         yield from values.PLAYED_VALUE.completions(context)
         return
-    last_word = context.before[-1]
+    last_word = context.earlier_words[-1]
     if (
         play_words.OPTION_EXAMPLES.get(last_word) is not None
         and last_word not in _SCORE_ONLY_MESSAGES
@@ -158,9 +158,11 @@ def _completions(context: values.CompletionContext) -> Iterator[values.Completio
         return
     if last_word not in ("do", ",") and not ARITY.get(last_word):
         for option, hint in OPTION_HINTS.items():
-            if option not in context.before:
+            if option not in context.earlier_words:
                 yield values.Completion(option, hint)
-    if not any(word in (*play_words.OPTION_EXAMPLES, "do", *ARITY) for word in context.before):
+    if not any(
+        word in (*play_words.OPTION_EXAMPLES, "do", *ARITY) for word in context.earlier_words
+    ):
         yield from values.PLAYED_VALUE.completions(context)
     if last_word.endswith(",") or last_word in ("do", *ARGUMENT_COUNTS):
         yield from values.play_transform_completions(context)

@@ -98,14 +98,14 @@ def _read_fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dic
 
 
 def _completions(context: values.CompletionContext) -> Iterator[values.Completion]:
-    if len(context.before) % 2:
-        if (field_name := context.before[-1]) in _FIELD_EXAMPLES:
+    if len(context.earlier_words) % 2:
+        if (field_name := context.earlier_words[-1]) in _FIELD_EXAMPLES:
             yield values.Completion(_FIELD_EXAMPLES[field_name], TUNING.by_name[field_name].doc)
         return
     for field_name, field in TUNING.by_name.items():
-        if field_name not in context.before:
+        if field_name not in context.earlier_words:
             yield values.Completion(field_name, field.doc)
-    if not context.before:
+    if not context.earlier_words:
         yield values.Completion(_OFF_WORD, "the tuning of the score, or equal steps")
 
 

@@ -132,18 +132,20 @@ def _check_words(rhythm_text: str, target_name: str, scope: Scope, *, has_impuls
 
 
 def _completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield Completion('"', 'a rhythm in quotes, such as "kick*4, ~ snare"')
         return
-    if not context.before[0].startswith('"'):
+    if not context.earlier_words[0].startswith('"'):
         return
-    if "do" in context.before:
-        yield from transform_completions(context.before[context.before.index("do") + 1 :])
-    elif context.before[-1] in _OPTION_EXAMPLES:
-        yield Completion(_OPTION_EXAMPLES[context.before[-1]], "")
+    if "do" in context.earlier_words:
+        yield from transform_completions(
+            context.earlier_words[context.earlier_words.index("do") + 1 :]
+        )
+    elif context.earlier_words[-1] in _OPTION_EXAMPLES:
+        yield Completion(_OPTION_EXAMPLES[context.earlier_words[-1]], "")
     else:
         names = (*_OPTION_EXAMPLES, "do")
-        yield from (Completion(name, "") for name in names if name not in context.before)
+        yield from (Completion(name, "") for name in names if name not in context.earlier_words)
 
 
 def _read_transforms(text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> str:
@@ -153,9 +155,9 @@ def _read_transforms(text: str, scope: Scope, earlier_values: Mapping[str, Any])
 
 
 def _transform_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield Completion(NO_TRANSFORMS, "ends all transformations")
-    yield from transform_completions(context.before)
+    yield from transform_completions(context.earlier_words)
 
 
 RHYTHM_VALUE = Value('a rhythm in quotes, such as "kick*4"', _read_rhythm, _completions)

@@ -168,29 +168,31 @@ def check_options(options: Mapping[str, PlacedWord], scope: Scope) -> None:
 
 
 def _completions(context: values.CompletionContext) -> Iterator[values.Completion]:
-    last_word = context.before[-1] if context.before else ""
-    if "do" in context.before:
-        yield from transform_completions(context.before[context.before.index("do") + 1 :])
+    last_word = context.earlier_words[-1] if context.earlier_words else ""
+    if "do" in context.earlier_words:
+        yield from transform_completions(
+            context.earlier_words[context.earlier_words.index("do") + 1 :]
+        )
         return
     if last_word in OPTION_EXAMPLES:
         yield values.Completion(
             OPTION_EXAMPLES[last_word].split()[0], STRIKES_RECORD.by_name[last_word].doc
         )
         return
-    if context.before and context.before[0] in context.scope.phrases:
+    if context.earlier_words and context.earlier_words[0] in context.scope.phrases:
         return
-    if not any(word in OPTION_EXAMPLES for word in context.before):
+    if not any(word in OPTION_EXAMPLES for word in context.earlier_words):
         yield from values.struck_completions(context)
-    if context.before:
+    if context.earlier_words:
         for name in OPTION_EXAMPLES:
-            if name not in context.before:
+            if name not in context.earlier_words:
                 yield values.Completion(name, STRIKES_RECORD.by_name[name].doc)
-        if any(word in OPTION_EXAMPLES for word in context.before):
+        if any(word in OPTION_EXAMPLES for word in context.earlier_words):
             yield values.Completion("do", STRIKES_RECORD.by_name["do"].doc)
 
 
 def _read_strikes_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if not NAME.fullmatch(slot_text) or slot_text in values.RESERVED:
+    if not NAME.fullmatch(slot_text) or slot_text in values.RESERVED_WORDS:
         message = f"{quote(slot_text)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(slot_text))
     return slot_text
@@ -226,7 +228,7 @@ def _read_notes(
 
 
 def _note_completions(context: values.CompletionContext) -> Iterator[values.Completion]:
-    if context.before:
+    if context.earlier_words:
         names = playable_instruments(context.scope)
         yield from (
             completion for completion in _completions(context) if completion.text not in names

@@ -48,7 +48,7 @@ def _read_end(end_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 
 def _end_completions(context: CompletionContext) -> Iterator[Completion]:
-    return values.complete_to_dot(context.typed, _end_names(context.scope))
+    return values.complete_to_dot(context.typed_text, _end_names(context.scope))
 
 
 def _read_kind(text: str, *_: Any) -> str:
@@ -116,7 +116,7 @@ def check_value(shape: Text, value_text: str, word_offset: int) -> None:
 
 def _field_completions(context: CompletionContext) -> Iterator[Completion]:
     kind = context.fields.get("kind")
-    if kind in KINDS and "=" not in context.typed:
+    if kind in KINDS and "=" not in context.typed_text:
         for field in KINDS[kind].table.fields:
             if field.name not in _END_FIELDS:
                 yield Completion(f"{field.name}=", field.doc)
@@ -161,18 +161,18 @@ def _read_base(
 
 
 def _base_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield from values.name_completions(playable_instruments(context.scope))
         yield from _file_completions(context)
-    elif context.before[-1] == "transpose":
+    elif context.earlier_words[-1] == "transpose":
         yield Completion("7st", "semitones, -14cents or x1.5")
-    elif "transpose" not in context.before and not {"@", '"'} & {*context.before[0]}:
+    elif "transpose" not in context.earlier_words and not {"@", '"'} & {*context.earlier_words[0]}:
         yield Completion("transpose", "higher or lower, in semitones")
 
 
 def _file_completions(context: CompletionContext) -> Iterator[Completion]:
     """Families; behind the slash, the instruments of one."""
-    family, slash, _ = context.typed.partition("/")
+    family, slash, _ = context.typed_text.partition("/")
     for family_name, members in context.scope.families.items():
         if not slash:
             yield Completion(f"{family_name}/", ", ".join(members) or "no instruments")
@@ -211,7 +211,7 @@ def _read_channels(slot_text: str, *_: Any) -> tuple[str, ...]:
 
 
 def _channel_completions(context: CompletionContext) -> Iterator[Completion]:
-    if all(word.isdigit() for word in context.before):
+    if all(word.isdigit() for word in context.earlier_words):
         yield Completion("1", "a channel")
 
 

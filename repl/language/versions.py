@@ -79,15 +79,17 @@ class Reload(Command):
     """Read the score's files again, and take over what has changed in them."""
 
 
-def scene(names: tuple[str, str | None], over: Length | None, *, when: When, words: Words) -> Scene:
+def play_scene(
+    names: tuple[str, str | None], over: Length | None, *, when: When, words: Words
+) -> Scene:
     """Play a scene, or go from one scene to another, which needs a length. Raises TextError."""
     first_scene, second_scene = names
     if second_scene is None:
         return Scene(first_scene, None, over, when=when, words=words)
     if over is None:
-        word = words["names"]
+        names_word = words["names"]
         message = "the way from one scene to another needs a length: scene A -> B over 4bar"
-        raise TextError(message, offset=word.start, length=len(word.text))
+        raise TextError(message, offset=names_word.start, length=len(names_word.text))
     return Scene(second_scene, first_scene, over, when=when, words=words)
 
 
@@ -102,7 +104,7 @@ KEEP_FORM = form("keep", "k", "writes what was played last as a score of its own
     "keep 8bar as verse-2", Keep, Slot("length", "LENGTH", amounts.LENGTH_VALUE),
     Slot("name", "NAME", values.NEW_NAME, "as"), takes_time=False)
 SCENE_FORM = form("scene", "sce", "plays kept bars from their beginning, again and again",
-    "scene verse-2 -> refrain over 4bar", scene,
+    "scene verse-2 -> refrain over 4bar", play_scene,
     Slot("names", "NAME|NAME -> NAME", values.SCENES_VALUE, takes_many=True), OVER_SLOT)
 SAVE_FORM = form("save", "sa", "writes the score, comments and all",
     "save scores/duet-live.yaml", Save,
