@@ -14,7 +14,7 @@ from . import manual
 from .outcome import Refused
 
 _CODE = re.compile(r"[EWN]\d{3}")
-_OTHERS_MAX = 8  # other pages about a topic, of many
+_OTHER_PAGES_MAX = 8  # other pages about a topic, of many
 _TOPIC_MAX = 80  # letters; what is longer is no topic
 
 
@@ -33,7 +33,7 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     if not " ".join(words).strip():
         click.echo(root_context.get_help())
         click.echo(
-            f"\nPages (ergon help PAGE):\n{_listed(manual.pages(), _commands(root_context))}"
+            f"\nPages (ergon help PAGE):\n{_pages_text(manual.pages(), _commands(root_context))}"
         )
         return
     pages = manual.pages()
@@ -51,11 +51,11 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
         return
     matches = manual.matches(topic, pages) if len(topic) <= _TOPIC_MAX else []
     if not matches:
-        raise Refused(_unknown(topic, pages, root_context))
+        raise Refused(_unknown_message(topic, pages, root_context))
     (page, _), *other_matches = matches
     other_lines = "\n".join(
         f"  ergon help {_page_topic(other_page, root_context):24} {heading}"
-        for other_page, heading in other_matches[:_OTHERS_MAX]
+        for other_page, heading in other_matches[:_OTHER_PAGES_MAX]
     )
     others_heading = f" Others about {clean(topic)}:" if other_lines else ""
     introduction = f"The page {_page_topic(page, root_context)}.{others_heading}\n{other_lines}"
@@ -74,7 +74,7 @@ def explain(code: str) -> None:
     if page is None or not _CODE.fullmatch(page.name):
         codes = [name for name in pages if _CODE.fullmatch(name)]
         suggestion = nearest(code.upper(), codes) if len(code) == len("E204") else None
-        suggestion = suggestion or _titled(code, pages)
+        suggestion = suggestion or _code_with_title(code, pages)
         hint = (
             f"did you mean {suggestion}?" if suggestion else "`ergon help errors` lists all codes"
         )
@@ -82,7 +82,7 @@ def explain(code: str) -> None:
     _show(page.text)
 
 
-def _titled(words: str, pages: dict[str, manual.Page]) -> str | None:
+def _code_with_title(words: str, pages: dict[str, manual.Page]) -> str | None:
     """The code and the title of the mistake whose page has words in its title; None without one."""
     phrase = words.casefold().strip()
     titles = {name: page.headings[0] for name, page in pages.items() if _CODE.fullmatch(name)}
@@ -116,13 +116,13 @@ def _show(page_text: str) -> None:
         click.echo(page_text, nl=False)
 
 
-def _listed(pages: dict[str, manual.Page], commands: list[str]) -> str:
+def _pages_text(pages: dict[str, manual.Page], commands: list[str]) -> str:
     names = [name for name in pages if not _CODE.fullmatch(name) and "/" not in name]
     names = [f"{name}.md" if name in commands else name for name in names]
     return click.wrap_text(", ".join(names), 78, "  ", "  ")
 
 
-def _unknown(topic: str, pages: dict[str, manual.Page], root: click.Context) -> str:
+def _unknown_message(topic: str, pages: dict[str, manual.Page], root: click.Context) -> str:
     suggestion = nearest(topic, (*_commands(root), *pages))
     hint = (
         f"did you mean '{suggestion}'?" if suggestion else "`ergon help` lists commands and pages"

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @click.command()
 @options.score
 @click.argument("parts", metavar="[PART]...", nargs=-1)
-@options.declared(ModesOptions, "upto count around")
+@options.from_dataclass(ModesOptions, "upto count around")
 @click.option("--csv", "table", metavar="FILE", help="Write the table into a CSV file.")
 @click.option("--svg", metavar="FILE", help="Draw modes by pitch and cents into an SVG picture.")
 @click.option(
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 )
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def modes(
     console: Console,
     score_path: str,

@@ -40,7 +40,7 @@ _FORMS = (".csv", ".npz", ".gltf")
 )
 @options.dry_run
 @options.force
-@options.speaking
+@options.with_console
 def export(
     console: Console,
     file: str,

@@ -27,7 +27,7 @@ _NAME = re.compile(r"[^\W\d][\w-]*")
     default=TEMPLATES[0],
     help="Score to begin with: a key and a bell, or two keys that feel each other.",
 )
-@options.speaking
+@options.with_console
 def new(console: Console, words: tuple[str, ...], template: str) -> None:
     """Make a folder with a score that plays.
 

@@ -159,21 +159,23 @@ def strict(failure: str, code: int = 1) -> Callable[[F], F]:
     return click.option("--strict", is_flag=True, help=text)
 
 
-def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
+def with_console(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --json, -q and -v, and hand the command a Console as its first argument."""
 
     @click.option("--json", "as_json", is_flag=True, help="Write JSON lines to stdout.")
     @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
     @click.option("-v", "--verbose", is_flag=True, help="Print more messages.")
     @functools.wraps(command)
-    def spoken(*args: Any, as_json: bool, quiet: bool, verbose: bool, **options: Any) -> Any:
+    def with_console_first(
+        *args: Any, as_json: bool, quiet: bool, verbose: bool, **options: Any
+    ) -> Any:
         console = Console(json=as_json, quiet=quiet, verbose=verbose)
         return command(console, *args, **options)
 
-    return spoken
+    return with_console_first
 
 
-def declared(option_class: Any, option_names: str = "") -> Callable[[F], F]:
+def from_dataclass(option_class: Any, option_names: str = "") -> Callable[[F], F]:
     """Options of a command from fields of a dataclass of options: from those in `option_names`, in
     that order, or from all.
     """
@@ -236,15 +238,15 @@ def _type(accepts: kinds.Accepted) -> click.ParamType | None:  # type: ignore[ty
     return None
 
 
-trust = declared(ReadOptions, "trust")
-seed = declared(AccuracyOptions, "seed")
-accuracy = declared(AccuracyOptions, "method error cents plan")
-draft = declared(AccuracyOptions, "draft")
-on = declared(RenderOptions, "on")
-bits = declared(RenderOptions, "bits")
-force = declared(FileOptions, "force")
-view_at = declared(PerformanceOptions, "view_at")
+trust = from_dataclass(ReadOptions, "trust")
+seed = from_dataclass(AccuracyOptions, "seed")
+accuracy = from_dataclass(AccuracyOptions, "method error cents plan")
+draft = from_dataclass(AccuracyOptions, "draft")
+on = from_dataclass(RenderOptions, "on")
+bits = from_dataclass(RenderOptions, "bits")
+force = from_dataclass(FileOptions, "force")
+view_at = from_dataclass(PerformanceOptions, "view_at")
 # Sound output of a performance.
-sound = declared(PerformanceOptions, "audio audio_in block ahead gain to head")
+sound = from_dataclass(PerformanceOptions, "audio audio_in block ahead gain to head")
 # Real hands of a performance, and limits that protect them.
-hands = declared(PerformanceOptions, "live drive unchecked force_max")
+hands = from_dataclass(PerformanceOptions, "live drive unchecked force_max")

@@ -45,10 +45,10 @@ _HEAD = ("part", "modules", "computed", "error", _BY_EAR_HEAD, "cost", "stable",
     help="Explain the plan of one part or module, such as bell or gong.12.",
 )
 @options.on
-@options.declared(AccuracyOptions, "method error cents plan seed")
+@options.from_dataclass(AccuracyOptions, "method error cents plan seed")
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def plan(
     console: Console,
     score_path: str,

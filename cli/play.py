@@ -14,14 +14,14 @@ from .outcome import Late
 
 # The options that `play` and `duet` share.
 _playing = options.several(
-    options.declared(PlayOptions, "from_ until"),
+    options.from_dataclass(PlayOptions, "from_ until"),
     options.sound,
-    options.declared(PlayOptions, "record_input frozen loop"),
+    options.from_dataclass(PlayOptions, "record_input frozen loop"),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
-    options.declared(PlayOptions, "osc osc_to view view_at see"),
+    options.from_dataclass(PlayOptions, "osc osc_to view view_at see"),
     options.strict("when sound was late", Late.exit_code),
-    options.declared(PlayOptions, "seed method error cents plan draft trust"),
-    options.speaking,
+    options.from_dataclass(PlayOptions, "seed method error cents plan draft trust"),
+    options.with_console,
 )
 
 
@@ -54,7 +54,7 @@ def play(console: Console, score_path: str, watch: bool, **arguments: Any) -> No
 @click.command()
 @options.score
 @options.hands
-@options.declared(PlayOptions, "guide standin record")
+@options.from_dataclass(PlayOptions, "guide standin record")
 @_playing
 def duet(console: Console, score_path: str, **arguments: Any) -> None:
     """Play a score with real hands beside written ones.

@@ -41,7 +41,7 @@ _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
 )
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def plot(
     console: Console,
     score_path: str,

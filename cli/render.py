@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     "The WAV file to write; - is stdout. Default: the file that the score names, or SCORE.wav. Of "
     "several scores: the folder of their files."
 )
-@options.declared(
+@options.from_dataclass(
     FileOptions,
     "from_ until stems wet only except_ channels bits seed rate threads block hands input",
 )
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
     metavar="PART[,PART]",
     help="Write these instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
 )
-@options.declared(FileOptions, "motion see on method error cents plan draft")
+@options.from_dataclass(FileOptions, "motion see on method error cents plan draft")
 @options.dry_run
 @options.force
 @options.strict("when the file is silent")
 @click.option("--watch", is_flag=True, help="Render again whenever the score or its files change.")
 @options.trust
-@options.speaking
+@options.with_console
 def render(
     console: Console,
     score_paths: tuple[str, ...],

@@ -36,7 +36,7 @@ from .view import shown_of
 )
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def share(
     console: Console,
     path: str,

@@ -26,7 +26,7 @@ _LARGEST = 3  # shares of modes that are printed for a point
 @click.command()
 @click.argument("score_path", metavar="SCORE|TAKE", type=ScorePath())
 @click.argument("parts", metavar="[PART]...", nargs=-1)
-@options.declared(StatsOptions, "upto")
+@options.from_dataclass(StatsOptions, "upto")
 @click.option(
     "--cutoff",
     metavar="FREQUENCY",
@@ -35,7 +35,7 @@ _LARGEST = 3  # shares of modes that are printed for a point
     help="Of a take: speed and acceleration below this frequency.",
 )
 @options.trust
-@options.speaking
+@options.with_console
 def stats(
     console: Console, score_path: str, parts: tuple[str, ...], cutoff: str, **arguments: Any
 ) -> None:

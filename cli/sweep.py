@@ -31,7 +31,7 @@ _SHOWN = {
 
 @click.command()
 @options.score
-@options.declared(SweepOptions, "vary zip")
+@options.from_dataclass(SweepOptions, "vary zip")
 @click.option(
     "-o",
     "--output",
@@ -40,16 +40,16 @@ _SHOWN = {
     metavar="DIR",
     help="The folder of sounds, table and picture. Default: SCORE.sweep.",
 )
-@options.declared(SweepOptions, "sound jobs")
+@options.from_dataclass(SweepOptions, "sound jobs")
 @options.on
 @options.bits
 @options.seed
-@options.declared(SweepOptions, "rate")
+@options.from_dataclass(SweepOptions, "rate")
 @options.accuracy
 @options.draft
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def sweep(console: Console, score_path: str, **arguments: Any) -> None:
     """Render variants of a score, with a table and a picture of what they are like.
 

@@ -81,7 +81,7 @@ _FLAGS = {"rate": "fps", "start": "from", "end": "until"}  # flags that are name
 @_film_options
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def view(
     console: Console,
     score_path: str,

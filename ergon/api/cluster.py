@@ -28,7 +28,7 @@ from .cluster_worker import Job
 from .errors import OptionError
 from .parallel_results import results_as_completed
 from .plan import budget_of
-from .score_bundle import bundled, digest
+from .score_bundle import bundle_score, digest
 
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
@@ -302,7 +302,7 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
     assert plan is not None
     assert planned_accuracy is not None
     score_path = next(iter(loaded.files))  # the score is read first
-    score_content = bundled(score_path, loaded)
+    score_content = bundle_score(score_path, loaded)
     plan_text = plan_file.plan_text(
         plan.choices(), plan.hash, budget=dict(budget_of(planned_accuracy))
     )

@@ -52,7 +52,7 @@ class PreparedPlay:
     osc: OscServer | None
 
     def close(self) -> None:
-        """End the server of pages, and let nothing lead a hand any more."""
+        """End the server of pages, and close the sources that hands follow."""
         if self.config.pages is not None:
             self.config.pages.close()
         self.hands.close()
@@ -86,7 +86,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
         on_fault="mute",
         is_seen=is_seen,
     ).stage
-    _refuse_felt_automation(stage, real_players)
+    _refuse_tangible_automation(stage, real_players)
     stems: Sequence[VerifiedStem] = ()
     if frozen is not None and options.frozen is not None:
         stems = freeze.verify_stems(stage, frozen, Path(options.frozen))
@@ -104,14 +104,15 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     return PreparedPlay(stage, hands, replace(config, boards=hands.boards, pages=pages), osc)
 
 
-def _refuse_felt_automation(stage: Stage, real_players: Collection[str]) -> None:
+def _refuse_tangible_automation(stage: Stage, real_players: Collection[str]) -> None:
     """Raise OptionError if automation changes what a hand feels, whose stability is not checked."""
     from ergon.live.automated import tangible_modules
 
-    for player, names in tangible_modules(stage, real_players).items():
+    for player, module_names in tangible_modules(stage, real_players).items():
         raise OptionError(
             "live",
-            f"the automation of {', '.join(names)} can change the force on the key of {player}, "
+            f"the automation of {', '.join(module_names)} can change the force on the key of "
+            f"{player}, "
             "and this command checks the stability of the device for the values at the beginning "
             "only; use `ergon repl`, which checks all values, or play without this device",
         )
