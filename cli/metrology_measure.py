@@ -84,7 +84,7 @@ def measure(
     if path is not None:
         check_target(path, force=force)
         check_target(path.with_suffix(".svg"), force=force)
-    score_forces = metrology_score.path(console, score, key)
+    score_forces = metrology_score.played_path(console, score, key)
     device_axis, url = open_axis(
         device, force_max=force_max, force_step=force_step, gated=not no_gate
     )

@@ -80,7 +80,7 @@ def replay(
         raise Refused(
             "--score is for a key of a device; a take has its own gesture: leave --score out"
         )
-    led_path = metrology_score.path(console, score, key)
+    led_path = metrology_score.played_path(console, score, key)
     measured_gesture = (
         gesture(console, Path(real), hand, force_step)
         if is_take

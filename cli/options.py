@@ -25,7 +25,7 @@ from .bundled import ScorePath
 from .console import Console
 
 F = TypeVar("F", bound=Callable[..., Any])
-_HAS_UNIT = re.compile(r"\d\s*[^\W\d]+$")  # no exponent: that ends in a digit
+_UNIT_AT_END = re.compile(r"\d\s*[^\W\d]+$")  # no exponent: that ends in a digit
 
 
 def _quantity(
@@ -65,7 +65,7 @@ class Number(click.FloatRange):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """The number that was written, in SI units. Raises click.BadParameter."""
-        if self.dimension is not None and isinstance(value, str) and _HAS_UNIT.search(value):
+        if self.dimension is not None and isinstance(value, str) and _UNIT_AT_END.search(value):
             value = _quantity(value, self.dimension, param, ctx)
         try:
             written_number: float = super().convert(value, param, ctx)
@@ -148,15 +148,15 @@ def several(*options: Callable[[F], F]) -> Callable[[F], F]:
     return add
 
 
-def target(text: str) -> Callable[[F], F]:
+def target(help_text: str) -> Callable[[F], F]:
     """The option `-o`, with its help text for this command."""
-    return click.option("-o", "--output", metavar="FILE", help=text)
+    return click.option("-o", "--output", metavar="FILE", help=help_text)
 
 
 def strict(failure: str, code: int = 1) -> Callable[[F], F]:
     """The option `--strict`: what else is a warning ends the command with an exit code."""
-    text = f"Make a warning a failure: exit with code {code} {failure}."
-    return click.option("--strict", is_flag=True, help=text)
+    help_text = f"Make a warning a failure: exit with code {code} {failure}."
+    return click.option("--strict", is_flag=True, help=help_text)
 
 
 def with_console(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -186,17 +186,17 @@ def from_dataclass(option_class: Any, option_names: str = "") -> Callable[[F], F
 def _option(option_field: dataclasses.Field[Any]) -> Callable[[F], F]:
     option_kind: kinds.Option = option_field.metadata["option"]
     flag = f"--{option_field.name.strip('_').replace('_', '-')}"
-    flags = (_SHORT[flag], flag) if flag in _SHORT else (flag,)
+    flag_words = (_SHORT_FLAGS[flag], flag) if flag in _SHORT_FLAGS else (flag,)
     click_arguments: dict[str, Any] = {}
     match option_kind.accepts:
         case kinds.Switch():
-            flags = (f"{flag}/--no{flag[1:]}",)
+            flag_words = (f"{flag}/--no{flag[1:]}",)
         case kinds.Text(if_alone=str() as value):
             click_arguments = {"is_flag": False, "flag_value": value}
         case kinds.Choice(values=values):
-            by_text = {str(value): value for value in values}
+            value_by_text = {str(value): value for value in values}
             click_arguments = {
-                "callback": lambda _context, _parameter, text: by_text.get(text, text)
+                "callback": lambda _context, _parameter, text: value_by_text.get(text, text)
             }
     if option_field.default is False:
         click_arguments["is_flag"] = True
@@ -210,10 +210,10 @@ def _option(option_field: dataclasses.Field[Any]) -> Callable[[F], F]:
         }
         click_arguments |= {"metavar": option_kind.metavar, "show_default": option_kind.shown}
         click_arguments["required"] = option_kind.is_required
-    return click.option(*flags, option_field.name, help=option_kind.help, **click_arguments)
+    return click.option(*flag_words, option_field.name, help=option_kind.help, **click_arguments)
 
 
-_SHORT = {"--force": "-f"}
+_SHORT_FLAGS = {"--force": "-f"}
 
 
 def _type(accepts: kinds.Accepted) -> click.ParamType | None:  # type: ignore[type-arg] # older clicks' is not generic

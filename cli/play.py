@@ -13,7 +13,7 @@ from .console import Console
 from .outcome import Late
 
 # The options that `play` and `duet` share.
-_playing = options.several(
+_play_options = options.several(
     options.from_dataclass(PlayOptions, "from_ until"),
     options.sound,
     options.from_dataclass(PlayOptions, "record_input frozen loop"),
@@ -28,7 +28,7 @@ _playing = options.several(
 @click.command()
 @options.score
 @options.hands
-@_playing
+@_play_options
 @click.option(
     "--watch",
     is_flag=True,
@@ -55,7 +55,7 @@ def play(console: Console, score_path: str, watch: bool, **arguments: Any) -> No
 @options.score
 @options.hands
 @options.from_dataclass(PlayOptions, "guide standin record")
-@_playing
+@_play_options
 def duet(console: Console, score_path: str, **arguments: Any) -> None:
     """Play a score with real hands beside written ones.
 
@@ -84,10 +84,12 @@ def _play(
     try:
         while True:
             performance = begin(stage, config, console)
-            shown = ShownPerformance(
+            shown_performance = ShownPerformance(
                 console, stage, performance, prepared.hands, strict=strict, plain=plain
             )
-            shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
+            shown_performance.run(
+                osc, config, partial(warn_of_scaled_forces, performance, stage, console)
+            )
             if not play_options.loop or (osc is not None and osc.is_stop_requested):
                 return
             if play_options.until is None:
