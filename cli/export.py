@@ -101,14 +101,14 @@ def export(
     csound: SCORE.csd, or PART.csd of each part that is named: a resonator for each mode, and the
     strikes.
     """
-    given_options = {
+    value_by_option = {
         "PART": parts or None,
         "--no-stems": stems,
         "--wet": wet,
         "--bits": bits,
         "--upto": upto,
     }
-    for name, value in given_options.items():
+    for name, value in value_by_option.items():
         if value is not None and name not in _OPTIONS_BY_FORMAT[to]:
             raise Refused(f"{name} cannot be used with --to {to}; leave it out")
     if output.suffix in _FILE_ENDINGS and not output.is_dir():

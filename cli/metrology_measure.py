@@ -253,22 +253,22 @@ def _record_takes(
     """Takes of strikes and rain, then one that is held out."""
     from ergon.workshop.metrology import takes
 
-    kept_takes: list[Take] = []
+    recorded_takes: list[Take] = []
     phrases = []
     for take_kind in takes.KINDS:
         duration = (
             takes.held_out_duration(score_forces) if take_kind == "held-out" else take_seconds
         )
-        recorded_take = takes.record(
+        takes_of_kind = takes.record(
             ladder, take_kind, duration, recorder.target, seed, score_forces
         )
-        lasted_seconds = sum(len(take.gesture.force) / take.gesture.rate for take in recorded_take)
+        lasted_seconds = sum(len(take.gesture.force) / take.gesture.rate for take in takes_of_kind)
         phrases.append(f"{take_kind} {lasted_seconds:.0f} s")
         # Only the longest part of the held-out take judges the model; the others are left out.
-        kept_takes += (
-            [max(recorded_take, key=lambda take: len(take.gesture.force))]
+        recorded_takes += (
+            [max(takes_of_kind, key=lambda take: len(take.gesture.force))]
             if take_kind == "held-out"
-            else recorded_take
+            else takes_of_kind
         )
     console.say(f"takes: {', '.join(phrases)}")
-    return kept_takes
+    return recorded_takes

@@ -66,7 +66,8 @@ class OptionError(ErgonError):
         """`reason` says what is wrong with `option`, or, if it `excludes` another option, what to
         do.
         """
-        self.option, self.value, self.excludes, self._own_reason = option, value, excludes, reason
+        self.option, self.value, self.excludes = option, value, excludes
+        self._reason_after_flag = reason
         self.reason = reason if excludes is None else f"excludes {excludes}{reason}"
         super().__init__(f"{option}{'' if value is None else f'={value!r}'}: {self.reason}")
 
@@ -75,7 +76,7 @@ class OptionError(ErgonError):
         """The message with the option as the command line writes it: `--gain: …`."""
         flag_name, flag_reason = _command_line_flag(self.option), self.reason
         if self.excludes is not None:
-            flag_reason = f"excludes {_command_line_flag(self.excludes)}{self._own_reason}"
+            flag_reason = f"excludes {_command_line_flag(self.excludes)}{self._reason_after_flag}"
         return f"{flag_name}{'' if self.value is None else f' {self.value}'}: {flag_reason}"
 
 

@@ -56,11 +56,11 @@ def draw_bars(
     def column(beat: float) -> int:
         return int((beat - bar_starts[0]) * beat_columns + SAME)
 
-    whole_beats = [bar_starts[0] + number for number in range(math.ceil(n_beats - SAME))]
-    header_cells = [(column(beat), _beat_text(piece, beat)) for beat in whole_beats]
+    drawn_beats = [bar_starts[0] + number for number in range(math.ceil(n_beats - SAME))]
+    header_cells = [(column(beat), _beat_text(piece, beat)) for beat in drawn_beats]
     drawn_rows = [" " * name_width + _row_of_cells(n_columns, header_cells)]
     for row_name, row_events in events_by_row.items():
-        beat_cells = [(column(beat), "\u00b7") for beat in whole_beats]
+        beat_cells = [(column(beat), "\u00b7") for beat in drawn_beats]
         bar_events = [
             (column(beat), event_name)
             for beat, event_name in row_events
