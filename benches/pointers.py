@@ -145,7 +145,7 @@ def _played(mover: _Mover, seconds: float, loops: Loops | None) -> _Run:
         options = PlayOptions(live=live, audio="null,block=256", gain="0dB", ahead=_AHEAD)
         ready = prepare("s.yaml", options, Report())
         performance = begin(ready.stage, ready.config, Report())
-        leads = [board.lead for board in ready.hands.boards if board.lead]
+        leads = [board.pointer for board in ready.hands.boards if board.pointer]
         try:
             assert ready.config.pages is not None
             before = performance.status()

@@ -21,7 +21,7 @@ from .outcome import Refused
 from .tables import table as columns
 
 _PEAKS_SHOWN_MAX = 12  # peaks in the terminal
-_ARGUMENTS = {"forced": "FROM", "observed": "TO"}
+_ARGUMENT_BY_OPTION = {"forced": "FROM", "observed": "TO"}
 
 
 @click.command()
@@ -44,7 +44,7 @@ _ARGUMENTS = {"forced": "FROM", "observed": "TO"}
 @click.option("--svg", metavar="FILE", help="Draw the levels into an SVG picture.")
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def admittance(
     console: Console,
     score_path: str,
@@ -67,23 +67,25 @@ def admittance(
             score_path, forced, observed, AdmittanceOptions(**arguments), report=console
         )
     except OptionError as error:
-        if error.option not in _ARGUMENTS:
+        if error.option not in _ARGUMENT_BY_OPTION:
             raise
-        raise Refused(f"{_ARGUMENTS[error.option]}: {error.reason}") from None
+        raise Refused(f"{_ARGUMENT_BY_OPTION[error.option]}: {error.reason}") from None
     part_names = " + ".join(admittance.parts)
     if admittance.n_laws:
         laws_text = plural(admittance.n_laws, "link")
         console.warn(f"{part_names}: the law of {laws_text} was linearised at rest")
     if admittance.n_contacts:
         console.warn(f"{part_names}: {plural(admittance.n_contacts, 'contact')} counted as open")
-    _write(console, admittance, csv_target, npz, svg, force)
+    _write_files(console, admittance, csv_target, npz, svg, force)
     if console.json:
         _records(console, admittance)
     elif not (csv_target or npz or svg):
-        console.data("".join(_peaks(admittance, row) for row in range(len(admittance.observed))))
+        console.data(
+            "".join(_peaks_text(admittance, row) for row in range(len(admittance.observed)))
+        )
 
 
-def _write(
+def _write_files(
     console: Console,
     admittance: Admittance,
     csv_target: str | None,
@@ -97,9 +99,9 @@ def _write(
 
     with file_group(force=force, inputs=admittance.inputs) as output_files:
         if csv_target is not None:
-            out = io.StringIO()
-            csv.writer(out, lineterminator="\n").writerows(_rows(admittance))
-            output_files.write(csv_target, out.getvalue().encode())
+            csv_text = io.StringIO()
+            csv.writer(csv_text, lineterminator="\n").writerows(_csv_rows(admittance))
+            output_files.write(csv_target, csv_text.getvalue().encode())
         if npz is not None:
             np.savez(
                 output_files.open(Path(npz), binary=True),
@@ -115,24 +117,23 @@ def _write(
             console.say(f"wrote {path}")
 
 
-def _peaks(admittance: Admittance, point_index: int) -> str:
+def _peaks_text(admittance: Admittance, point_index: int) -> str:
     """The highest peaks of a point, from the lowest frequency on."""
     from ergon.notation.tables.notes import nearest_note
 
     heading = f"velocity of {admittance.observed[point_index]} for a force at {admittance.forced}"
-    f, levels_db, phases = (
-        admittance.frequencies,
-        admittance.decibels[point_index],
-        admittance.phases[point_index],
-    )
+    frequencies = admittance.frequencies
+    levels_db = admittance.decibels[point_index]
+    phases = admittance.phases[point_index]
     all_peaks = admittance.peaks(point_index)
     peaks = sorted(all_peaks[:_PEAKS_SHOWN_MAX].tolist())
-    range_text = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
+    range_text = f"{frequencies[0]:g} to {frequencies[-1]:g} Hz, {len(frequencies):,} frequencies"
     if not admittance.values[point_index].any():
         return f"{heading}: no force from there reaches this point, so it does not move\n"
     if not peaks:
         levels_text = (
-            f"{levels_db[0]:.1f} dB at {f[0]:g} Hz, {levels_db[-1]:.1f} dB at {f[-1]:g} Hz"
+            f"{levels_db[0]:.1f} dB at {frequencies[0]:g} Hz, {levels_db[-1]:.1f} dB at "
+            f"{frequencies[-1]:g} Hz"
         )
         return f"{heading}: no peak from {range_text}: {levels_text}\n"
     peaks_text = (
@@ -141,12 +142,27 @@ def _peaks(admittance: Admittance, point_index: int) -> str:
         else ""
     )
     table_rows = [("", "note", "cents", "frequency", "level", "phase")]
-    for peak_number, i in enumerate(peaks, 1):
-        note_name, cents = nearest_note(float(f[i]))
-        level = "no bound" if math.isinf(levels_db[i]) else f"{levels_db[i]:.1f} dB"
-        phase_text = "" if math.isinf(levels_db[i]) else f"{round(phases[i]):+d}°"
+    for peak_number, frequency_index in enumerate(peaks, 1):
+        note_name, cents = nearest_note(float(frequencies[frequency_index]))
+        level = (
+            "no bound"
+            if math.isinf(levels_db[frequency_index])
+            else f"{levels_db[frequency_index]:.1f} dB"
+        )
+        phase_text = (
+            ""
+            if math.isinf(levels_db[frequency_index])
+            else f"{round(phases[frequency_index]):+d}°"
+        )
         table_rows.append(
-            (str(peak_number), note_name, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, phase_text)
+            (
+                str(peak_number),
+                note_name,
+                f"{cents:+.1f}",
+                f"{frequencies[frequency_index]:.2f} Hz",
+                level,
+                phase_text,
+            )
         )
     return (
         f"{heading}: {peaks_text or 'peaks'} from {range_text}\n{columns(table_rows, right=True)}"
@@ -154,8 +170,8 @@ def _peaks(admittance: Admittance, point_index: int) -> str:
 
 
 def _records(console: Console, admittance: Admittance) -> None:
-    for i, observed_name in enumerate(admittance.observed):
-        levels = admittance.decibels[i].tolist()
+    for point_index, observed_name in enumerate(admittance.observed):
+        levels = admittance.decibels[point_index].tolist()
         console.record(
             "admittance",
             forced=admittance.forced,
@@ -163,19 +179,26 @@ def _records(console: Console, admittance: Admittance) -> None:
             parts=list(admittance.parts),
             frequency_hz=admittance.frequencies.tolist(),
             level_db=[None if math.isinf(level) else level for level in levels],
-            phase_deg=[None if math.isnan(x) else x for x in admittance.phases[i].tolist()],
+            phase_deg=[
+                None if math.isnan(phase) else phase
+                for phase in admittance.phases[point_index].tolist()
+            ],
         )
 
 
-def _rows(admittance: Admittance) -> Iterator[Sequence[object]]:
-    header = ["frequency_hz"]
+def _csv_rows(admittance: Admittance) -> Iterator[Sequence[object]]:
+    column_names = ["frequency_hz"]
     for name in admittance.observed:
-        header += [f"{name} [dB]", f"{name} real", f"{name} imaginary"]
-    yield header
+        column_names += [f"{name} [dB]", f"{name} real", f"{name} imaginary"]
+    yield column_names
     levels = admittance.decibels
-    for frequency_index, f in enumerate(admittance.frequencies.tolist()):
-        csv_row: list[object] = [repr(f)]
-        for i in range(len(admittance.observed)):
-            value = complex(admittance.values[i, frequency_index])
-            csv_row += [f"{levels[i, frequency_index]:.6f}", repr(value.real), repr(value.imag)]
+    for frequency_index, frequency in enumerate(admittance.frequencies.tolist()):
+        csv_row: list[object] = [repr(frequency)]
+        for point_index in range(len(admittance.observed)):
+            point_admittance = complex(admittance.values[point_index, frequency_index])
+            csv_row += [
+                f"{levels[point_index, frequency_index]:.6f}",
+                repr(point_admittance.real),
+                repr(point_admittance.imag),
+            ]
         yield csv_row

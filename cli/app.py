@@ -86,7 +86,7 @@ SECTIONS = {
     "Exchange": ("import", "export", "fold", "layout", "motion", "pack", "unpack"),
     "Help and editors": ("help", "explain", "completion", "schema", "lsp"),
 }
-_CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)
+_EXIT_CODES_TEXT = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)
 
 
 def _print_version(ctx: click.Context, parameter: click.Parameter, is_asked: bool) -> None:
@@ -102,7 +102,7 @@ def _print_version(ctx: click.Context, parameter: click.Parameter, is_asked: boo
     cls=LazyGroup,
     table=COMMANDS,
     sections=SECTIONS,
-    epilog=f"Exit codes: {_CODES}.",
+    epilog=f"Exit codes: {_EXIT_CODES_TEXT}.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.option(
@@ -132,7 +132,7 @@ def run(argument_words: list[str]) -> int:
     """Run a command line and return its exit code; when this returns, every message is printed."""
     make_whole()
     try:
-        code = _outcome(argument_words)
+        code = _exit_code(argument_words)
     except BrokenPipeError:  # the reader has seen enough
         code = 0
     except OSError:  # not even the message about an error can be written
@@ -146,7 +146,7 @@ def run(argument_words: list[str]) -> int:
     return code
 
 
-def _outcome(argument_words: list[str]) -> int:
+def _exit_code(argument_words: list[str]) -> int:
     debug = "--debug" in argument_words or bool(os.environ.get("ERGON_DEBUG"))
     argument_words = [
         word for word in argument_words if word != "--debug"
@@ -162,8 +162,8 @@ def _outcome(argument_words: list[str]) -> int:
         return exit_error.exit_code
     except (KeyboardInterrupt, click.exceptions.Abort):
         return INTERRUPTED
-    except Terminated as exit_error:
-        return 128 + exit_error.number
+    except Terminated as termination:
+        return 128 + termination.number
     except click.ClickException as error:
         error = _with_example(error, argument_words)
         if console.json:
@@ -239,12 +239,12 @@ def explain(error: BaseException) -> Outcome:
         file_prefix = f"{error.filename}: " if error.filename else ""
         return Refused(f"{file_prefix}{error.strerror or error}")
     if isinstance(error, ErgonError):
-        return _refused(error)
+        return _library_outcome(error)
     if isinstance(error, MemoryError):
         return Refused("there is not enough memory for this piece")
     core: Any = sys.modules.get("ergon._core")  # its exceptions exist only once it is loaded
     if core is not None and isinstance(error, getattr(core, "EngineError", ())):
-        return _engine(error, core)
+        return _engine_outcome(error, core)
     return Outcome(
         f"internal error: {type(error).__name__}: {error} "
         "(please report it; --debug shows where it happened)"
@@ -253,11 +253,11 @@ def explain(error: BaseException) -> Outcome:
 
 def is_unexpected(error: BaseException) -> bool:
     """Whether an exception is shown as an internal error."""
-    is_clicks = isinstance(error, (click.exceptions.Exit, click.Abort, click.ClickException))
-    return not is_clicks and type(explain(error)) is Outcome
+    is_from_click = isinstance(error, (click.exceptions.Exit, click.Abort, click.ClickException))
+    return not is_from_click and type(explain(error)) is Outcome
 
 
-def _refused(error: ErgonError) -> Outcome:
+def _library_outcome(error: ErgonError) -> Outcome:
     """The outcome for an error of the library; diagnostics are printed already."""
     from ergon.api.errors import DeviceError, DivergedError, OptionError, ScoreError
 
@@ -273,7 +273,7 @@ def _refused(error: ErgonError) -> Outcome:
     return Refused(str(error))
 
 
-def _engine(error: BaseException, core: Any) -> Outcome:
+def _engine_outcome(error: BaseException, core: Any) -> Outcome:
     """The outcome for an error of the engine, whose message names the module as in the score."""
     module_name = getattr(error, "module", None)
     error_sentence = str(error)

@@ -23,7 +23,7 @@ _MODES_SHOWN_MAX = 40  # modes shown in the table
 
 @click.command()
 @click.argument("strokes", metavar="[PLACE=]STROKE...", nargs=-1, required=True)
-@options.declared(BellOptions, "modes")
+@options.from_dataclass(BellOptions, "modes")
 @click.option(
     "--as",
     "form",
@@ -34,7 +34,7 @@ _MODES_SHOWN_MAX = 40  # modes shown in the table
 )
 @options.target("Write the instrument into this file, for `use:` of a score.")
 @options.force
-@options.speaking
+@options.with_console
 def bell(
     console: Console,
     strokes: tuple[str, ...],
@@ -53,43 +53,49 @@ def bell(
     from ergon.exchange.safe import check_target, write_text
     from ergon.workshop.bells.instrument import text
 
-    by_place: dict[str, list[Path]] = {}
+    files_by_place: dict[str, list[Path]] = {}
     for stroke in strokes:
         place, equals, file = stroke.partition("=")
-        by_place.setdefault(place if equals else PLACE, []).append(Path(file if equals else stroke))
-    input_files = [file for place_files in by_place.values() for file in place_files]
+        files_by_place.setdefault(place if equals else PLACE, []).append(
+            Path(file if equals else stroke)
+        )
+    input_files = [file for place_files in files_by_place.values() for file in place_files]
     if output is not None:
         check_target(Path(output), force=force, inputs=input_files)
-    bell_found = find_bell(by_place, BellOptions(modes=modes), report=console)
+    bell_found = find_bell(files_by_place, BellOptions(modes=modes), report=console)
     bell_text = text(bell_found, form=form)
     if console.json:
         _records(console, bell_found)
     else:
-        console.data(_lines(bell_found))
+        console.data(_bell_text(bell_found))
     if output is not None:
         write_text(output, bell_text, force=force, inputs=input_files)
         console.say(f"wrote {output}: `use: [{Path(output).name}]` has the instrument `bell`")
 
 
-def _lines(bell: Bell) -> str:
+def _bell_text(bell: Bell) -> str:
     import numpy as np
 
     table_rows = [("", "frequency", "+-", "T60", "+-", *bell.places, "energy")]
-    order = np.argsort(-bell.energy)[:_MODES_SHOWN_MAX]
-    for i in sorted(order):
+    strongest_modes = np.argsort(-bell.energy)[:_MODES_SHOWN_MAX]
+    for mode_index in sorted(strongest_modes):
         deviation = bell.deviation
         levels_db = 20.0 * np.log10(
-            np.maximum(np.abs(bell.levels[i] * bell.listening_levels[i]), 1e-10)
+            np.maximum(np.abs(bell.levels[mode_index] * bell.listening_levels[mode_index]), 1e-10)
         )
         table_rows.append(
             (
-                str(i + 1),
-                f"{bell.f[i]:.3f} Hz",
-                "" if deviation is None else f"{1731.23 * deviation.f[i] / bell.f[i]:.2g} cents",
-                seconds(float(bell.t60[i])),
-                "" if deviation is None else f"{100.0 * _deviation(bell, i) / bell.t60[i]:.2g} %",
+                str(mode_index + 1),
+                f"{bell.f[mode_index]:.3f} Hz",
+                ""
+                if deviation is None
+                else f"{1731.23 * deviation.f[mode_index] / bell.f[mode_index]:.2g} cents",
+                seconds(float(bell.t60[mode_index])),
+                ""
+                if deviation is None
+                else f"{100.0 * _t60_deviation(bell, mode_index) / bell.t60[mode_index]:.2g} %",
                 *(f"{level_db:.1f} dB" for level_db in levels_db),
-                f"{100.0 * bell.energy[i]:.2g} %",
+                f"{100.0 * bell.energy[mode_index]:.2g} %",
             )
         )
     table_lines = table(table_rows, right=True).splitlines()
@@ -115,18 +121,20 @@ def _lines(bell: Bell) -> str:
 
 def _records(console: Console, bell: Bell) -> None:
     deviation = bell.deviation
-    for i in range(len(bell.f)):
+    for mode_index in range(len(bell.f)):
         console.record(
             "mode",
-            frequency_hz=float(bell.f[i]),
-            t60_s=float(bell.t60[i]),
+            frequency_hz=float(bell.f[mode_index]),
+            t60_s=float(bell.t60[mode_index]),
             levels={
-                name: float(bell.levels[i, place_index] * bell.listening_levels[i])
+                name: float(
+                    bell.levels[mode_index, place_index] * bell.listening_levels[mode_index]
+                )
                 for place_index, name in enumerate(bell.places)
             },
-            energy=float(bell.energy[i]),
-            frequency_deviation_hz=None if deviation is None else float(deviation.f[i]),
-            t60_deviation_s=None if deviation is None else _deviation(bell, i),
+            energy=float(bell.energy[mode_index]),
+            frequency_deviation_hz=None if deviation is None else float(deviation.f[mode_index]),
+            t60_deviation_s=None if deviation is None else _t60_deviation(bell, mode_index),
         )
     for stroke in bell.strokes:
         console.record(
@@ -139,7 +147,7 @@ def _records(console: Console, bell: Bell) -> None:
         )
 
 
-def _deviation(bell: Bell, mode: int) -> float:
+def _t60_deviation(bell: Bell, mode_index: int) -> float:
     """Standard deviation of T60 [s], from that of the decay."""
     assert bell.deviation is not None
-    return float(bell.deviation.d[mode] * bell.t60[mode] ** 2 / 6.907755278982137)
+    return float(bell.deviation.d[mode_index] * bell.t60[mode_index] ** 2 / 6.907755278982137)

@@ -10,7 +10,7 @@ import click
 PACK = ".ergonpack"  # as in ergon.exchange.pack, which is imported when a pack is opened
 
 
-def bundled() -> dict[str, Path]:
+def bundled_scores() -> dict[str, Path]:
     """The scores in scores/library, by name."""
     from importlib.resources import files
 
@@ -57,7 +57,7 @@ class ScorePath(PackedPath):
             return path_text
         from ergon.notation.text.spelling import nearest
 
-        bundled_paths = bundled()
+        bundled_paths = bundled_scores()
         if path_text not in bundled_paths and path_text == "help" and ctx is not None:
             self.fail(f"the help is shown by: {ctx.command_path} --help", param, ctx)
         if path_text not in bundled_paths and (suggestion := nearest(path_text, bundled_paths)):

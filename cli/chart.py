@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 @options.on
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def chart(
     console: Console,
     score_path: str,
@@ -90,11 +90,11 @@ def chart(
     from ergon.workshop.lab.scene import Score
 
     chosen_methods = laboratory.words(methods, METHODS, "--methods")
-    stars = planned(_budget(error))
+    planned_settings = planned(_error_db_max(error))
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
-    stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
+    output_stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
-    chosen_settings = [*settings(chosen_methods, PRECISIONS, upto), *stars]
+    chosen_settings = [*settings(chosen_methods, PRECISIONS, upto), *planned_settings]
     total_work = n_frames_to_compute(chosen_settings, round(seconds * piece.rate))
     try:
         with (
@@ -107,7 +107,7 @@ def chart(
             )
     except SilentPieceError as silence:
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
-    chart_title, machine_text = piece.title or stem.name, machine()
+    chart_title, machine_text = piece.title or output_stem.name, machine()
     if on is not None:
         machine_text += (
             f", points by workers ({on}), costs scaled by a reference computation on both machines"
@@ -115,26 +115,26 @@ def chart(
     _report(console, measured_chart)
     table = chart_table.csv(measured_chart, chart_title, machine_text)
     laboratory.write(
-        console, stem, table, lambda: draw(measured_chart, chart_title, machine_text), force
+        console, output_stem, table, lambda: draw(measured_chart, chart_title, machine_text), force
     )
     if measured_chart.reference is None:
         raise Findings("no method ran at two rates, so nothing can be compared; the table says why")
 
 
-def _budget(budget_text: str | None) -> float | None:
+def _error_db_max(error_text: str | None) -> float | None:
     """The largest error that the planner may make [dB]."""
     from ergon.notation.tables.quantities import LEVEL, quantity
     from ergon.notation.text.errors import TextError
 
-    if budget_text is None:
+    if error_text is None:
         return None
     try:
-        db = quantity(budget_text, LEVEL)
+        error_db = quantity(error_text, LEVEL)
     except TextError as error:
         raise Refused(f"--error: {error}") from None
-    if db >= 0.0:
-        raise Refused(f"--error: {budget_text} is not below 0 dB; write a level such as -60dB")
-    return db
+    if error_db >= 0.0:
+        raise Refused(f"--error: {error_text} is not below 0 dB; write a level such as -60dB")
+    return error_db
 
 
 def _report(console: Console, measured_chart: Chart) -> None:

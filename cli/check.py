@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 )
 @options.strict("when a score has a warning")
 @options.trust
-@options.speaking
+@options.with_console
 def check(
     console: Console,
     scores: tuple[str, ...],
@@ -53,22 +53,22 @@ def check(
     are no errors, but --strict counts warnings.
     """
     console = Console(console.json, console.quiet, console.verbose, form)
-    failed = 0
+    n_failed = 0
     for path in scores:
         try:
             _check(console, path, simulate, strict, trust)
         except Findings as findings:
             console.outcome(findings)
-            failed += 1
-    if failed:
-        raise Findings(f"{failed} of {plural(len(scores), 'score')}" if len(scores) > 1 else "")
+            n_failed += 1
+    if n_failed:
+        raise Findings(f"{n_failed} of {plural(len(scores), 'score')}" if len(scores) > 1 else "")
 
 
 def _check(console: Console, path: str, simulate: bool, strict: bool, trust: bool) -> None:
     loaded = score.read(path, ReadOptions(trust=trust), console)
     staged, diagnostics = try_stage(loaded, console)
     counts = _counts(loaded, diagnostics)
-    console.say(f"{path}: {_tally(counts)}")
+    console.say(f"{path}: {_tally_text(counts)}")
     if staged is None or (strict and counts["warning"]):
         raise Findings
     if simulate:
@@ -85,6 +85,8 @@ def _counts(loaded: Loaded, further_diagnostics: Sequence[Diagnostic] = ()) -> d
     return counts
 
 
-def _tally(counts: Mapping[Severity, int]) -> str:
+def _tally_text(counts: Mapping[Severity, int]) -> str:
     """`2 errors, 1 warning`, or `no mistakes`."""
-    return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"
+    return (
+        ", ".join(plural(count, kind) for kind, count in counts.items() if count) or "no mistakes"
+    )

@@ -17,7 +17,7 @@ from .console import Console
 @options.seed
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def compile_score(
     console: Console,
     score_path: str,
@@ -39,26 +39,26 @@ def compile_score(
     stage = score.stage_recording(loaded, console, seed=seed)
     piece = score.piece_of(loaded)
     output_form: Form = "json" if console.json else "csv"
-    reaches = {name: key.reach for name, key in piece.keys.items()}
+    reach_by_key = {name: key.reach for name, key in piece.keys.items()}
     ergon_names = ErgonNames(
         struck=stage.network.name_of,
         source=lambda index: str(stage.ergon_places[index]),
-        reach=lambda struck: reaches.get(struck.partition(".")[0], 1.0),
+        reach=lambda struck: reach_by_key.get(struck.partition(".")[0], 1.0),
     )
     # Under --json the records of a progress bar would mix with the rows.
-    quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
+    progress_console = Console(quiet=console.quiet or console.json or output in (None, "-"))
     with (
         open_for_writing(
             output or "-", binary=False, force=force, inputs=loaded.inputs
         ) as output_file,
-        quiet.progress("compiling", stage.n_analysed_frames, stage.rate) as progress,
+        progress_console.progress("compiling", stage.n_analysed_frames, stage.rate) as progress,
     ):
         header_text = stream_header(
             output_form, title=piece.title, rate=stage.rate, score=score.digest(piece)
         )
         output_file.write(header_text.encode())
-        for text, frame in stream_ergons(
+        for ergon_text, frame in stream_ergons(
             stage.simulation, stage.n_analysed_frames, output_form, ergon_names
         ):
-            output_file.write(text.encode())
+            output_file.write(ergon_text.encode())
             progress.update(frame)

@@ -12,8 +12,8 @@ from .names import SECTIONS, names_of
 
 SHELLS = ("bash", "zsh", "fish")
 # Sections of the score whose names complete an option, or the second argument of a command.
-_VALUES = {"--from": ("marks",), "--until": ("marks",), "--key": ("keys",)}
-_PLOTTED = ("gestures", "takes", "players")
+_SECTIONS_BY_OPTION = {"--from": ("marks",), "--until": ("marks",), "--key": ("keys",)}
+_PLOTTED_SECTIONS = ("gestures", "takes", "players")
 
 
 @click.command()
@@ -37,7 +37,7 @@ def completion(shell: str | None, wanted: str | None, score_path: str | None) ->
     click.echo(_SCRIPTS[shell](), nl=False)
 
 
-def _table() -> dict[str, list[click.Parameter]]:
+def _parameters_by_command() -> dict[str, list[click.Parameter]]:
     """Every command with its parameters; this imports the commands, but not what they import.
 
     A group has those of all its commands.
@@ -62,7 +62,7 @@ def _parameters(command: click.Command) -> list[click.Parameter]:
     return [p for p in command.params if not getattr(p, "hidden", False)]
 
 
-def _groups() -> dict[str, list[str]]:
+def _subcommands_by_group() -> dict[str, list[str]]:
     """Commands that are groups, with the names of their commands."""
     from .app import group
 
@@ -76,29 +76,29 @@ def _options(parameters: Iterable[click.Parameter]) -> list[click.Option]:
 
 def _bash() -> str:
     cases = []
-    for name, parameters in _table().items():
+    for name, parameters in _parameters_by_command().items():
         words = [word for p in _options(parameters) for word in (*p.opts, *p.secondary_opts)]
         cases.append(f'    {name}) words="{" ".join(sorted([*words, "--help"]))}" ;;')
-    inner = [
+    group_cases = [
         f'    {name}) COMPREPLY=($(compgen -W "{" ".join(words)} --help" -- "$cur")); return ;;'
-        for name, words in _groups().items()
+        for name, words in _subcommands_by_group().items()
     ]
     return _BASH.format(
-        commands=" ".join(_table()),
+        commands=" ".join(_parameters_by_command()),
         cases="\n".join(cases),
         values=_bash_values(),
-        groups="\n".join(inner),
+        groups="\n".join(group_cases),
     )
 
 
 def _bash_values() -> str:
     """Shell cases for the word after an option: choices, names of the score, or files."""
     case_lines: dict[str, str] = {}
-    for parameters in _table().values():
+    for parameters in _parameters_by_command().values():
         for option_parameter in _options(parameters):
             for option_name in option_parameter.opts:
-                if option_name in _VALUES:
-                    sections = ",".join(_VALUES[option_name])
+                if option_name in _SECTIONS_BY_OPTION:
+                    sections = ",".join(_SECTIONS_BY_OPTION[option_name])
                     case_lines[option_name] = (
                         f'COMPREPLY=($(compgen -W "$(_ergon_names {sections})" -- "$cur"))'
                     )
@@ -125,11 +125,11 @@ def _fish() -> str:
 
     script_lines = [_FISH]
     for command_name in COMMANDS:
-        text = row(COMMANDS, command_name)[2]
+        summary = row(COMMANDS, command_name)[2]
         script_lines.append(
-            f"complete -c ergon -n __fish_use_subcommand -f -a {command_name} -d {_quoted(text)}"
+            f"complete -c ergon -n __fish_use_subcommand -f -a {command_name} -d {_quoted(summary)}"
         )
-    for command_name, parameters in _table().items():
+    for command_name, parameters in _parameters_by_command().items():
         condition = f"-n '__fish_seen_subcommand_from {command_name}'"
         for option_parameter in _options(parameters):
             flags = [
@@ -140,11 +140,16 @@ def _fish() -> str:
                 f"complete -c ergon {condition} {' '.join(flags)} -d "
                 f"{_quoted(option_parameter.help or '')}"
             )
-            value_words = next(
-                (_VALUES[word] for word in option_parameter.opts if word in _VALUES), None
+            sections = next(
+                (
+                    _SECTIONS_BY_OPTION[word]
+                    for word in option_parameter.opts
+                    if word in _SECTIONS_BY_OPTION
+                ),
+                None,
             )
-            if value_words is not None:
-                complete_line += f" -xa '(__ergon_names {','.join(value_words)})'"
+            if sections is not None:
+                complete_line += f" -xa '(__ergon_names {','.join(sections)})'"
             elif isinstance(option_parameter.type, click.Choice):
                 complete_line += (
                     f" -xa {_quoted(' '.join(map(str, option_parameter.type.choices)))}"
@@ -152,12 +157,12 @@ def _fish() -> str:
             elif not option_parameter.is_flag:
                 complete_line += " -r"
             script_lines.append(complete_line)
-    plotted = ",".join(_PLOTTED)
+    plotted_sections = ",".join(_PLOTTED_SECTIONS)
     script_lines.append(
         "complete -c ergon -n '__fish_seen_subcommand_from plot; and __ergon_score >/dev/null' "
-        f"-a '(__ergon_names {plotted})'"
+        f"-a '(__ergon_names {plotted_sections})'"
     )
-    for command_name, group_words in _groups().items():
+    for command_name, group_words in _subcommands_by_group().items():
         script_lines.append(
             f"complete -c ergon -n '__fish_seen_subcommand_from {command_name}' -f -a "
             f"'{' '.join(group_words)}'"

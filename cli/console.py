@@ -84,8 +84,8 @@ class Console(Report):
             self.record("error", **fields, suggestion=suggestion)
         else:
             code = outcome.code
-            word = style("error", linked_code(f"error[{code}]", code) if code else "error")
-            print(f"{word}: {clean(outcome.message)}", file=sys.stderr)
+            label = style("error", linked_code(f"error[{code}]", code) if code else "error")
+            print(f"{label}: {clean(outcome.message)}", file=sys.stderr)
 
     def diagnostics(
         self,
@@ -107,9 +107,9 @@ class Console(Report):
                 continue
             report_text = clean(RENDERERS[output_form](diagnostic, sources))
             if output_form in ("full", "concise"):
-                word = f"{diagnostic.severity}[{diagnostic.code}]"
-                link = linked_code(word, diagnostic.code)
-                report_text = report_text.replace(word, style(diagnostic.severity, link), 1)
+                label = f"{diagnostic.severity}[{diagnostic.code}]"
+                link = linked_code(label, diagnostic.code)
+                report_text = report_text.replace(label, style(diagnostic.severity, link), 1)
             print(_encodable(report_text) if output_form == "json" else report_text, file=stream)
         for severity, count in left_out.items():
             if count:

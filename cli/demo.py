@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from . import options
-from .bundled import bundled
+from .bundled import bundled_scores
 from .console import Console
 from .outcome import Refused
 
@@ -23,7 +23,7 @@ _PLAYERS = ("pw-play", "paplay", "aplay")  # PipeWire, PulseAudio, bare ALSA: th
 @options.target("The WAV file to write. Default: NAME.wav here.")
 @click.option("--no-audio", is_flag=True, help="Write the WAV file, play nothing.")
 @options.force
-@options.speaking
+@options.with_console
 def demo(
     console: Console,
     name: str | None,
@@ -37,15 +37,15 @@ def demo(
     The sound is written as a WAV file and played by pw-play, paplay or aplay, where one of them
     works. `ergon demo --list` lists the scores.
     """
-    scores = bundled()
+    score_paths = bundled_scores()
     if list_:
-        for path in scores.values():
+        for path in score_paths.values():
             if console.json:
                 console.record("score", name=path.stem, file=str(path), about=score_title(path))
             else:
                 console.data(f"{path.stem:<20} {score_title(path)}\n")
         return
-    path = _chosen(scores, name)
+    path = _chosen_path(score_paths, name)
     from ergon.api.options import FileOptions
 
     from .render import render_file
@@ -65,18 +65,18 @@ def score_title(path: Path) -> str:
     return ""
 
 
-def _chosen(scores: dict[str, Path], score_name: str | None) -> Path:
+def _chosen_path(score_paths: dict[str, Path], score_name: str | None) -> Path:
     from ergon.notation.text.spelling import nearest
 
-    if not scores:
+    if not score_paths:
         raise Refused("this installation has no scores; install ergon again")
     if score_name is None:
-        return scores.get(_DEFAULT_SCORE) or next(iter(scores.values()))
-    if score_name not in scores:
-        close = nearest(score_name, scores)
-        hint = f"; did you mean '{close}'?" if close else ""
+        return score_paths.get(_DEFAULT_SCORE) or next(iter(score_paths.values()))
+    if score_name not in score_paths:
+        nearest_name = nearest(score_name, score_paths)
+        hint = f"; did you mean '{nearest_name}'?" if nearest_name else ""
         raise Refused(f"no score '{score_name}' ships with ergon{hint} (ergon demo --list)")
-    return scores[score_name]
+    return score_paths[score_name]
 
 
 def _play(console: Console, path: str) -> None:
@@ -90,5 +90,5 @@ def _play(console: Console, path: str) -> None:
         if player_process.returncode == 0:
             return
         console.detail(f"{player}: {player_process.stderr.decode(errors='replace').strip()}")
-    tried = ", ".join(_PLAYERS)
-    console.warn(f"no sound: none of {tried} works here. Listen to {path} with any player")
+    player_names = ", ".join(_PLAYERS)
+    console.warn(f"no sound: none of {player_names} works here. Listen to {path} with any player")

@@ -56,7 +56,7 @@ def _travel(
     type=options.Number(0, 200, "FORCE"),
     help="Largest force that this axis may get [N].",
 )
-@options.speaking
+@options.with_console
 def calibrate(
     console: Console,
     device: str,
@@ -87,10 +87,12 @@ def calibrate(
         raise DeviceMissing(str(error)) from None
     try:
         console.say("let go of the key: it gets a small pulse to one side, then to the other")
-        calibrated = uncalibrated_axis(open_device, int(open_device.direction(axis_index, _PERIOD)))
+        calibration = uncalibrated_axis(
+            open_device, int(open_device.direction(axis_index, _PERIOD))
+        )
         if seconds > 0:
-            calibrated = _axis_with_ends(
-                console, open_device, calibrated, axis_index, seconds, travel
+            calibration = _axis_with_ends(
+                console, open_device, calibration, axis_index, seconds, travel
             )
         elif travel is not None:
             raise Refused("--travel needs the ends of the axis, which --seconds 0 does not measure")
@@ -98,12 +100,12 @@ def calibrate(
         raise Refused(f"{axis_key(url, axis_index)}: {error}") from None
     finally:
         open_device.close()
-    calibrated = _with_options(calibrated, is_reversed, force_max)
+    calibration = _with_options(calibration, is_reversed, force_max)
     try:
-        path = store_axis(url, axis_index, calibrated)
+        path = store_axis(url, axis_index, calibration)
     except BoardError as error:
         raise Refused(str(error)) from None
-    _say(console, axis_key(url, axis_index), calibrated, open_device.unit, str(path))
+    _say(console, axis_key(url, axis_index), calibration, open_device.unit, str(path))
 
 
 def _axis_with_ends(
@@ -111,17 +113,17 @@ def _axis_with_ends(
     device: Device,
     axis: AxisCalibration,
     axis_number: int,
-    push_seconds: float,
+    move_seconds: float,
     travel: float | None,
 ) -> AxisCalibration:
     from ergon.live.calibration import axis_between_ends
 
-    console.say(f"move the key from end to end, for {push_seconds:g} s")
-    low_end, high_end = device.ends(push_seconds, _PERIOD)[axis_number].tolist()
+    console.say(f"move the key from end to end, for {move_seconds:g} s")
+    low_end, high_end = device.ends(move_seconds, _PERIOD)[axis_number].tolist()
     least, greatest = device.range
     if high_end - low_end < _TRAVEL_MIN * (greatest - least):
         raise Refused(
-            f"the key moved {high_end - low_end:.2g} {device.unit} in {push_seconds:g} s, too "
+            f"the key moved {high_end - low_end:.2g} {device.unit} in {move_seconds:g} s, too "
             "little to find "
             "its ends; --seconds 0 takes the ends that the device states"
         )

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Make faults on emulated devices instead, and say how soon the force ends.",
 )
-@options.speaking
+@options.with_console
 def doctor(
     console: Console,
     no_audio: bool,
@@ -87,27 +87,27 @@ def doctor(
     may.
     """
     if safety:
-        _safety(console)
+        _measure_safety(console)
         return
     if hands:
-        _hands(console, hands, seconds)
+        _measure_hands(console, hands, seconds)
         return
     if ticks and not devices:
         raise Refused("--ticks measures a device: name it by --device")
     if not ticks:
-        for finding in _findings(audio, no_audio, seconds):
-            _tell(console, finding)
-    missing_parts = []
-    for url in _urls(devices):
+        for finding in _machine_findings(audio, no_audio, seconds):
+            _print_finding(console, finding)
+    missing_devices = []
+    for url in _device_urls(devices):
         try:
-            _device(console, url, seconds, ticks)
+            _measure_device(console, url, seconds, ticks)
         except DeviceMissing as error:
-            missing_parts.append(error.message)
-    if missing_parts:
-        raise DeviceMissing("; ".join(missing_parts))
+            missing_devices.append(error.message)
+    if missing_devices:
+        raise DeviceMissing("; ".join(missing_devices))
 
 
-def _safety(console: Console) -> None:
+def _measure_safety(console: Console) -> None:
     from ergon.live import faults
 
     rows = faults.measure_faults()
@@ -130,17 +130,21 @@ def _safety(console: Console) -> None:
         )
 
 
-def _hands(console: Console, addresses: tuple[str, ...], wait_seconds: float) -> None:
+def _measure_hands(console: Console, addresses: tuple[str, ...], measured_seconds: float) -> None:
     from ergon.api.hand_checks import measure_hands
 
-    findings = measure_hands(addresses, wait_seconds, console)
+    findings = measure_hands(addresses, measured_seconds, console)
     for finding in findings:
-        _tell(console, finding)
-    if missing := [f"{f.numbers['url']}: nothing came" for f in findings if not f.numbers["taken"]]:
-        raise DeviceMissing("; ".join(missing))
+        _print_finding(console, finding)
+    if missing_inputs := [
+        f"{finding.numbers['url']}: nothing came"
+        for finding in findings
+        if not finding.numbers["taken"]
+    ]:
+        raise DeviceMissing("; ".join(missing_inputs))
 
 
-def _findings(audio: str, no_audio: bool, test_seconds: float) -> Iterator[Finding]:
+def _machine_findings(audio: str, no_audio: bool, test_seconds: float) -> Iterator[Finding]:
     from ergon import _core
     from ergon.exchange import machine_speed
     from ergon.live import fitness
@@ -157,29 +161,29 @@ def _findings(audio: str, no_audio: bool, test_seconds: float) -> Iterator[Findi
         yield fitness.measure_sound(audio)
 
 
-def _urls(devices: tuple[str, ...]) -> list[str]:
+def _device_urls(devices: tuple[str, ...]) -> list[str]:
     from ergon.live.boards import BoardError, device_urls, url_and_axis
 
     try:
-        table = device_urls() if devices else {}
-        return [url_and_axis(text, table)[0] for text in devices]
+        url_by_name = device_urls() if devices else {}
+        return [url_and_axis(text, url_by_name)[0] for text in devices]
     except BoardError as error:
         raise Refused(f"--device: {error}") from None
 
 
-def _device(console: Console, url: str, test_seconds: float, ticks: bool) -> None:
+def _measure_device(console: Console, url: str, test_seconds: float, ticks: bool) -> None:
     from ergon import _core
     from ergon.live import fitness, tick_rates
 
     measure = tick_rates.measure_tick_rates if ticks else fitness.measure_device
     try:
         for finding in measure(url, test_seconds):
-            _tell(console, finding)
+            _print_finding(console, finding)
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
 
 
-def _tell(console: Console, finding: Finding) -> None:
+def _print_finding(console: Console, finding: Finding) -> None:
     if console.json:
         console.record(finding.topic, **finding.numbers, said=finding.sentence, todo=finding.advice)
         return

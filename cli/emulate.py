@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("device", type=click.Choice(list(api.DEVICES)))
-@options.declared(api.EmulationOptions)
-@options.speaking
+@options.from_dataclass(api.EmulationOptions)
+@options.with_console
 def emulate(console: Console, device: api.DeviceName, **arguments: Any) -> None:
     """Emulate a force-feedback device, for trying scores and drivers.
 
@@ -30,15 +30,15 @@ def emulate(console: Console, device: api.DeviceName, **arguments: Any) -> None:
     same seed and the same packets give the same positions.
     """
 
-    def tell(event_name: str, event_text: str) -> None:
+    def report_event(event_name: str, event_text: str) -> None:
         if event_name == "ready":
             if console.json:
                 console.record("ready", url=event_text)
             else:
                 print(event_text, flush=True)
         elif event_name == "over":
-            periods, packets, positions = event_text.split()
-            _over(console, int(periods), int(packets), positions)
+            periods, packets, position_hash = event_text.split()
+            _report_end(console, int(periods), int(packets), position_hash)
         elif console.json:
             console.record(event_name)
         else:
@@ -49,10 +49,10 @@ def emulate(console: Console, device: api.DeviceName, **arguments: Any) -> None:
                 }[event_name]
             )
 
-    api.emulate(device, api.EmulationOptions(**arguments), tell)
+    api.emulate(device, api.EmulationOptions(**arguments), report_event)
 
 
-def _over(console: Console, periods: int, packets: int, position_hash: str) -> None:
+def _report_end(console: Console, periods: int, packets: int, position_hash: str) -> None:
     if console.json:
         console.record("over", periods=periods, packets=packets, positions=position_hash)
     else:

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from ergon.exchange.wave_header import Bits
 
 # The endings of the files, and the options that each format allows.
-_ENDINGS = {"modal": ".csv", "faust": ".dsp", "mdl": ".mdl", "csound": ".csd"}
+_ENDING_BY_FORMAT = {"modal": ".csv", "faust": ".dsp", "mdl": ".mdl", "csound": ".csd"}
 # The output is a folder: a new one may not have the ending of one of the written files.
-_FILES = {*_ENDINGS.values(), ".wav", ".mid"}
-_OPTIONS = {
+_FILE_ENDINGS = {*_ENDING_BY_FORMAT.values(), ".wav", ".mid"}
+_OPTIONS_BY_FORMAT = {
     "daw": ("--no-stems", "--wet", "--bits"),
     "modal": ("PART", "--upto"),
     "faust": ("PART", "--upto"),
@@ -64,10 +64,10 @@ _OPTIONS = {
     help="Of daw: write two stems of what rooms hear: dry, and the answer of the rooms.",
 )
 @options.bits
-@options.declared(ExportOptions, "upto")
+@options.from_dataclass(ExportOptions, "upto")
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def export(
     console: Console,
     score_path: str,
@@ -101,17 +101,17 @@ def export(
     csound: SCORE.csd, or PART.csd of each part that is named: a resonator for each mode, and the
     strikes.
     """
-    call_arguments = {
+    value_by_option = {
         "PART": parts or None,
         "--no-stems": stems,
         "--wet": wet,
         "--bits": bits,
         "--upto": upto,
     }
-    for name, value in call_arguments.items():
-        if value is not None and name not in _OPTIONS[to]:
+    for name, value in value_by_option.items():
+        if value is not None and name not in _OPTIONS_BY_FORMAT[to]:
             raise Refused(f"{name} cannot be used with --to {to}; leave it out")
-    if output.suffix in _FILES and not output.is_dir():
+    if output.suffix in _FILE_ENDINGS and not output.is_dir():
         raise Refused(
             f"-o: {output} has the name of a file; name a folder, for example {output.stem}"
         )
@@ -135,7 +135,7 @@ def export(
         if error.option != "parts":
             raise
         raise Refused(f"PART: {error.reason}") from None
-    _write(console, exported, output, _ENDINGS[to], force)
+    _write(console, exported, output, _ENDING_BY_FORMAT[to], force)
 
 
 def _write(
@@ -150,12 +150,12 @@ def _write(
 
     if not exported:
         raise Refused("nothing in this score moves")
-    paths = {output_folder / f"{part.part}{ending}": part for part in exported}
+    part_by_path = {output_folder / f"{part.part}{ending}": part for part in exported}
     inputs = {file for part in exported for file in part.inputs}
     with file_group(force=force, inputs=inputs) as files:
-        for path, exported_part in paths.items():
+        for path, exported_part in part_by_path.items():
             files.write(path, exported_part.text.encode())
-    for path, exported_part in paths.items():
+    for path, exported_part in part_by_path.items():
         for warning in exported_part.warnings:
             console.warn(f"{exported_part.part}: {warning}")
         console.wrote(path)

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
-_DRUMS, _FIRST_DRUM_KEY = 9, 36  # channel from 0, and key of the first one
-_CHANNELS = [channel for channel in range(16) if channel != _DRUMS]
-_CHANNELS_MAX = 1024
+_DRUM_CHANNEL, _FIRST_DRUM_KEY = 9, 36  # channel from 0, and key of the first one
+_PITCHED_CHANNELS = [channel for channel in range(16) if channel != _DRUM_CHANNEL]
+_SOUND_CHANNELS_MAX = 1024
 _TEMPO_AFTER_END_MAX = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
 
 
@@ -59,10 +59,10 @@ def export_daw(
         (name, score.where(piece, instant), instant) for name, instant in score.mark_instants(piece)
     ]
     clock = _clock(piece, end_seconds)
-    file_bytes = {marks_path: markers_csv(marks).encode()}
+    bytes_by_path = {marks_path: markers_csv(marks).encode()}
     try:
         midi_bytes = tempo_file(*clock, piece.title, _note_tracks(stage))
-        file_bytes = {tempo_path: midi_bytes, **file_bytes}
+        bytes_by_path = {tempo_path: midi_bytes, **bytes_by_path}
     except ValueError as error:
         left_out = " and ".join(str(path) for path in paths if path != marks_path)
         verb = "are" if is_rendered else "is"
@@ -71,23 +71,25 @@ def export_daw(
     # The small files are written before the sound and renamed after it, so that either all files or
     # none appear.
     with file_group(force=file_options.force, inputs=loaded.inputs) as small_files:
-        for path, content in file_bytes.items():
-            small_files.write(path, content)
+        for path, file_bytes in bytes_by_path.items():
+            small_files.write(path, file_bytes)
         project_file = None
-        if prepared is not None and tempo_path in file_bytes:
+        if prepared is not None and tempo_path in bytes_by_path:
             # The project needs the stems and the length, which are known only after the sound. Its
             # disk space is reserved before.
             project_file = small_files.open(project_path, binary=True)
-            project_file.write(b" " * _project_room(clock, stage))
+            project_file.write(b" " * _project_bytes_max(clock, stage))
             project_file.flush()
         if prepared is not None:
             completed = write(prepared, console)
         if project_file is not None and completed is not None:
-            file_bytes[project_path] = _project(clock, piece.title, completed, output_folder)
+            bytes_by_path[project_path] = _project_bytes(
+                clock, piece.title, completed, output_folder
+            )
             project_file.seek(0)
-            project_file.write(file_bytes[project_path])
+            project_file.write(bytes_by_path[project_path])
             project_file.truncate()
-    for path in file_bytes:
+    for path in bytes_by_path:
         console.wrote(path)
     if completed is not None:
         print_rendered(console, completed)
@@ -102,20 +104,22 @@ def _clock(
     """
     from ergon.exchange.midi import Marker, Meter
 
-    tempo = piece.tempo_map
-    ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.entries_by_beat if entry.over]
+    tempo_map = piece.tempo_map
+    ramp_ends = [
+        tempo_map.after(beat, entry.over) for beat, entry in tempo_map.entries_by_beat if entry.over
+    ]
     last_beat = max(
-        [tempo.beats(end_seconds), *ramps, *(beat for beat, _ in tempo.entries_by_beat)]
+        [tempo_map.beats(end_seconds), *ramp_ends, *(beat for beat, _ in tempo_map.entries_by_beat)]
     )
     length_beats = min(
-        last_beat, tempo.beats(end_seconds + _TEMPO_AFTER_END_MAX)
+        last_beat, tempo_map.beats(end_seconds + _TEMPO_AFTER_END_MAX)
     )  # a ramp may last for years
-    meters = [Meter(beat, meter.beats, meter.unit) for beat, _, meter in tempo.bars.changes()]
+    meters = [Meter(beat, meter.beats, meter.unit) for beat, _, meter in tempo_map.bars.changes()]
     marks = [Marker(name, beats) for name, beats in score.marks_of(piece)]
-    return tempo.seconds, length_beats, meters, marks
+    return tempo_map.seconds, length_beats, meters, marks
 
 
-def _project(
+def _project_bytes(
     clock: tuple[Callable[[float], float], float, list[Meter], list[Marker]],
     piece_title: str,
     completed: Completed,
@@ -124,17 +128,19 @@ def _project(
     """The project of REAPER: a track for each stem, and the mix, which is muted."""
     from ergon.exchange.reaper import SoundFormat, SoundTrack, project_text
 
-    format = completed.job.format
+    wave_format = completed.job.format
     tracks = [
         SoundTrack(path.stem.partition("_")[2], path.relative_to(output_folder).as_posix())
         for path in (Path(stem.path) for stem in completed.files.stems)
     ]
     mix = SoundTrack("mix", Path(completed.files.mix.path).name, is_muted=bool(tracks))
-    sounds = SoundFormat(completed.files.n_frames / format.rate, format.rate, format.n_channels)
-    return project_text(*clock, piece_title, [*tracks, mix], sounds).encode()
+    sound_format = SoundFormat(
+        completed.files.n_frames / wave_format.rate, wave_format.rate, wave_format.n_channels
+    )
+    return project_text(*clock, piece_title, [*tracks, mix], sound_format).encode()
 
 
-def _project_room(
+def _project_bytes_max(
     clock: tuple[Callable[[float], float], float, list[Meter], list[Marker]], stage: Stage
 ) -> int:
     """Bytes that the project takes at most: two stems of each instrument, and the mix."""
@@ -142,8 +148,10 @@ def _project_room(
 
     names = [name for part in stage.piece.instruments for name in (f"{part}-dry", f"{part}-wet")]
     tracks = [SoundTrack(name, f"stems/0000_{name}.flac") for name in [*names, "mix"]]
-    sounds = SoundFormat(stage.n_analysed_frames / stage.rate, int(stage.rate), _CHANNELS_MAX)
-    return len(project_text(*clock, stage.piece.title, tracks, sounds).encode())
+    sound_format = SoundFormat(
+        stage.n_analysed_frames / stage.rate, int(stage.rate), _SOUND_CHANNELS_MAX
+    )
+    return len(project_text(*clock, stage.piece.title, tracks, sound_format).encode())
 
 
 def _note_tracks(stage: Stage) -> list[NoteTrack]:
@@ -153,24 +161,26 @@ def _note_tracks(stage: Stage) -> list[NoteTrack]:
     from ergon.exchange.midi import Note, NoteTrack
     from ergon.scores.staging.struck_notes import struck_notes
 
-    tempo = stage.piece.tempo_map
+    tempo_map = stage.piece.tempo_map
     notes_by_instrument: dict[str, list[Note]] = {}
-    drums: dict[str, int] = {}  # MIDI key of each instrument without a pitch
+    drum_keys: dict[str, int] = {}  # MIDI key of each instrument without a pitch
     for struck_note in struck_notes(stage):
         if struck_note.pitch is None:
-            midi_key = drums.setdefault(struck_note.instrument, _FIRST_DRUM_KEY + len(drums))
+            midi_key = drum_keys.setdefault(
+                struck_note.instrument, _FIRST_DRUM_KEY + len(drum_keys)
+            )
         else:
             midi_key = round(69.0 + 12.0 * log2(struck_note.pitch / 440.0))
         notes_by_instrument.setdefault(struck_note.instrument, []).append(
             Note(
-                tempo.beats(struck_note.begin),
-                tempo.beats(struck_note.end),
+                tempo_map.beats(struck_note.begin),
+                tempo_map.beats(struck_note.end),
                 min(127, max(0, midi_key)),
                 max(1, round(127.0 * struck_note.strength)),
             )
         )
-    channels = cycle(_CHANNELS)
+    channels = cycle(_PITCHED_CHANNELS)
     return [
-        NoteTrack(name, _DRUMS if name in drums else next(channels), part_notes)
+        NoteTrack(name, _DRUM_CHANNEL if name in drum_keys else next(channels), part_notes)
         for name, part_notes in notes_by_instrument.items()
     ]

@@ -17,7 +17,7 @@ from .console import Console, plural
 from .outcome import Findings, Refused
 
 # Instruments and scenes, which scores use, have it too.
-_SCORE = re.compile(r"^\ufeff?[\"']?ergon[\"']?\s*:", re.MULTILINE)
+_SCORE_LINE = re.compile(r"^\ufeff?[\"']?ergon[\"']?\s*:", re.MULTILINE)
 
 
 @click.command()
@@ -29,18 +29,18 @@ _SCORE = re.compile(r"^\ufeff?[\"']?ergon[\"']?\s*:", re.MULTILINE)
     help="Change nothing; exit with code 1 where a score would change.",
 )
 @click.option("--diff", is_flag=True, help="Print what would change; change nothing.")
-@options.speaking
+@options.with_console
 def fmt(console: Console, scores: tuple[str, ...], only_check: bool, diff: bool) -> None:
     """Put the layout of scores in order; comments stay.
 
     Spaces inside braces, columns of tables and the ends of lines are put in order; comments and
     what a score means never change. `-` formats stdin to stdout.
     """
-    changed = 0
+    n_changed = 0
     for path in scores:
-        changed += _format(console, path, only_check, diff)
-    if (only_check or diff) and changed:
-        raise Findings(f"{plural(changed, 'score')} would change" if only_check else "")
+        n_changed += _format(console, path, only_check, diff)
+    if (only_check or diff) and n_changed:
+        raise Findings(f"{plural(n_changed, 'score')} would change" if only_check else "")
 
 
 def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
@@ -71,7 +71,7 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
         place = {"file": path, "line": error_line, "column": column}
         message = f"{path}:{error_line}:{column}: {error.message}"
         raise Findings(message, code=error.code, **place) from None
-    if not _SCORE.search(text_before):
+    if not _SCORE_LINE.search(text_before):
         raise Refused(
             f"{path}: this is not a score, because no line of it begins with `ergon:`; nothing was "
             "changed"

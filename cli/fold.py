@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 @options.target("The file to write; - is stdout. Default: IN-WHERE.wav in the current folder.")
 @options.bits
 @options.force
-@options.speaking
+@options.with_console
 def fold(
     console: Console,
     source: str,
@@ -59,9 +59,9 @@ def fold(
     from ergon.api.fold import FoldOptions, fold_file
 
     check_stdout(output, is_json=console.json)
-    target = output or f"{Path(source).stem}-{Path(to).stem}.wav"
+    output_path = output or f"{Path(source).stem}-{Path(to).stem}.wav"
     fold_options = FoldOptions(layout=layout, head=head, gain=gain, bits=bits, force=force)
-    folded = fold_file(source, target, to, fold_options, report=console)
+    folded = fold_file(source, output_path, to, fold_options, report=console)
     if gain is None and folded.gain < 1.0:
         console.warn(
             f"{folded.path} is turned down by {-decibels(folded.gain):.2f} dB, for it would clip; "
@@ -79,11 +79,9 @@ def fold(
             sha256=folded.sha256,
         )
     else:
-        peaks = f"peak {level(decibels(folded.peak), 'dBFS')}"
+        peaks_text = f"peak {level(decibels(folded.peak), 'dBFS')}"
         if folded.peak:
-            peaks += f", true peak {level(decibels(folded.true_peak), 'dBTP')}"
-        channels, frame_count = (
-            plural(folded.n_channels, "channel"),
-            seconds(folded.n_frames / folded.rate),
-        )
-        console.say(f"{folded.path}: {channels}, {frame_count}, {peaks}")
+            peaks_text += f", true peak {level(decibels(folded.true_peak), 'dBTP')}"
+        channels_text = plural(folded.n_channels, "channel")
+        duration_text = seconds(folded.n_frames / folded.rate)
+        console.say(f"{folded.path}: {channels_text}, {duration_text}, {peaks_text}")

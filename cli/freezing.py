@@ -34,8 +34,10 @@ def freeze_parts(
     part_names = list(dict.fromkeys(filter(None, parts_text.replace(",", " ").split())))
     if not part_names:
         raise Refused("--freeze: name an instrument, or several with commas between them")
-    shared = {field.name: getattr(file_options, field.name) for field in fields(FreezeOptions)}
-    freeze_options = FreezeOptions(**shared)
+    shared_fields = {
+        field.name: getattr(file_options, field.name) for field in fields(FreezeOptions)
+    }
+    freeze_options = FreezeOptions(**shared_fields)
     prepared = prepare(path, part_names, output_path, freeze_options, console)
     if not dry:
         write(prepared, freeze_options, console)
@@ -59,14 +61,16 @@ def _say(console: Console, prepared: PreparedFreeze, *, dry: bool) -> None:
         )
         return
     holds_word = "would hold" if dry else "holds"
-    length, outputs = seconds(n_frames / prepared.stage.rate), plural(n_taps, "output")
+    length_text, outputs_text = seconds(n_frames / prepared.stage.rate), plural(n_taps, "output")
     console.say(
-        f"{prepared.folder} {holds_word} {', '.join(taps)}: {length}, {outputs}, {octets(n_bytes)}"
+        f"{prepared.folder} {holds_word} {', '.join(taps)}: {length_text}, {outputs_text}, "
+        f"{octets(n_bytes)}"
     )
     if prepared.stage.fade_start is not None:
-        tail = seconds((n_frames - prepared.stage.fade_start) / prepared.stage.rate)
+        tail_text = seconds((n_frames - prepared.stage.fade_start) / prepared.stage.rate)
         console.say(
-            f"of this, {tail} come after the last event, for the tail of the score is `auto` and "
+            f"of this, {tail_text} come after the last event, for the tail of the score is `auto` "
+            "and "
             "frozen parts have to last until everything has faded; `render: {tail: 10s}` in the "
             "score makes them shorter"
         )

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 # Words that are typed as a command; `{rest}` is what follows the word, with a space before it.
-INSTEAD: Mapping[str, str] = {
+COMMAND_INSTEAD: Mapping[str, str] = {
     "build": "ergon render{rest}",
     "config": "ergon devices",
     "convert": "ergon help export",
@@ -109,7 +109,7 @@ def instead(command_words: list[str]) -> str | None:
     )
     if advice := FILES_INSTEAD.get(Path(file_word).suffix.lower()):
         return advice.format(file=file_word, stem=Path(file_word).stem)
-    line = INSTEAD.get(command_words[0])
+    line = COMMAND_INSTEAD.get(command_words[0])
     further_words = "".join(f" {word}" for word in command_words[1:])
     return None if line is None else line.format(rest=further_words)
 

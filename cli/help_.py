@@ -10,7 +10,7 @@ from ergon.notation.text.spelling import nearest
 from . import manual
 from .outcome import Refused
 
-_OTHERS_MAX = 8  # other pages about a topic, of many
+_OTHER_PAGES_MAX = 8  # other pages about a topic, of many
 _TOPIC_MAX = 80  # letters; what is longer is no topic
 
 
@@ -29,7 +29,7 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     if not " ".join(words).strip():
         click.echo(root_context.get_help())
         click.echo(
-            f"\nPages (ergon help PAGE):\n{_listed(manual.pages(), _commands(root_context))}"
+            f"\nPages (ergon help PAGE):\n{_pages_text(manual.pages(), _commands(root_context))}"
         )
         return
     pages = manual.pages()
@@ -47,11 +47,11 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
         return
     matches = manual.matches(topic, pages) if len(topic) <= _TOPIC_MAX else []
     if not matches:
-        raise Refused(_unknown(topic, pages, root_context))
+        raise Refused(_unknown_message(topic, pages, root_context))
     (page, _), *other_matches = matches
     other_lines = "\n".join(
         f"  ergon help {_page_topic(other_page, root_context):24} {heading}"
-        for other_page, heading in other_matches[:_OTHERS_MAX]
+        for other_page, heading in other_matches[:_OTHER_PAGES_MAX]
     )
     others_heading = f" Others about {clean(topic)}:" if other_lines else ""
     introduction = f"The page {_page_topic(page, root_context)}.{others_heading}\n{other_lines}"
@@ -83,7 +83,7 @@ def _listed(pages: dict[str, manual.Page], commands: list[str]) -> str:
     return click.wrap_text(", ".join(names), 78, "  ", "  ")
 
 
-def _unknown(topic: str, pages: dict[str, manual.Page], root: click.Context) -> str:
+def _unknown_message(topic: str, pages: dict[str, manual.Page], root: click.Context) -> str:
     suggestion = nearest(topic, (*_commands(root), *pages))
     hint = (
         f"did you mean '{suggestion}'?" if suggestion else "`ergon help` lists commands and pages"

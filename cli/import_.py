@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     help="What feeds an input: one channel at 44,100 Hz, or osc. Without it the input is 0.",
 )
 @options.force
-@options.speaking
+@options.with_console
 def import_command(
     console: Console,
     model: str,
@@ -86,9 +86,9 @@ def import_command(
             f"wrote {output_path}: {imported.n_statements:,} statements of {imported.dialect}"
         )
     if imported.unfed:
-        names, feed = ", ".join(imported.unfed), f"--feed {imported.unfed[0]}=FILE.wav"
-        stay = "stays" if len(imported.unfed) == 1 else "stay"
-        console.say(f"{names} {stay} at 0; {feed} feeds {imported.unfed[0]}")
+        names, feed_option = ", ".join(imported.unfed), f"--feed {imported.unfed[0]}=FILE.wav"
+        stay_verb = "stays" if len(imported.unfed) == 1 else "stay"
+        console.say(f"{names} {stay_verb} at 0; {feed_option} feeds {imported.unfed[0]}")
 
 
 def _pairs(option_name: str, texts: tuple[str, ...]) -> dict[str, str]:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     help="Check that a render comes from this score.",
 )
 @options.trust
-@options.speaking
+@options.with_console
 def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     """Say what a render, a take, a MIDI file, a mesh, a layout, a pack or a score contains.
 
@@ -56,7 +56,7 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     if source is not None and not is_heard:
         raise Refused("--score verifies a rendered WAV or FLAC file")
     if is_heard:
-        _render(console, path, source, trust)
+        _print_sound(console, path, source, trust)
     elif suffix in TAKES:
         from .take_info import take
 
@@ -66,7 +66,7 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
 
         midi(console, path)
     elif is_pack(file):
-        _pack(console, path)
+        _print_pack(console, path)
     elif suffix == ".motion":
         from .motion_info import motion
 
@@ -76,12 +76,12 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     elif print_content(console, path):
         return
     elif file == score.STDIN or is_score(path):
-        _score(console, file, trust)
+        _print_score(console, file, trust)
     else:
         raise Refused(unknown_form_message(path))
 
 
-def _pack(console: Console, path: Path) -> None:
+def _print_pack(console: Console, path: Path) -> None:
     from hashlib import sha256
 
     from ergon.exchange.pack import read_pack
@@ -91,33 +91,37 @@ def _pack(console: Console, path: Path) -> None:
         (name, len(data), sha256(data).hexdigest()) for name, data in sorted(pack.files.items())
     ]
     if console.json:
-        listed = [{"file": name, "bytes": size, "sha256": hash} for name, size, hash in files]
-        fields = {"ergon": pack.version, "score": pack.score, "files": listed}
+        file_records = [
+            {"file": name, "bytes": n_bytes, "sha256": digest} for name, n_bytes, digest in files
+        ]
+        fields = {"ergon": pack.version, "score": pack.score, "files": file_records}
         console.record("pack", file=str(path), **fields)
         return
     console.data(f"{path}: {plural(len(files), 'file')}, packed by ergon {pack.version}\n")
     console.data(f"score: {pack.score}\n")
-    console.data(table([(name, octets(size), f"sha256 {hash}") for name, size, hash in files]))
+    console.data(
+        table([(name, octets(n_bytes), f"sha256 {digest}") for name, n_bytes, digest in files])
+    )
 
 
-def _render(console: Console, path: Path, source: str | None, trust: bool) -> None:
+def _print_sound(console: Console, path: Path, source: str | None, trust: bool) -> None:
     from ergon.exchange.sound import read_info, survey
     from ergon.exchange.wave_header import NotWaveError
 
     try:
         wav = read_info(path)
-        samples, first = survey(path)
+        samples_digest, first_nan_frame = survey(path)
     except NotWaveError as error:
         raise Refused(f"{path}: {error}") from None
     if console.json:
-        console.record("render", **_fields(path, wav), samples_sha256=samples)
+        console.record("render", **_sound_fields(path, wav), samples_sha256=samples_digest)
     else:
-        console.data(_lines(path, wav, samples))
+        console.data(_sound_text(path, wav, samples_digest))
     if wav.damage is not None:
         console.warn(f"{path}: {wav.damage}")
-    if first is not None:
-        seconds_there = first / wav.format.rate
-        message = f"frame {first + 1:,} ({seconds_there:.6g} s) is not a number"
+    if first_nan_frame is not None:
+        nan_seconds = first_nan_frame / wav.format.rate
+        message = f"frame {first_nan_frame + 1:,} ({nan_seconds:.6g} s) is not a number"
         console.warn(f"{path}: {message}; no command plays, folds or measures such a sound")
     if source is None:
         return
@@ -129,7 +133,7 @@ def _render(console: Console, path: Path, source: str | None, trust: bool) -> No
     console.say(f"{path} was rendered from {source} as it is now")
 
 
-def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
+def _sound_fields(path: Path, wav: WaveInfo) -> dict[str, object]:
     return {
         "file": str(path),
         "container": wav.container,
@@ -148,12 +152,12 @@ def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
     }
 
 
-def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
+def _sound_text(path: Path, wav: WaveInfo, samples_digest: str) -> str:
     bits = wav.format.bits
-    form = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
+    bits_text = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
     lines = [
         f"{path}: {seconds(wav.n_frames / wav.format.rate)} ({wav.n_frames:,} frames), "
-        f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {form}, "
+        f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {bits_text}, "
         f"{wav.container}, {octets(wav.offset + wav.size)}",
     ]
     if wav.title:
@@ -163,7 +167,7 @@ def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
         lines.append(f"score:   sha256 {wav.score}")
     if wav.plan:
         lines.append(f"plan:    sha256 {wav.plan}")
-    lines += [f"channels: {words}" for words in _channels(path, wav)]
+    lines += [f"channels: {channel_text}" for channel_text in _channel_texts(path, wav)]
     if wav.tracks:
         lines.append(f"tracks:  {', '.join(name or '–' for name in wav.tracks)}")
     lines += [
@@ -171,11 +175,11 @@ def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
         for name, frame in wav.marks
     ]
     lines += [f"passed over: chunk {name}, {octets(size)}" for name, size in wav.others]
-    lines.append(f"samples: sha256 {samples}")
+    lines.append(f"samples: sha256 {samples_digest}")
     return "\n".join(map(printable, lines)) + "\n"
 
 
-def _channels(path: Path, wav: WaveInfo) -> list[str]:
+def _channel_texts(path: Path, wav: WaveInfo) -> list[str]:
     """What a file says of its channels."""
     from ergon.common.xml_text import XmlError
     from ergon.exchange import adm
@@ -195,12 +199,14 @@ def _channels(path: Path, wav: WaveInfo) -> list[str]:
     return ["; ".join(words)]
 
 
-def _score(console: Console, path: str, trust: bool) -> None:
-    prepared = score.stage_piece(score.read(path, ReadOptions(trust=trust), console), None, console)
-    piece, staged = prepared.piece, prepared.stage
-    duration = staged.n_analysed_frames / staged.rate
-    end = score.where(piece, duration)
-    groups = {
+def _print_score(console: Console, path: str, trust: bool) -> None:
+    staged_score = score.stage_piece(
+        score.read(path, ReadOptions(trust=trust), console), None, console
+    )
+    piece, stage = staged_score.piece, staged_score.stage
+    duration = stage.n_analysed_frames / stage.rate
+    end_text = score.where(piece, duration)
+    names_by_kind = {
         "players": list(piece.players),
         "keys": list(piece.keys),
         "instruments": list(piece.instruments),
@@ -215,19 +221,19 @@ def _score(console: Console, path: str, trust: bool) -> None:
             title=piece.title,
             score_sha256=score.digest(piece),
             duration_s=duration,
-            end=end,
-            rate_hz=staged.rate,
-            channels=staged.n_channels,
-            modules=staged.network.n_mat + staged.network.n_lia,
-            **groups,
+            end=end_text,
+            rate_hz=stage.rate,
+            channels=stage.n_channels,
+            modules=stage.network.n_mat + stage.network.n_lia,
+            **names_by_kind,
         )
         return
     lines = [
         f"{path}: {piece.title or 'without a title'}",
-        f"  {seconds(duration)}, to {end}; {plural(staged.n_channels, 'channel')} at "
-        f"{staged.rate:g} Hz; {plural(staged.network.n_mat, 'MAT')}, "
-        f"{plural(staged.network.n_lia, 'LIA')}",
+        f"  {seconds(duration)}, to {end_text}; {plural(stage.n_channels, 'channel')} at "
+        f"{stage.rate:g} Hz; {plural(stage.network.n_mat, 'MAT')}, "
+        f"{plural(stage.network.n_lia, 'LIA')}",
     ]
-    lines += [f"  {kind}: {', '.join(names)}" for kind, names in groups.items() if names]
+    lines += [f"  {kind}: {', '.join(names)}" for kind, names in names_by_kind.items() if names]
     lines.append(f"  sha256 {score.digest(piece)}")
     console.data("\n".join(lines) + "\n")

@@ -56,8 +56,8 @@ def words(list_text: str | None, allowed_words: Sequence[str], option: str) -> t
     chosen_words = tuple(dict.fromkeys(word.strip() for word in list_text.split(",")))
     for chosen_word in chosen_words:
         if chosen_word not in allowed_words:
-            close = nearest(chosen_word, allowed_words)
-            hint = f"; did you mean '{close}'?" if close else ""
+            nearest_word = nearest(chosen_word, allowed_words)
+            hint = f"; did you mean '{nearest_word}'?" if nearest_word else ""
             raise Refused(
                 f"{option}: there is no '{chosen_word}' ({', '.join(allowed_words)}){hint}"
             )
@@ -76,12 +76,12 @@ def workers(
         yield None
         return
     from ergon.api.cluster import open_cluster
-    from ergon.api.score_bundle import bundled
+    from ergon.api.score_bundle import bundle_score
     from ergon.workshop.lab.cluster_workers import Workers
 
     if trust:
         raise Refused("--on excludes --trust; leave one of the two out")
-    content = None if path is None or loaded is None else bundled(path, loaded)
+    content = None if path is None or loaded is None else bundle_score(path, loaded)
     with open_cluster(on, console) as cluster:
         yield Workers(cluster, content)
 
@@ -93,16 +93,16 @@ def write(
     from ergon.exchange.safe import file_group
     from ergon.workshop.lab.pictures import MatplotlibMissingError, pictures, targets
 
-    csv, missing_library = targets(stem)[0], None
-    content_by_path = {csv: table_text.encode()}
+    csv_path, matplotlib_error = targets(stem)[0], None
+    content_by_path = {csv_path: table_text.encode()}
     try:
         content_by_path |= pictures(draw, stem)
     except MatplotlibMissingError as error:
-        missing_library = error
+        matplotlib_error = error
     with file_group(force=force) as files:
         for path, content in content_by_path.items():
             files.write(path, content)
     for path in content_by_path:
         console.say(f"wrote {path}")
-    if missing_library is not None:
-        raise Refused(f"{missing_library}; {csv} is written")
+    if matplotlib_error is not None:
+        raise Refused(f"{matplotlib_error}; {csv_path} is written")

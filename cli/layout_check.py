@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from ergon.instruments.model import Layout
     from ergon.space.quality import Quality
 
-_HEAD = ("by", "|rE|", "least", "|rV|", "rE off", "most", "loudness")
+_COLUMN_NAMES = ("by", "|rE|", "least", "|rV|", "rE off", "most", "loudness")
 
 
 @click.command()
 @click.argument("name", metavar="LAYOUT")
-@options.speaking
+@options.with_console
 def check(console: Console, name: str) -> None:
     """Say how well loudspeakers place sound, and where they leave holes.
 
@@ -32,41 +32,42 @@ def check(console: Console, name: str) -> None:
     from ergon.space.quality import holes, is_open_above, is_symmetric, qualities
 
     layout = read_layout(name, console)
-    speaker_places = layout.speakers
-    place_qualities, gaps = qualities(speaker_places), holes(speaker_places)
-    symmetric, is_open = is_symmetric(speaker_places), is_open_above(speaker_places)
+    speaker_positions = layout.speakers
+    panning_qualities, speaker_holes = qualities(speaker_positions), holes(speaker_positions)
+    sides_mirror, opens_above = is_symmetric(speaker_positions), is_open_above(speaker_positions)
     if console.json:
-        for row in place_qualities:
+        for row in panning_qualities:
             _record(console, row)
         console.record(
             "layout",
             file=str(layout.path),
-            loudspeakers=len(speaker_places),
-            symmetric=symmetric,
-            surround=len(place_qualities) > 1,
-            open_above=is_open,
+            loudspeakers=len(speaker_positions),
+            symmetric=sides_mirror,
+            surround=len(panning_qualities) > 1,
+            open_above=opens_above,
             holes=[
                 {"between": [layout.channels[a] + 1, layout.channels[b] + 1], "angle_deg": angle}
-                for a, b, angle in gaps
+                for a, b, angle in speaker_holes
             ],
         )
         return
     title = f", {layout.title}" if layout.title else ""
-    console.data(f"{len(speaker_places)} loudspeakers{title}\n\n")
-    console.data(table([_HEAD, *map(_row, place_qualities)]))
-    sides = "the sides mirror each other" if symmetric else "the sides do not mirror each other"
+    console.data(f"{len(speaker_positions)} loudspeakers{title}\n\n")
+    console.data(table([_COLUMN_NAMES, *map(_row, panning_qualities)]))
+    sides = "the sides mirror each other" if sides_mirror else "the sides do not mirror each other"
     console.data(f"\n{sides}\n")
-    for a, b, angle in gaps:
+    for a, b, angle in speaker_holes:
         console.data(
-            f"a hole of {angle:.0f}° between {_where(layout, a)} and {_where(layout, b)}\n"
+            f"a hole of {angle:.0f}° between {_speaker_text(layout, a)} and "
+            f"{_speaker_text(layout, b)}\n"
         )
-    if len(place_qualities) == 1:
+    if len(panning_qualities) == 1:
         console.data(
             "they do not surround the middle of the room, so sounds cannot be panned between them\n"
         )
-    elif is_open:
+    elif opens_above:
         console.data("a hole overhead: no loudspeaker lies within 60° of the zenith\n")
-    elif not gaps:
+    elif not speaker_holes:
         console.data("no holes above the horizon\n")
 
 
@@ -99,7 +100,7 @@ def _record(console: Console, quality: Quality) -> None:
     )
 
 
-def _where(layout: Layout, speaker_index: int) -> str:
+def _speaker_text(layout: Layout, speaker_index: int) -> str:
     from ergon.space.directions import angles
 
     azimuth, elevation, _ = angles(layout.speakers[speaker_index])

@@ -21,15 +21,15 @@ form = click.option(
 
 def form_of(path: Path, form_asked: str | None) -> str:
     """The format of a layout file: as asked for, or by its ending."""
-    from ergon.exchange.layout_files import FORMS as KNOWN
+    from ergon.exchange.layout_files import FORMS as LAYOUT_FORMS
 
     if form_asked is not None:
         return form_asked
-    endings = {layout_form.ending: name for name, layout_form in KNOWN.items()}
-    if path.suffix.lower() not in endings:
-        form_list = ", ".join(f"{name} ({ending})" for ending, name in endings.items())
+    name_by_ending = {layout_form.ending: name for name, layout_form in LAYOUT_FORMS.items()}
+    if path.suffix.lower() not in name_by_ending:
+        form_list = ", ".join(f"{name} ({ending})" for ending, name in name_by_ending.items())
         raise Refused(f"{path}: its ending names no program; give --form, one of {form_list}")
-    return endings[path.suffix.lower()]
+    return name_by_ending[path.suffix.lower()]
 
 
 @click.command()
@@ -37,7 +37,7 @@ def form_of(path: Path, form_asked: str | None) -> str:
 @options.target("The file to write, or - for stdout.")
 @form
 @options.force
-@options.speaking
+@options.with_console
 def export(console: Console, name: str, output: str | None, form: str | None, force: bool) -> None:
     """Write a layout as other programs have it.
 
@@ -45,7 +45,7 @@ def export(console: Console, name: str, output: str | None, form: str | None, fo
     ADM renderer (YAML) or SpatGRIS (XML, whose farthest loudspeaker is at the distance 1).
     """
     from ergon.api.layouts import read_layout
-    from ergon.exchange.layout_files import FORMS as KNOWN
+    from ergon.exchange.layout_files import FORMS as LAYOUT_FORMS
     from ergon.exchange.safe import write_text
     from ergon.space.directions import angles
 
@@ -57,11 +57,13 @@ def export(console: Console, name: str, output: str | None, form: str | None, fo
     path = Path(output)
     layout_form = form_of(path, form)
     layout = read_layout(name, console)
-    speakers = [angles(place) for place in layout.speakers]
+    speaker_angles = [angles(place) for place in layout.speakers]
     outputs = [channel + 1 for channel in layout.channels]
-    text = KNOWN[layout_form].write(speakers, outputs, layout.title or layout.path.stem)
+    text = LAYOUT_FORMS[layout_form].write(
+        speaker_angles, outputs, layout.title or layout.path.stem
+    )
     write_text(output, text, force=force, inputs=(layout.path,))
     if console.json:
-        console.record("wrote", file=output, form=layout_form, loudspeakers=len(speakers))
+        console.record("wrote", file=output, form=layout_form, loudspeakers=len(speaker_angles))
     elif output != "-":
-        console.say(f"wrote {output}: {len(speakers)} loudspeakers for {layout_form}")
+        console.say(f"wrote {output}: {len(speaker_angles)} loudspeakers for {layout_form}")

@@ -22,7 +22,7 @@ from .outcome import Refused, check_stdout
     help="How far away the farthest loudspeaker is, such as 3m; SpatGRIS does not say it.",
 )
 @options.force
-@options.speaking
+@options.with_console
 def import_layout(
     console: Console,
     file: str,

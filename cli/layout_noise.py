@@ -42,7 +42,7 @@ _SILENCE_SECONDS = 0.25  # [s] of silence after each burst
     help="[Hz]",
 )
 @options.force
-@options.speaking
+@options.with_console
 def noise(
     console: Console,
     name: str,
@@ -91,24 +91,24 @@ def _write(
     from ergon.exchange.safe import open_for_writing
     from ergon.exchange.wave_header import Stamp, WaveFormat
 
-    n_speakers, n_channels, gap = (
-        len(layout.speakers),
-        layout.n_channels,
-        int(_SILENCE_SECONDS * rate),
-    )
-    n_each = len(noise_frames) + gap
-    format = WaveFormat(rate, n_channels, 24)
+    n_speakers = len(layout.speakers)
+    n_channels = layout.n_channels
+    n_silent_frames = int(_SILENCE_SECONDS * rate)
+    n_frames_each = len(noise_frames) + n_silent_frames
+    wave_format = WaveFormat(rate, n_channels, 24)
     title = f"noise, {layout.title or layout.path.stem}"
     stamp = Stamp(title, chunks=chunks_of_layout(layout, n_channels, title))
-    sound_files.check_format(output_path, format)
+    sound_files.check_format(output_path, wave_format)
     with open_for_writing(output_path, binary=True, force=force, inputs=(layout.path,)) as file:
-        writer = sound_files.writer(output_path, file, format, n_speakers * n_each, stamp)
+        writer = sound_files.writer(
+            output_path, file, wave_format, n_speakers * n_frames_each, stamp
+        )
         for channel in sorted(layout.channels):
-            frames = np.zeros((n_each, n_channels))
+            frames = np.zeros((n_frames_each, n_channels))
             frames[: len(noise_frames), channel] = noise_frames
             writer.write(_core.pcm(frames, 1.0, 24))
         writer.close()
-    total_seconds = n_speakers * n_each / rate
+    total_seconds = n_speakers * n_frames_each / rate
     if console.json:
         console.record("wrote", file=output_path, channels=n_channels, seconds=total_seconds)
     else:
@@ -135,8 +135,8 @@ def _play(
         try:
             _core.play_frames(played_frames, rate, audio)
         except _core.EngineError as error:
-            kind = Refused if error.module == "record" else DeviceMissing
-            raise kind(f"--audio {audio}: {error}") from None
+            outcome_class = Refused if error.module == "record" else DeviceMissing
+            raise outcome_class(f"--audio {audio}: {error}") from None
 
 
 def _ratio(level_text: str) -> float:

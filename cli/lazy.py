@@ -88,7 +88,7 @@ class LazyGroup(click.Group):
         command_name = args[0]
         if command_name not in self.table and not command_name.startswith("-"):
             raise click.UsageError(self._unknown(args), ctx)
-        resolved, command, command_words = super().resolve_command(ctx, args)
+        resolved_name, command, command_words = super().resolve_command(ctx, args)
         if command is not None and not isinstance(command, click.Group):
             names = (word for option in command.params for word in option.opts)
             if option_meant := habits.long_option_meant(command_words, names):
@@ -96,13 +96,13 @@ class LazyGroup(click.Group):
                     f"{option_meant[1:]} is written with two dashes: {option_meant}", ctx
                 )
             command_words = renamed.respelt(self.path_of(command_name), command_words)
-        return resolved, command, command_words
+        return resolved_name, command, command_words
 
     def _misplaced(self, command_words: list[str], error: click.NoSuchOption) -> str:
         if line := habits.reordered(command_words, self.table):
             return f"the command comes first: {line}"
-        if typed := habits.instead(command_words[:1]):
-            return f"No such option '{command_words[0]}'. Use: {typed}"
+        if advised_line := habits.instead(command_words[:1]):
+            return f"No such option '{command_words[0]}'. Use: {advised_line}"
         if command_words[0] in habits.BEHIND:
             return (
                 f"{command_words[0]} follows a command, such as: ergon check piece.yaml "
@@ -121,8 +121,8 @@ class LazyGroup(click.Group):
             line = habits.reordered(args, self.table) or " ".join(["ergon render", *args])
             return f"a command comes first: {line}"
         error_sentence = f"No such command '{command_name}'."
-        if is_root and (typed := habits.instead(args)):
-            return f"{error_sentence} Use: {typed}"
+        if is_root and (advised_line := habits.instead(args)):
+            return f"{error_sentence} Use: {advised_line}"
         if not is_root and self.invoke_without_command and command_name in habits.LISTING:
             return f"{error_sentence} Use: {ROOT} {self.name}"
         if suggestion := nearest(command_name, self.table):

@@ -88,8 +88,8 @@ def matches(topic: str, pages_by_topic: dict[str, Page]) -> list[tuple[Page, str
             by_heading.append((is_later, rank, -n_mentions, page.name, page, heading))
         elif n_mentions >= _MENTIONS_MIN:
             by_text.append((is_later, 0, -n_mentions, page.name, page, page.headings[0]))
-    rows = sorted(by_heading or by_text, key=lambda row: row[:4])
-    return [(page, heading) for *_, page, heading in rows]
+    ranked_pages = sorted(by_heading or by_text, key=lambda row: row[:4])
+    return [(page, heading) for *_, page, heading in ranked_pages]
 
 
 _MENTIONS_MIN = 2  # mentions by which a page is about a topic that no heading has
@@ -144,16 +144,16 @@ def _rank(page: Page, stems: list[str], patterns: list[re.Pattern[str]]) -> tupl
     if _stems(page.name.split("/")[-1]) == stems:
         return 0, page_title
     for heading_rank, headings in ((1, [page_title]), (3, subheadings)):
-        fitting = [
+        fitting_headings = [
             heading for heading in headings if all(pattern.search(heading) for pattern in patterns)
         ]
         starting_heading = next(
-            (heading for heading in fitting if patterns[0].match(heading)), None
+            (heading for heading in fitting_headings if patterns[0].match(heading)), None
         )
         if starting_heading is not None:
             return heading_rank, starting_heading
-        if fitting:
-            return heading_rank + 1, fitting[0]
+        if fitting_headings:
+            return heading_rank + 1, fitting_headings[0]
     return None
 
 

@@ -16,7 +16,7 @@ COMMANDS: Table = {
 }
 
 
-class _Measuring(LazyGroup):
+class _MetrologyGroup(LazyGroup):
     """A group whose first word may be a device; the command is `measure` then."""
 
     def resolve_command(
@@ -28,17 +28,17 @@ class _Measuring(LazyGroup):
         return super().resolve_command(ctx, args)
 
 
-def _is_named(file_word: str) -> bool:
+def _is_named(device_word: str) -> bool:
     """Whether a word names a device of the user's list, also with an axis: tgr0.3."""
     from ergon.live.boards import BoardError, device_urls
 
     try:
-        return file_word.partition(".")[0] in device_urls()
+        return device_word.partition(".")[0] in device_urls()
     except BoardError:
         return False
 
 
-@click.group(cls=_Measuring, table=COMMANDS)
+@click.group(cls=_MetrologyGroup, table=COMMANDS)
 def metrology() -> None:
     """Measure what a real key is made of.
 

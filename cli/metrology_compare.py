@@ -43,7 +43,7 @@ def calibration(calibration_path: str) -> Calibration:
 @click.command()
 @click.argument("first_path", metavar="A")
 @click.argument("other", metavar="B")
-@options.speaking
+@options.with_console
 def compare(console: Console, first_path: str, other: str) -> None:
     """Compare two calibrations: figure by figure, and how differently the two keys move.
 
@@ -53,29 +53,31 @@ def compare(console: Console, first_path: str, other: str) -> None:
     """
     from ergon.workshop.metrology.comparison import chi_squared, differences, replay_difference
 
-    first_calibration, second = calibration(first_path), calibration(other)
-    compared = differences(first_calibration, second)
-    squared, n = chi_squared(first_calibration, second)
-    moves = replay_difference(first_calibration.row, second.row)
+    first_calibration, second_calibration = calibration(first_path), calibration(other)
+    figure_differences = differences(first_calibration, second_calibration)
+    chi_square, n_figures = chi_squared(first_calibration, second_calibration)
+    replay_rms = replay_difference(first_calibration.row, second_calibration.row)
     if console.json:
-        for difference in compared:
+        for difference in figure_differences:
             console.record(
                 "figure",
-                name=_called(difference),
+                name=_figure_name(difference),
                 a=difference.first,
                 b=difference.second,
                 deviation=difference.deviation,
                 deviations=difference.deviations,
             )
-        console.record("compared", replay_difference_m=moves, chi_squared=squared, figures=n)
+        console.record(
+            "compared", replay_difference_m=replay_rms, chi_squared=chi_square, figures=n_figures
+        )
         return
     console.data(f"{'':16}{'A':>12}{'B':>12}{'difference':>14}{'deviations':>12}\n")
-    console.data("".join(map(_row, compared)))
-    console.data(f"replay difference {moves * 1e6:.4g} um rms\n")
-    _judge(console, compared, squared, n)
+    console.data("".join(map(_row, figure_differences)))
+    console.data(f"replay difference {replay_rms * 1e6:.4g} um rms\n")
+    _print_judgement(console, figure_differences, chi_square, n_figures)
 
 
-def _called(difference: Difference) -> str:
+def _figure_name(difference: Difference) -> str:
     """The name of a figure; with both numbers of its mode if the files number it differently."""
     figure_name, second_name = difference.names
     if figure_name == second_name or difference.second is None:
@@ -90,60 +92,63 @@ def _called(difference: Difference) -> str:
 def _row(difference: Difference) -> str:
     from ergon.workshop.metrology.calibration_file import MODE_FIELDS, UNITS
 
-    figure_name = _called(difference)
+    figure_name = _figure_name(difference)
     mode, _, parameter_name = figure_name.partition(".")
     figure_unit, scale = MODE_FIELDS[parameter_name] if parameter_name else UNITS[figure_name]
     label = f"{mode.replace('mode', 'mode ')} {parameter_name}" if parameter_name else figure_name
     a, b = (
-        f"{'none':>12}" if x is None else f"{x * scale:12.5g}"
-        for x in (difference.first, difference.second)
+        f"{'none':>12}" if figure is None else f"{figure * scale:12.5g}"
+        for figure in (difference.first, difference.second)
     )
-    interval_text = (
+    difference_text = (
         ""
         if difference.first is None or difference.second is None
         else f"{(difference.second - difference.first) * scale:.4g}"
     )
     deviations_text = "" if difference.deviations is None else f"{difference.deviations:.3g}"
     return (
-        f"{label + ' [' + figure_unit + ']':16}{a}{b}{interval_text:>14}"
+        f"{label + ' [' + figure_unit + ']':16}{a}{b}{difference_text:>14}"
         f"{deviations_text:>12}".rstrip()
         + "\n"
     )
 
 
-def _judge(console: Console, compared: list[Difference], squared: float, n: int) -> None:
+def _print_judgement(
+    console: Console, figure_differences: list[Difference], chi_square: float, n_figures: int
+) -> None:
     """Say which figures differ, and the chi squared of all together."""
     deviations = [
         (abs(difference.deviations), difference)
-        for difference in compared
+        for difference in figure_differences
         if difference.deviations is not None
     ]
     deviating = sorted(
         (pair for pair in deviations if pair[0] > _DEVIATIONS_MAX), key=lambda pair: -pair[0]
     )
     without_deviation = [
-        _called(difference)
-        for difference in compared
+        _figure_name(difference)
+        for difference in figure_differences
         if difference.first is None or difference.second is None
     ]
     if deviating:
-        listing = ", ".join(
-            f"{_called(difference)} by {sigma:.3g}" for sigma, difference in deviating
+        deviating_text = ", ".join(
+            f"{_figure_name(difference)} by {sigma:.3g}" for sigma, difference in deviating
         )
-        console.say(f"more than {_DEVIATIONS_MAX:g} standard deviations apart: {listing}")
+        console.say(f"more than {_DEVIATIONS_MAX:g} standard deviations apart: {deviating_text}")
     elif deviations:
         console.say(f"no figure differs by more than {_DEVIATIONS_MAX:g} standard deviations")
     if without_deviation:
         console.say(f"only one has {', '.join(without_deviation)}")
-    if n:
+    if n_figures:
         console.say(
-            f"chi squared {squared:.3g} of {n} figures with their covariance; of one key about {n}"
+            f"chi squared {chi_square:.3g} of {n_figures} figures with their covariance; of one "
+            f"key about {n_figures}"
         )
 
 
 @click.command()
 @click.argument("files", metavar="CALIBRATION...", nargs=-1, required=True)
-@options.speaking
+@options.with_console
 def log(console: Console, files: tuple[str, ...]) -> None:
     """List calibrations of a key by their dates, and how differently each moves from the first.
 
@@ -158,10 +163,10 @@ def log(console: Console, files: tuple[str, ...]) -> None:
     if not console.json:
         console.data(
             f"{'date':12}{'M [g]':>10}{'K [N/m]':>10}{'Z [Ns/m]':>10}{'dry [mN]':>10}"
-            f"{'moves [um]':>12}{'modes [Hz]':>16}   file\n"
+            f"{'replay_rms [um]':>12}{'modes [Hz]':>16}   file\n"
         )
     for calibration_read, calibration_path in calibrations:
-        moves = replay_difference(calibrations[0][0].row, calibration_read.row)
+        replay_rms = replay_difference(calibrations[0][0].row, calibration_read.row)
         figure_values = calibration_read.figures
         if console.json:
             console.record(
@@ -169,14 +174,14 @@ def log(console: Console, files: tuple[str, ...]) -> None:
                 file=calibration_path,
                 date=calibration_read.date,
                 figures=figure_values,
-                replay_difference_m=moves,
+                replay_difference_m=replay_rms,
             )
             continue
-        modes = " ".join(f"{f:.5g}" for _, f, _ in calibration_read.modes) or "none"
+        modes = " ".join(f"{frequency:.5g}" for _, frequency, _ in calibration_read.modes) or "none"
         console.data(
             f"{calibration_read.date or '?':12}{figure_values['M'] * 1e3:10.5g}"
             f"{figure_values['K']:10.5g}{figure_values['Z']:10.4g}"
-            f"{figure_values.get('dry', 0.0) * 1e3:10.4g}{moves * 1e6:12.4g}{modes:>16}   "
+            f"{figure_values.get('dry', 0.0) * 1e3:10.4g}{replay_rms * 1e6:12.4g}{modes:>16}   "
             f"{calibration_path}\n"
         )
 
@@ -187,7 +192,7 @@ def log(console: Console, files: tuple[str, ...]) -> None:
 @click.option(
     "--mass", type=Quantity("MASS"), required=True, help="The mass that WITH has more, weighed."
 )
-@options.speaking
+@options.with_console
 def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
     """Find what a device makes of newtons and metres, from a key without and with a weighed mass.
 
@@ -202,22 +207,22 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
     except MeasurementError as error:
         raise Refused(str(error)) from None
     if console.json:
-        column_names = {"mass": "mass_gain", "position": "position_gain", "force": "force_gain"}
-        gain_changes: dict[str, float | None] = {}
+        field_by_gain = {"mass": "mass_gain", "position": "position_gain", "force": "force_gain"}
+        gain_fields: dict[str, float | None] = {}
         for gain_name in ("mass", "position", "force", "M", "K", "Z"):
             gain = measured_gains.get(gain_name)
-            gain_changes[column_names.get(gain_name, gain_name)] = (
+            gain_fields[field_by_gain.get(gain_name, gain_name)] = (
                 None if gain is None else gain.value
             )
-            gain_changes[f"{column_names.get(gain_name, gain_name)}_deviation"] = (
+            gain_fields[f"{field_by_gain.get(gain_name, gain_name)}_deviation"] = (
                 None if gain is None else gain.deviation
             )
-        console.record("gains", **gain_changes)
+        console.record("gains", **gain_fields)
         return
     console.data(
-        f"true over found: {_with(measured_gains['mass'])}; so M is "
-        f"{_with(measured_gains['M'], 1e3)} g, "
-        f"K {_with(measured_gains['K'])} N/m, Z {_with(measured_gains['Z'])} Ns/m\n"
+        f"true over found: {_gain_text(measured_gains['mass'])}; so M is "
+        f"{_gain_text(measured_gains['M'], 1e3)} g, "
+        f"K {_gain_text(measured_gains['K'])} N/m, Z {_gain_text(measured_gains['Z'])} Ns/m\n"
     )
     if "position" not in measured_gains:
         console.say(
@@ -225,11 +230,11 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
             "apart from each other"
         )
     else:
-        console.data(f"the sensor reads {_with(measured_gains['position'])} m for a metre\n")
-        console.data(f"the motor gives {_with(measured_gains['force'])} N for a newton\n")
+        console.data(f"the sensor reads {_gain_text(measured_gains['position'])} m for a metre\n")
+        console.data(f"the motor gives {_gain_text(measured_gains['force'])} N for a newton\n")
 
 
-def _with(gain: Gain, times: float = 1.0) -> str:
+def _gain_text(gain: Gain, times: float = 1.0) -> str:
     """A figure and its standard deviation."""
     text = f"{times * gain.value:.5g}"
     return text if gain.deviation is None else f"{text} ± {times * gain.deviation:.2g}"

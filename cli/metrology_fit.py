@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ergon.workshop.metrology.judging import Stage
     from ergon.workshop.metrology.stages import Measured
 
-_BAD = 3.0  # times the sensor's noise: beyond it the model does not explain the key
+_NOISE_RATIO_MAX = 3.0  # times the sensor's noise: beyond it the model does not explain the key
 
 
 @click.command()
@@ -44,7 +44,7 @@ _BAD = 3.0  # times the sensor's noise: beyond it the model does not explain the
 @options.target("Write the calibration into this file, for `calib: FILE` of a key.")
 @options.force
 @options.dry_run
-@options.speaking
+@options.with_console
 def fit(
     console: Console,
     takes: tuple[str, ...],
@@ -74,12 +74,16 @@ def fit(
             Path(output).with_suffix(".svg"), force=force, inputs=(*paths, *held_out_paths)
         )
     gestures = [gesture(console, path, hand, force_step) for path in paths]
-    judge = None if held_out_path is None else gesture(console, held_out_path, hand, force_step)
-    all_gestures = gestures if judge is None else [*gestures, judge]
+    held_out_gesture = (
+        None if held_out_path is None else gesture(console, held_out_path, hand, force_step)
+    )
+    all_gestures = gestures if held_out_gesture is None else [*gestures, held_out_gesture]
     if len({gesture.rate for gesture in all_gestures}) > 1:
         raise Refused("the takes are of different rates; measure by takes of one rate")
     target = None if output is None else Path(output)
-    report(console, gestures, judge, [*paths, *held_out_paths], target, force=force, dry=dry)
+    report(
+        console, gestures, held_out_gesture, [*paths, *held_out_paths], target, force=force, dry=dry
+    )
 
 
 def report(
@@ -101,22 +105,25 @@ def report(
 
     position_step = sensor_step(gestures if held_out is None else [*gestures, held_out])
     if not console.json:
-        parts = "" if position_step is None else f"{'of step':>9}"
-        header = f"{'':14}{'fit rms':>10}{parts}{'replay':>10}{parts}{'BIC':>12}"
+        step_head = "" if position_step is None else f"{'of step':>9}"
+        header = f"{'':14}{'fit rms':>10}{step_head}{'replay':>10}{step_head}{'BIC':>12}"
         console.data(f"{header}   what was added\n")
     try:
         measured = stages.measure(
-            gestures, held_out, lambda stage: _say(console, stage, position_step)
+            gestures, held_out, lambda stage: _print_stage(console, stage, position_step)
         )
     except MeasurementError as error:
         raise Refused(str(error)) from None
-    _sum_up(console, measured, position_step)
+    _print_noise(console, measured, position_step)
     if output_path is not None:
-        shown = gestures[-1] if held_out is None else held_out
-        drawn = _picture(measured, shown, output_path.stem)
-        texts = {output_path: _calibration(measured, takes), output_path.with_suffix(".svg"): drawn}
-        write_texts(console, texts, force=force, dry=dry)
-    if measured.noise is not None and measured.fit.rms > _BAD * measured.noise:
+        shown_gesture = gestures[-1] if held_out is None else held_out
+        picture_text = _picture_text(measured, shown_gesture, output_path.stem)
+        text_by_path = {
+            output_path: _calibration_text(measured, takes),
+            output_path.with_suffix(".svg"): picture_text,
+        }
+        write_texts(console, text_by_path, force=force, dry=dry)
+    if measured.noise is not None and measured.fit.rms > _NOISE_RATIO_MAX * measured.noise:
         raise Findings(
             f"the model leaves {measured.fit.rms * 1e6:.3g} um where the sensor's noise is "
             f"{measured.noise * 1e6:.3g} um: {_cause(gestures)}"
@@ -128,11 +135,11 @@ def _cause(gestures: list[Gesture]) -> str:
     """Why the residual of a model is larger than the sensor's noise."""
     from ergon.workshop.metrology.gesture import LATE_SHARE_MAX
 
-    n = sum(gesture.is_compared.size for gesture in gestures)
-    n_late_ticks = n - sum(int(gesture.is_compared.sum()) for gesture in gestures)
-    if n_late_ticks > LATE_SHARE_MAX * n:
+    n_positions = sum(gesture.is_compared.size for gesture in gestures)
+    n_late_ticks = n_positions - sum(int(gesture.is_compared.sum()) for gesture in gestures)
+    if n_late_ticks > LATE_SHARE_MAX * n_positions:
         return (
-            f"{n_late_ticks:,} of {n:,} positions were lost or came late; "
+            f"{n_late_ticks:,} of {n_positions:,} positions were lost or came late; "
             "measure where the machine and the line keep time"
         )
     return "something acts on this key that the model lacks"
@@ -166,7 +173,7 @@ def gesture(console: Console, path: Path, hand: str | None, force_step: float) -
         raise Refused(f"{path}: {error}") from None
 
 
-def _say(console: Console, stage: Stage, position_step: float | None) -> None:
+def _print_stage(console: Console, stage: Stage, position_step: float | None) -> None:
     """A row of the table; `position_step` [m] is the sensor's."""
     from ergon.workshop.metrology.mode_search import SCORE_MIN
 
@@ -181,7 +188,7 @@ def _say(console: Console, stage: Stage, position_step: float | None) -> None:
             replay_m=stage.replay_rms,
             bic=fit.bic,
             score=stage.score,
-            parameters=_numbers(stage),
+            parameters=_fitted_values(stage),
         )
         return
     sign = "- " if stage.is_removal else "+ "
@@ -193,14 +200,14 @@ def _say(console: Console, stage: Stage, position_step: float | None) -> None:
         verdict = "taken away" if stage.is_accepted else "stays"
     elif not stage.is_accepted:
         verdict += ", not kept"
-    stopping_reason, exit_advice = (
-        f"{x * 1e6:7.4g} um" + ("" if position_step is None else f"{x / position_step:9.3g}")
-        for x in (fit.rms, stage.replay_rms)
+    fit_text, replay_text = (
+        f"{rms * 1e6:7.4g} um" + ("" if position_step is None else f"{rms / position_step:9.3g}")
+        for rms in (fit.rms, stage.replay_rms)
     )
-    console.data(f"{stage_name:14}{stopping_reason}{exit_advice}{fit.bic:12,.0f}   {verdict}\n")
+    console.data(f"{stage_name:14}{fit_text}{replay_text}{fit.bic:12,.0f}   {verdict}\n")
 
 
-def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
+def _fitted_values(stage: Stage) -> dict[str, dict[str, float]]:
     """The fitted values and their standard deviations, in SI units."""
     from ergon.workshop.metrology.parameters import name
 
@@ -216,8 +223,8 @@ def _added_part(stage: Stage) -> str:
     from ergon.workshop.metrology.calibration_file import t60
     from ergon.workshop.metrology.parameters import INDEX, mode_indices, n_modes
 
-    fitted_row = stage.fit.parameters
-    figures = {name: float(fitted_row[index]) for name, index in INDEX.items()}
+    fitted_parameters = stage.fit.parameters
+    figures = {name: float(fitted_parameters[index]) for name, index in INDEX.items()}
     match stage.name:
         case "M K Z":
             return (
@@ -232,15 +239,15 @@ def _added_part(stage: Stage) -> str:
             return f"{figures['static_dry'] * 1e3:.4g} mN, {figures['static_speed'] * 1e3:.3g} mm/s"
         case "delay":
             return f"{figures['delay'] * 1e3:.4g} ms"
-    if not n_modes(fitted_row):
+    if not n_modes(fitted_parameters):
         return "none"
     mode_mass, frequency, ratio = (
-        float(fitted_row[index]) for index in mode_indices(n_modes(fitted_row) - 1)
+        float(fitted_parameters[index]) for index in mode_indices(n_modes(fitted_parameters) - 1)
     )
     return f"{mode_mass * 1e3:.3g} g at {frequency:.4g} Hz, t60 {t60(frequency, ratio):.3g} s"
 
 
-def _sum_up(console: Console, measured: Measured, position_step: float | None) -> None:
+def _print_noise(console: Console, measured: Measured, position_step: float | None) -> None:
     noise = measured.noise
     if console.json:
         console.record(
@@ -261,7 +268,7 @@ def _sum_up(console: Console, measured: Measured, position_step: float | None) -
         console.say(f"the sensor's noise is {noise * 1e6:.3g} um{step_text}")
 
 
-def _picture(measured: Measured, gesture: Gesture, picture_title: str) -> str:
+def _picture_text(measured: Measured, gesture: Gesture, picture_title: str) -> str:
     """A picture of a gesture on the key, on the fitted model, and on the model of the first
     stage.
     """
@@ -273,7 +280,7 @@ def _picture(measured: Measured, gesture: Gesture, picture_title: str) -> str:
     return picture(fitted_replay, picture_title, first_replay)
 
 
-def _calibration(measured: Measured, takes: list[Path]) -> str:
+def _calibration_text(measured: Measured, takes: list[Path]) -> str:
     from datetime import date
 
     from ergon.workshop.metrology.calibration_file import text

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 @options.target("Write the calibration into this file; takes and report have its name.")
 @options.force
 @options.dry_run
-@options.speaking
+@options.with_console
 def measure(
     console: Console,
     device: str,
@@ -84,22 +84,22 @@ def measure(
     if path is not None:
         check_target(path, force=force)
         check_target(path.with_suffix(".svg"), force=force)
-    score_forces = metrology_score.path(console, score, key)
+    score_forces = metrology_score.played_path(console, score, key)
     device_axis, url = open_axis(
         device, force_max=force_max, force_step=force_step, gated=not no_gate
     )
     recorder = Recorder(path, take_header(url, device_axis.number))
     try:
         try:
-            ladder = _climbed(console, device_axis, seed)
-            takes = _taken(console, ladder, seconds, recorder, seed, score_forces)
+            ladder = _climb_ladder(console, device_axis, seed)
+            takes = _record_takes(console, ladder, seconds, recorder, seed, score_forces)
         finally:
             device_axis.device.close()
     except MeasurementError as error:
-        recorder.tell(console)
+        recorder.report_kept(console)
         raise Refused(f"{device}: {error}") from None
     except KeyboardInterrupt:
-        recorder.tell(console)
+        recorder.report_kept(console)
         raise
     *fitted, held_out = takes
     metrology_fit.report(
@@ -125,16 +125,18 @@ def open_axis(
     """
     from ergon import _core
     from ergon.live.boards import BoardError, device_urls, url_and_axis
-    from ergon.live.calibration import known_axes
+    from ergon.live.calibration import stored_calibrations
     from ergon.workshop.metrology.ladder import Axis
 
     try:
         url, axis_index = url_and_axis(device, {} if ":" in device else device_urls())
-        calibrated: dict[int, Known] = known_axes(url)
+        calibrations: dict[int, Known] = stored_calibrations(url)
     except BoardError as error:
         raise Refused(str(error)) from None
     try:
-        open_device = _core.Device(url, [axis.for_core(i) for i, axis in calibrated.items()])
+        open_device = _core.Device(
+            url, [axis.for_core(number) for number, axis in calibrations.items()]
+        )
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
     if open_device.unit != "m" or axis_index >= open_device.axes:
@@ -160,18 +162,18 @@ def open_axis(
     )
 
 
-def take_header(url: str, take_number: int) -> str:
+def take_header(url: str, axis_index: int) -> str:
     """The header of a take of an axis, as JSON."""
     from ergon import _core
     from ergon.live.boards import Board
-    from ergon.live.calibration import axis_header, known_axes
+    from ergon.live.calibration import axis_header, stored_calibrations
 
     return json.dumps(
         {
             "made": f"by ergon {_core.__version__}",
             "day": time.strftime("%Y-%m-%d %H:%M:%S"),
             "sent": "wire",
-            "axes": [axis_header(Board(url, (), known_axes(url)), take_number)],
+            "axes": [axis_header(Board(url, (), stored_calibrations(url)), axis_index)],
         }
     )
 
@@ -204,29 +206,30 @@ class Recorder:
         self.paths.append(take_path)
         return _core.RecordTarget(take_path, [("key", "")], self.about)
 
-    def tell(self, console: Console) -> None:
+    def report_kept(self, console: Console) -> None:
         """Name the takes that were kept, after a measurement that ended early."""
         written_paths = [str(path) for path in self.paths if path.exists()]
         if written_paths:
             console.say(f"kept {', '.join(written_paths)}")
 
 
-def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
+def _climb_ladder(console: Console, axis: Axis, seed: int) -> Ladder:
     from ergon.workshop.metrology.ladder import climb
 
     console.say("let go of the key: it is pushed now, gently at first")
 
-    def tell(rung: Rung) -> None:
+    def report_rung(rung: Rung) -> None:
         if console.json:
             console.record(
                 "rung", force_N=rung.force, excursion_m=rung.excursion, braked=rung.braked
             )
 
-    ladder = climb(axis, seed, tell)
-    forces = " ".join(f"{rung.force:.3g}{'!' if rung.braked else ''}" for rung in ladder.rungs)
-    farthest = max(rung.excursion for rung in ladder.rungs) * 1e3
+    ladder = climb(axis, seed, report_rung)
+    forces_text = " ".join(f"{rung.force:.3g}{'!' if rung.braked else ''}" for rung in ladder.rungs)
+    farthest_mm = max(rung.excursion for rung in ladder.rungs) * 1e3
     console.say(
-        f"rungs: {forces} N, at most {farthest:.2g} of {ladder.guide.half_travel * 1e3:.3g} mm"
+        f"rungs: {forces_text} N, at most {farthest_mm:.2g} of "
+        f"{ladder.guide.half_travel * 1e3:.3g} mm"
         + (" (! was braked)" if any(rung.braked for rung in ladder.rungs) else "")
     )
     if ladder.axis.sign < 0:
@@ -239,7 +242,7 @@ def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
     return ladder
 
 
-def _taken(
+def _record_takes(
     console: Console,
     ladder: Ladder,
     take_seconds: float,
@@ -250,18 +253,22 @@ def _taken(
     """Takes of strikes and rain, then one that is held out."""
     from ergon.workshop.metrology import takes
 
-    read_takes: list[Take] = []
+    recorded_takes: list[Take] = []
     phrases = []
     for take_kind in takes.KINDS:
-        length = takes.held_out_duration(score_forces) if take_kind == "held-out" else take_seconds
-        recorded_take = takes.record(ladder, take_kind, length, recorder.target, seed, score_forces)
-        lasted = sum(len(take.gesture.force) / take.gesture.rate for take in recorded_take)
-        phrases.append(f"{take_kind} {lasted:.0f} s")
+        duration = (
+            takes.held_out_duration(score_forces) if take_kind == "held-out" else take_seconds
+        )
+        takes_of_kind = takes.record(
+            ladder, take_kind, duration, recorder.target, seed, score_forces
+        )
+        lasted_seconds = sum(len(take.gesture.force) / take.gesture.rate for take in takes_of_kind)
+        phrases.append(f"{take_kind} {lasted_seconds:.0f} s")
         # Only the longest part of the held-out take judges the model; the others are left out.
-        read_takes += (
-            [max(recorded_take, key=lambda take: len(take.gesture.force))]
+        recorded_takes += (
+            [max(takes_of_kind, key=lambda take: len(take.gesture.force))]
             if take_kind == "held-out"
-            else recorded_take
+            else takes_of_kind
         )
     console.say(f"takes: {', '.join(phrases)}")
-    return read_takes
+    return recorded_takes

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _WARNING_RATIO = 5.0  # times the noise of the sensor
 _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
-_HEIGHTS = (6, 10, 7)  # lines: asked, real and model, residual
+_PLOT_HEIGHTS = (6, 10, 7)  # lines: asked, real and model, residual
 
 
 @click.command()
@@ -43,7 +43,7 @@ _HEIGHTS = (6, 10, 7)  # lines: asked, real and model, residual
 @options.view_at
 @options.force
 @options.dry_run
-@options.speaking
+@options.with_console
 def replay(
     console: Console,
     file: str,
@@ -72,7 +72,7 @@ def replay(
     from ergon.workshop.metrology import comparison
     from ergon.workshop.metrology.gesture import sensor_noise, sensor_step
 
-    measured_key = calibration(file)
+    key_calibration = calibration(file)
     if output is not None:
         check_target(Path(output), force=force, inputs=[Path(file)])
     is_take = Path(real).is_file()
@@ -80,16 +80,21 @@ def replay(
         raise Refused(
             "--score is for a key of a device; a take has its own gesture: leave --score out"
         )
-    path = metrology_score.path(console, score, key)
-    measured = (
+    led_path = metrology_score.played_path(console, score, key)
+    measured_gesture = (
         gesture(console, Path(real), hand, force_step)
         if is_take
-        else _pushed(console, real, path, force_step=force_step, gated=not no_gate)
+        else _push_device(console, real, led_path, force_step=force_step, gated=not no_gate)
     )
-    motion_comparison = comparison.replay(measured_key.row, measured)
+    motion_comparison = comparison.replay(key_calibration.row, measured_gesture)
     if not console.json:
-        console.data(_drawn(motion_comparison, width))
-    _print_residuals(console, motion_comparison, sensor_noise([measured]), sensor_step([measured]))
+        console.data(_plot_text(motion_comparison, width))
+    _print_residuals(
+        console,
+        motion_comparison,
+        sensor_noise([measured_gesture]),
+        sensor_step([measured_gesture]),
+    )
     if output is not None:
         from ergon.workshop.metrology.picture import picture
 
@@ -101,7 +106,7 @@ def replay(
         _show(console, motion_comparison, view_at)
 
 
-def _pushed(
+def _push_device(
     console: Console, device: str, path: Floats | None, *, force_step: float, gated: bool
 ) -> Gesture:
     """Push a key of a device with knocks, or with forces that lead it along a path."""
@@ -128,13 +133,13 @@ def _pushed(
     return max((take.gesture for take in takes), key=lambda measured: len(measured.force))
 
 
-def _drawn(motion_comparison: Replay, picture_width: int | None) -> str:
+def _plot_text(motion_comparison: Replay, picture_width: int | None) -> str:
     """Force, real and model motion, residual: one plot above the other, over the same time."""
     from ergon.view.braille import panels
     from ergon.workshop.metrology.picture import rows
 
     columns = picture_width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    return panels(rows(motion_comparison), width=columns, heights=_HEIGHTS)
+    return panels(rows(motion_comparison), width=columns, heights=_PLOT_HEIGHTS)
 
 
 def _show(console: Console, motion_comparison: Replay, address: str | None) -> None:
@@ -165,18 +170,18 @@ def _print_residuals(
     seconds = motion_comparison.t.astype(int)
     measured_position = motion_comparison.gesture.position[motion_comparison.gesture.is_compared]
     for second in np.unique(seconds):
-        inside = seconds == second
-        residual = motion_comparison.residual[inside]
-        moved = float(np.ptp(measured_position[inside]))
+        is_in_second = seconds == second
+        residual = motion_comparison.residual[is_in_second]
+        travel = float(np.ptp(measured_position[is_in_second]))
         rms, largest = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
         if console.json:
-            console.record("second", s=int(second), real_m=moved, rms_m=rms, most_m=largest)
+            console.record("second", s=int(second), real_m=travel, rms_m=rms, most_m=largest)
         else:
-            errors = (
+            residual_texts = (
                 f"{_residual_text(rms, 11, position_step)}"
                 f"{_residual_text(largest, 9, position_step)}"
             )
-            residual_columns = f"{moved * 1e3:9.3g} mm{errors}"
+            residual_columns = f"{travel * 1e3:9.3g} mm{residual_texts}"
             console.data(f"{second:5d}{residual_columns}\n")
     if console.json:
         console.record(
@@ -195,15 +200,15 @@ def _print_residuals(
     if noise is not None:
         # Real and model are compared as the sensor reads them: an exact model leaves the sensor's
         # noise.
-        beyond = max(motion_comparison.rms**2 - noise**2, 0.0) ** 0.5
-        step_share = "" if position_step is None else f" ({beyond / position_step:.3g} of its step)"
+        excess = max(motion_comparison.rms**2 - noise**2, 0.0) ** 0.5
+        step_share = "" if position_step is None else f" ({excess / position_step:.3g} of its step)"
         console.say(
             f"the sensor's noise is {noise * 1e6:.3g} um; beyond it the model is off by "
-            f"{beyond * 1e6:.3g} um{step_share}"
-            + (": measure the key again" if beyond > _WARNING_RATIO * noise else "")
+            f"{excess * 1e6:.3g} um{step_share}"
+            + (": measure the key again" if excess > _WARNING_RATIO * noise else "")
         )
 
 
-def _residual_text(x: float, width: int, step: float | None) -> str:
+def _residual_text(residual: float, width: int, step: float | None) -> str:
     """A residual in um and, if the sensor's step is known, in such steps."""
-    return f"{x * 1e6:{width}.4g} um" + ("" if step is None else f"{x / step:9.3g}")
+    return f"{residual * 1e6:{width}.4g} um" + ("" if step is None else f"{residual / step:9.3g}")

@@ -27,7 +27,7 @@ chosen = options.several(
 )
 
 
-def path(console: Console, score: str | None, key_name: str | None) -> Floats | None:
+def played_path(console: Console, score: str | None, key_name: str | None) -> Floats | None:
     """The path of the key in the score, by ticks (n,) [m], from its first movement on.
 
     None without a score. Raises Refused if the score plays nothing on the key.
@@ -47,31 +47,37 @@ def path(console: Console, score: str | None, key_name: str | None) -> Floats | 
 
     loaded = scores.read(score, ReadOptions(), console)
     piece = scores.piece_of(loaded)
-    moved_key = _key(piece, key_name)
+    moved_key = _moved_key(piece, key_name)
     tick_frames = max(1, round(piece.rate / TICK_RATE))
     for player in piece.players.values():
         if player.key != moved_key:
             continue
         with scores.staging(lambda: loaded, console):
-            path = standin_positions(piece, player, tick_frames, Collector())
-        moving = np.flatnonzero(np.abs(path - path[0]) > _MOVEMENT_MIN)
-        if moving.size:
-            path = path[max(0, int(moving[0]) - 1) :]
-            t = np.arange(len(path)) * (tick_frames / piece.rate)
-            path_seconds = min(HELD_OUT_DURATION, max(float(t[-1]), _GESTURE_SECONDS_MIN))
+            positions = standin_positions(piece, player, tick_frames, Collector())
+        moving_indices = np.flatnonzero(np.abs(positions - positions[0]) > _MOVEMENT_MIN)
+        if moving_indices.size:
+            positions = positions[max(0, int(moving_indices[0]) - 1) :]
+            instants = np.arange(len(positions)) * (tick_frames / piece.rate)
+            resampled_seconds = min(
+                HELD_OUT_DURATION, max(float(instants[-1]), _GESTURE_SECONDS_MIN)
+            )
             # Resampled to the ticks of a measurement; after its end the path keeps its last
             # position.
-            return np.interp(np.arange(round(path_seconds * TICK_RATE)) / TICK_RATE, t, path)
+            return np.interp(
+                np.arange(round(resampled_seconds * TICK_RATE)) / TICK_RATE, instants, positions
+            )
     raise Refused(f"{score}: nothing moves the key {moved_key}")
 
 
-def _key(piece: Piece, key_name: str | None) -> str:
-    played = list(dict.fromkeys(player.key for player in piece.players.values()))
-    if key_name is None and len(played) == 1:
-        return played[0]
-    played_keys_text = f"its players have {', '.join(played)}" if played else "it has no players"
+def _moved_key(piece: Piece, key_name: str | None) -> str:
+    played_keys = list(dict.fromkeys(player.key for player in piece.players.values()))
+    if key_name is None and len(played_keys) == 1:
+        return played_keys[0]
+    played_keys_text = (
+        f"its players have {', '.join(played_keys)}" if played_keys else "it has no players"
+    )
     if key_name is None:
         raise Refused(f"choose a key of the score by --key: {played_keys_text}")
-    if key_name not in played:
+    if key_name not in played_keys:
         raise Refused(f"--key: no player of the score has the key '{key_name}'; {played_keys_text}")
     return key_name

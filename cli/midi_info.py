@@ -16,7 +16,7 @@ from .units import seconds
 if TYPE_CHECKING:
     from ergon.scores.gesture.midi_survey import MidiSurvey, MidiTrack
 
-_MINUTE = 60e6  # [us]
+_MICROSECONDS_PER_MINUTE = 60e6  # [us]
 _CHANGES_MAX = 12  # tempos or meters in a line
 _LINE_MAX = 2_000  # characters
 
@@ -27,57 +27,65 @@ def midi(console: Console, path: Path) -> None:
     from ergon.scores.gesture.take_file import TakeError
 
     try:
-        file = survey(path)
+        midi_survey = survey(path)
     except TakeError as error:
         raise Refused(error.message) from None
-    duration = file.seconds(file.length)
-    tempos = [(quarter, _MINUTE / micros) for quarter, micros in file.tempos if micros]
-    meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
+    duration = midi_survey.seconds(midi_survey.length)
+    tempos = [
+        (quarter, _MICROSECONDS_PER_MINUTE / micros)
+        for quarter, micros in midi_survey.tempos
+        if micros
+    ]
+    meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in midi_survey.meters]
     all_features = dict.fromkeys(("has_pedal", "has_tempo", "has_meter", "has_wheel"), True)
     left_out = [
-        *unused_contents(file, **all_features, is_followed=lambda move: move.kind in FOLLOWED_KINDS)
+        *unused_contents(
+            midi_survey, **all_features, is_followed=lambda move: move.kind in FOLLOWED_KINDS
+        )
     ]
-    if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
+    if n_unread_bytes := midi_survey.n_bytes_after + midi_survey.n_bytes_unread:
         left_out.append(plural(n_unread_bytes, "byte") + " after the end of tracks")
-    if file.n_missing:
-        left_out.append(plural(file.n_missing, "track") + " announced in the header but missing")
+    if midi_survey.n_missing:
+        left_out.append(
+            plural(midi_survey.n_missing, "track") + " announced in the header but missing"
+        )
     left_out += [
         f"{n} × {message_kind}" if n > 1 else message_kind
-        for message_kind, n in sorted(file.odd_counts.items())
+        for message_kind, n in sorted(midi_survey.odd_counts.items())
     ]
-    played = [*_understood(file)]
+    understood = [*_understood_texts(midi_survey)]
     if console.json:
         console.record(
             "midi",
             file=str(path),
-            format=file.format,
-            ticks_per_quarter=file.ticks_per_quarter,
+            format=midi_survey.format,
+            ticks_per_quarter=midi_survey.ticks_per_quarter,
             duration_s=duration,
-            quarters=file.length,
-            tracks=[_fields(track) for track in file.tracks],
+            quarters=midi_survey.length,
+            tracks=[_track_fields(track) for track in midi_survey.tracks],
             tempos=[{"quarter": quarter, "bpm": bpm} for quarter, bpm in tempos],
             meters=[{"quarter": quarter, "meter": meter} for quarter, meter in meters],
-            understood=played,
+            understood=understood,
             passed_over=left_out,
         )
         return
     lines = [
-        f"{path}: MIDI file of format {file.format}, {seconds(duration)} "
-        f"({file.length:g} quarters of {plural(file.ticks_per_quarter, 'tick')}), "
-        f"{plural(len(file.tracks), 'track')}"
+        f"{path}: MIDI file of format {midi_survey.format}, {seconds(duration)} "
+        f"({midi_survey.length:g} quarters of {plural(midi_survey.ticks_per_quarter, 'tick')}), "
+        f"{plural(len(midi_survey.tracks), 'track')}"
     ]
-    for number, track in enumerate(file.tracks, 1):
+    for number, track in enumerate(midi_survey.tracks, 1):
         name = f" {track.name}" if track.name else ""
-        lines.append(f"  track {number}{name}: {_notes(track)}")
-    words = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in tempos]
-    lines.append(f"  tempo: {changes(words, '120 bpm, for the file says none')}")
-    lines.append(f"  meter: {changes(meters, '4/4, for the file says none')}")
-    lines.append(f"  understood: {', '.join(played) or 'nothing'}")
+        lines.append(f"  track {number}{name}: {_notes_text(track)}")
+    tempo_texts = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in tempos]
+    lines.append(f"  tempo: {changes(tempo_texts, '120 bpm, for the midi_survey says none')}")
+    lines.append(f"  meter: {changes(meters, '4/4, for the midi_survey says none')}")
+    lines.append(f"  understood: {', '.join(understood) or 'nothing'}")
     lines.append(f"  passed over: {', '.join(left_out) or 'nothing'}")
     console.data("\n".join(printable(line[:_LINE_MAX]) for line in lines) + "\n")
 
 
-def _fields(track: MidiTrack) -> dict[str, object]:
+def _track_fields(track: MidiTrack) -> dict[str, object]:
     channels = [
         {"channel": channel, "notes": notes.count, "low": notes.low, "high": notes.high}
         for channel, notes in sorted(track.counts_by_channel.items())
@@ -85,10 +93,10 @@ def _fields(track: MidiTrack) -> dict[str, object]:
     return {"name": track.name, "channels": channels}
 
 
-def _notes(track: MidiTrack) -> str:
+def _notes_text(track: MidiTrack) -> str:
     from ergon.notation.tables.notes import name
 
-    words = [
+    channel_texts = [
         f"channel {channel}: {plural(notes.count, 'note')}, "
         + (
             f"{name(notes.low)} to {name(notes.high)}"
@@ -97,10 +105,10 @@ def _notes(track: MidiTrack) -> str:
         )
         for channel, notes in sorted(track.counts_by_channel.items())
     ]
-    return "; ".join(words) or "no notes"
+    return "; ".join(channel_texts) or "no notes"
 
 
-def _understood(file: MidiSurvey) -> Iterator[str]:
+def _understood_texts(file: MidiSurvey) -> Iterator[str]:
     """What a score can play of a file, or take over."""
     from ergon.scores.gesture.midi_bytes import CONTROLLER
     from ergon.scores.gesture.midi_file import SUSTAIN

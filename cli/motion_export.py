@@ -40,7 +40,7 @@ _FORMS = (".csv", ".npz", ".gltf")
 )
 @options.dry_run
 @options.force
-@options.speaking
+@options.with_console
 def export(
     console: Console,
     file: str,
@@ -90,8 +90,10 @@ def export(
         )
     else:
         verb = "would write" if dry else "wrote"
-        length = seconds(motion.duration)
-        console.say(f"{verb} {output}: {point_count:,} points at {n_instants:,} instants, {length}")
+        duration_text = seconds(motion.duration)
+        console.say(
+            f"{verb} {output}: {point_count:,} points at {n_instants:,} instants, {duration_text}"
+        )
 
 
 def _write(

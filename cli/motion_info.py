@@ -12,8 +12,8 @@ from .units import octets, seconds
 if TYPE_CHECKING:
     from ergon._core import Motion
 
-_FLIGHTS, _FRAMES, _ERGONS, _CONTACTS = 3, 4, 5, 6
-_WORDS = {
+_FLIGHTS_CHUNK, _FRAMES_CHUNK, _ERGONS_CHUNK, _CONTACTS_CHUNK = 3, 4, 5, 6
+_WORDS_BY_KIND = {
     "free": "free",
     "sampled": "sampled",
     "modal": "by modes",
@@ -44,16 +44,16 @@ def motion(console: Console, path: Path) -> None:
         points_by_part = points_of_parts(manifest, archive.names)
     except NotMotionError as error:
         raise Refused(f"{path}: {error}") from None
-    chunk_sizes: dict[int, int] = {}
+    bytes_by_kind: dict[int, int] = {}
     for chunk in archive.chunks():
-        chunk_sizes[chunk.kind] = chunk_sizes.get(chunk.kind, 0) + chunk.size
-    chunk_counts = {
-        "flights": chunk_sizes.get(_FLIGHTS, 0) // 12,
-        "ergons": chunk_sizes.get(_ERGONS, 0) // 20,
-        "contacts": chunk_sizes.get(_CONTACTS, 0) // 12,
+        bytes_by_kind[chunk.kind] = bytes_by_kind.get(chunk.kind, 0) + chunk.size
+    counts_by_name = {
+        "flights": bytes_by_kind.get(_FLIGHTS_CHUNK, 0) // 12,
+        "ergons": bytes_by_kind.get(_ERGONS_CHUNK, 0) // 20,
+        "contacts": bytes_by_kind.get(_CONTACTS_CHUNK, 0) // 12,
     }
     file_state = "whole" if archive.is_whole else "cut" if archive.is_cut else "damaged"
-    file_bytes = path.stat().st_size
+    n_file_bytes = path.stat().st_size
     if console.json:
         console.record(
             "motion",
@@ -68,24 +68,26 @@ def motion(console: Console, path: Path) -> None:
             points=sum(points_by_part),
             coordinates=len(archive.names),
             modes=manifest["modes"],
-            bytes=file_bytes,
+            bytes=n_file_bytes,
             bound=manifest.get("bound"),
-            **chunk_counts,
+            **counts_by_name,
             parts=manifest["parts"],
         )
         return
     info_lines = [
         f"{path}: {seconds(archive.duration)} at {manifest['fps']:g} frames a second, "
-        f"{plural(sum(points_by_part), 'point')}, {octets(file_bytes)}, {file_state}"
+        f"{plural(sum(points_by_part), 'point')}, {octets(n_file_bytes)}, {file_state}"
     ]
     if manifest.get("title"):
         info_lines.append(f"title:   {manifest['title']}")
     for name in ("score", "plan"):
         if manifest.get(f"{name}_sha256"):
             info_lines.append(f"{name + ':':8} sha256 {manifest[f'{name}_sha256']}")
-    info_lines.append("holds:   " + ", ".join(f"{n:,} {name}" for name, n in chunk_counts.items()))
-    if bound := _bound(manifest):
-        info_lines.append(f"bound:   {bound}")
+    info_lines.append(
+        "holds:   " + ", ".join(f"{count:,} {name}" for name, count in counts_by_name.items())
+    )
+    if bounds_text := _bounds_text(manifest):
+        info_lines.append(f"bound:   {bounds_text}")
     for part_manifest, point_count in zip(manifest["parts"], points_by_part, strict=True):
         if not point_count and part_manifest["count"]:
             continue  # its coordinates are those of points in another part
@@ -94,19 +96,19 @@ def motion(console: Console, path: Path) -> None:
         mode_count = f", {modes['count']:,} of {modes.get('of')} modes" if modes else ""
         info_lines.append(
             f"  {part_manifest['name']}: {plural(point_count, 'point')}, "
-            f"{_WORDS[part_manifest['kind']]}{reason_text}{mode_count}"
+            f"{_WORDS_BY_KIND[part_manifest['kind']]}{reason_text}{mode_count}"
         )
     console.data("\n".join(info_lines) + "\n")
 
 
-def _bound(manifest: dict[str, Any]) -> str | None:
+def _bounds_text(manifest: dict[str, Any]) -> str | None:
     """The error bounds of the displacements in words; None if the manifest has none."""
-    bound = manifest.get("bound")
-    if not isinstance(bound, dict):
+    error_bounds = manifest.get("bound")
+    if not isinstance(error_bounds, dict):
         return None
     try:
         amplitude_error, rest_error, flight_error = (
-            float(bound[name]) for name in ("amplitude", "rest", "flight")
+            float(error_bounds[name]) for name in ("amplitude", "rest", "flight")
         )
     except (KeyError, TypeError, ValueError):
         return None

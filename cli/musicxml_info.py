@@ -24,12 +24,14 @@ def musicxml(path: Path) -> tuple[dict[str, object], list[str]]:
     def notes_of(score_part: XmlPart) -> str:
         if not score_part.notes:
             return "no notes"
-        by_height = sorted(score_part.notes, key=lambda note: note.key)
-        low, high = by_height[0].word, by_height[-1].word
-        reach = low if low == high else f"{low} to {high}"
+        notes_by_pitch = sorted(score_part.notes, key=lambda note: note.key)
+        low, high = notes_by_pitch[0].word, notes_by_pitch[-1].word
+        range_text = low if low == high else f"{low} to {high}"
         strengths = [note.strength for note in score_part.notes if note.strength is not None]
-        levels = f", strengths {min(strengths):.2g} to {max(strengths):.2g}" if strengths else ""
-        return f"{plural(len(score_part.notes), 'note')}, {reach}{levels}"
+        strengths_text = (
+            f", strengths {min(strengths):.2g} to {max(strengths):.2g}" if strengths else ""
+        )
+        return f"{plural(len(score_part.notes), 'note')}, {range_text}{strengths_text}"
 
     notes_by_part = {f"part {part.label}": notes_of(part) for part in score.parts[:_PARTS_MAX]}
     if n_unlisted_parts := len(score.parts) - len(notes_by_part):

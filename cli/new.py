@@ -13,10 +13,10 @@ from .console import Console
 from .outcome import Refused
 from .schema import FILE as SCHEMA
 
-_TEMPLATES = Path(str(files("ergon"))) / "cli" / "templates"
+_TEMPLATES_FOLDER = Path(str(files("ergon"))) / "cli" / "templates"
 TEMPLATES = ("bell", "duet")
-_TITLE = "title: A new piece"  # the title in the templates, which are complete scores
-_NAME = re.compile(r"[^\W\d][\w-]*")
+_TEMPLATE_TITLE = "title: A new piece"  # the title in the templates, which are complete scores
+_FOLDER_NAME = re.compile(r"[^\W\d][\w-]*")
 
 
 @click.command()
@@ -27,7 +27,7 @@ _NAME = re.compile(r"[^\W\d][\w-]*")
     default=TEMPLATES[0],
     help="Score to begin with: a key and a bell, or two keys that feel each other.",
 )
-@options.speaking
+@options.with_console
 def new(console: Console, words: tuple[str, ...], template: str) -> None:
     """Make a folder with a score that plays.
 
@@ -39,8 +39,10 @@ def new(console: Console, words: tuple[str, ...], template: str) -> None:
     if len(words) > 1:
         raise Refused(f"a name is one word; write ergon new {'-'.join(words)}")
     folder = Path(words[0])
-    if not _NAME.fullmatch(folder.name):
-        name_advice = f"; write ergon new {folder.stem}" if _NAME.fullmatch(folder.stem) else ""
+    if not _FOLDER_NAME.fullmatch(folder.name):
+        name_advice = (
+            f"; write ergon new {folder.stem}" if _FOLDER_NAME.fullmatch(folder.stem) else ""
+        )
         raise Refused(
             f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _{name_advice}"
         )
@@ -61,15 +63,15 @@ def contents(template: str, piece_name: str) -> dict[str, str]:
     """The files of a new piece and their texts."""
     from .schema import schema_text
 
-    template_folder = _TEMPLATES / template
+    template_folder = _TEMPLATES_FOLDER / template
     piece_title = piece_name.replace("-", " ").replace("_", " ").capitalize()
-    contents_by_path = {}
+    text_by_path = {}
     for path in sorted(template_folder.rglob("*.yaml")):
-        text = path.read_text(encoding="utf-8").replace(_TITLE, f"title: {piece_title}", 1)
-        contents_by_path[str(path.relative_to(template_folder))] = text
-    contents_by_path["README.md"] = _README.format(title=piece_title)
-    contents_by_path[SCHEMA] = schema_text()
-    return contents_by_path
+        text = path.read_text(encoding="utf-8").replace(_TEMPLATE_TITLE, f"title: {piece_title}", 1)
+        text_by_path[str(path.relative_to(template_folder))] = text
+    text_by_path["README.md"] = _README.format(title=piece_title)
+    text_by_path[SCHEMA] = schema_text()
+    return text_by_path
 
 
 _README = """\

@@ -25,7 +25,7 @@ from .bundled import ScorePath
 from .console import Console
 
 F = TypeVar("F", bound=Callable[..., Any])
-_HAS_UNIT = re.compile(r"\d\s*[^\W\d]+$")  # no exponent: that ends in a digit
+_UNIT_AT_END = re.compile(r"\d\s*[^\W\d]+$")  # no exponent: that ends in a digit
 
 
 def _quantity(
@@ -65,7 +65,7 @@ class Number(click.FloatRange):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """The number that was written, in SI units. Raises click.BadParameter."""
-        if self.dimension is not None and isinstance(value, str) and _HAS_UNIT.search(value):
+        if self.dimension is not None and isinstance(value, str) and _UNIT_AT_END.search(value):
             value = _quantity(value, self.dimension, param, ctx)
         try:
             written_number: float = super().convert(value, param, ctx)
@@ -148,32 +148,34 @@ def several(*options: Callable[[F], F]) -> Callable[[F], F]:
     return add
 
 
-def target(text: str) -> Callable[[F], F]:
+def target(help_text: str) -> Callable[[F], F]:
     """The option `-o`, with its help text for this command."""
-    return click.option("-o", "--output", metavar="FILE", help=text)
+    return click.option("-o", "--output", metavar="FILE", help=help_text)
 
 
 def strict(failure: str, code: int = 1) -> Callable[[F], F]:
     """The option `--strict`: what else is a warning ends the command with an exit code."""
-    text = f"Make a warning a failure: exit with code {code} {failure}."
-    return click.option("--strict", is_flag=True, help=text)
+    help_text = f"Make a warning a failure: exit with code {code} {failure}."
+    return click.option("--strict", is_flag=True, help=help_text)
 
 
-def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
+def with_console(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --json, -q and -v, and hand the command a Console as its first argument."""
 
     @click.option("--json", "as_json", is_flag=True, help="Write JSON lines to stdout.")
     @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
     @click.option("-v", "--verbose", is_flag=True, help="Print more messages.")
     @functools.wraps(command)
-    def spoken(*args: Any, as_json: bool, quiet: bool, verbose: bool, **options: Any) -> Any:
+    def with_console_first(
+        *args: Any, as_json: bool, quiet: bool, verbose: bool, **options: Any
+    ) -> Any:
         console = Console(json=as_json, quiet=quiet, verbose=verbose)
         return command(console, *args, **options)
 
-    return spoken
+    return with_console_first
 
 
-def declared(option_class: Any, option_names: str = "") -> Callable[[F], F]:
+def from_dataclass(option_class: Any, option_names: str = "") -> Callable[[F], F]:
     """Options of a command from fields of a dataclass of options: from those in `option_names`, in
     that order, or from all.
     """
@@ -184,17 +186,17 @@ def declared(option_class: Any, option_names: str = "") -> Callable[[F], F]:
 def _option(option_field: dataclasses.Field[Any]) -> Callable[[F], F]:
     option_kind: kinds.Option = option_field.metadata["option"]
     flag = f"--{option_field.name.strip('_').replace('_', '-')}"
-    flags = (_SHORT[flag], flag) if flag in _SHORT else (flag,)
+    flag_words = (_SHORT_FLAGS[flag], flag) if flag in _SHORT_FLAGS else (flag,)
     click_arguments: dict[str, Any] = {}
     match option_kind.accepts:
         case kinds.Switch():
-            flags = (f"{flag}/--no{flag[1:]}",)
+            flag_words = (f"{flag}/--no{flag[1:]}",)
         case kinds.Text(if_alone=str() as value):
             click_arguments = {"is_flag": False, "flag_value": value}
         case kinds.Choice(values=values):
-            by_text = {str(value): value for value in values}
+            value_by_text = {str(value): value for value in values}
             click_arguments = {
-                "callback": lambda _context, _parameter, text: by_text.get(text, text)
+                "callback": lambda _context, _parameter, text: value_by_text.get(text, text)
             }
     if option_field.default is False:
         click_arguments["is_flag"] = True
@@ -208,10 +210,10 @@ def _option(option_field: dataclasses.Field[Any]) -> Callable[[F], F]:
         }
         click_arguments |= {"metavar": option_kind.metavar, "show_default": option_kind.shown}
         click_arguments["required"] = option_kind.is_required
-    return click.option(*flags, option_field.name, help=option_kind.help, **click_arguments)
+    return click.option(*flag_words, option_field.name, help=option_kind.help, **click_arguments)
 
 
-_SHORT = {"--force": "-f"}
+_SHORT_FLAGS = {"--force": "-f"}
 
 
 def _type(accepts: kinds.Accepted) -> click.ParamType | None:  # type: ignore[type-arg] # older clicks' is not generic
@@ -236,15 +238,15 @@ def _type(accepts: kinds.Accepted) -> click.ParamType | None:  # type: ignore[ty
     return None
 
 
-trust = declared(ReadOptions, "trust")
-seed = declared(AccuracyOptions, "seed")
-accuracy = declared(AccuracyOptions, "method error cents plan")
-draft = declared(AccuracyOptions, "draft")
-on = declared(RenderOptions, "on")
-bits = declared(RenderOptions, "bits")
-force = declared(FileOptions, "force")
-view_at = declared(PerformanceOptions, "view_at")
+trust = from_dataclass(ReadOptions, "trust")
+seed = from_dataclass(AccuracyOptions, "seed")
+accuracy = from_dataclass(AccuracyOptions, "method error cents plan")
+draft = from_dataclass(AccuracyOptions, "draft")
+on = from_dataclass(RenderOptions, "on")
+bits = from_dataclass(RenderOptions, "bits")
+force = from_dataclass(FileOptions, "force")
+view_at = from_dataclass(PerformanceOptions, "view_at")
 # Sound output of a performance.
-sound = declared(PerformanceOptions, "audio audio_in block ahead gain to head")
+sound = from_dataclass(PerformanceOptions, "audio audio_in block ahead gain to head")
 # Real hands of a performance, and limits that protect them.
-hands = declared(PerformanceOptions, "live drive unchecked force_max")
+hands = from_dataclass(PerformanceOptions, "live drive unchecked force_max")

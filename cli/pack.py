@@ -17,7 +17,7 @@ from .units import octets
 @options.target("The pack to write; - is stdout. Default: SCORE.ergonpack here.")
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def pack(console: Console, score_path: str, output: str | None, force: bool, trust: bool) -> None:
     """Write a score, and all files that it reads, as one file.
 

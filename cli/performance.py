@@ -16,13 +16,13 @@ from .outcome import Late, Refused
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.led_hands import LedHands
     from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
+    from ergon.live.pointer_hands import PointerHands
     from ergon.scores.staging.stage import Stage
 
 _REFRESH_SECONDS = 0.1  # [s] between two looks: a hand is shown ten times a second
-_SAY = 2.0  # [s] between two lines under --plain
+_SAY_SECONDS = 2.0  # [s] between two lines under --plain
 _DRAIN_SECONDS_MAX = 10.0  # [s] that the sound in the ring buffer may take to be heard
 
 
@@ -34,7 +34,7 @@ class ShownPerformance:
         console: Console,
         stage: Stage,
         performance: _core.Performance,
-        hands: LedHands,
+        hands: PointerHands,
         *,
         strict: bool,
         plain: bool,
@@ -44,16 +44,16 @@ class ShownPerformance:
         from ergon.live.repeated_notices import RepeatedNotices
 
         self._console, self._stage, self._performance = console, stage, performance
-        self._watcher = PerformanceViewer(stage)
+        self._viewer = PerformanceViewer(stage)
         self._players = [hand.player for hand in stage.live_hands]
         self._hands = hands
-        self._boards = [board.display_name for board in hands.boards]
+        self._board_names = [board.display_name for board in hands.boards]
         self._strict = strict
         self._redraws = not (plain or console.json or console.quiet) and sys.stderr.isatty()
-        self._drawn = 0
+        self._n_drawn_lines = 0
         self._last_report = 0.0
-        self._troubled = False
-        self._sound_events = 0
+        self._was_recording_troubled = False
+        self._n_sound_events = 0
         self._notices = RepeatedNotices(stage.rate)
         self._osc: OscServer | None = None
 
@@ -69,47 +69,47 @@ class ShownPerformance:
             begin()
             if osc is not None:
                 self._osc = osc
-                osc.begin(performance, self._stage, config.gain, config.start)
-            if granted := self._granted():
+                osc.begin(performance, self._stage, config.gain, config.start_frame)
+            if granted := self._granted_priority():
                 self._console.detail(f"physics: {granted}")
             while not performance.wait(_REFRESH_SECONDS):
                 self._show()
             self._show(last=True)
             status, sound_input = performance.status(), performance.sound_input()
-            self._rest()
+            self._stop_osc()
         except BaseException:
             performance.panic()
             performance.stop()
-            self._rest()
+            self._stop_osc()
             # The error that ended the performance is reported, not what it caused in a recording.
             with contextlib.suppress(_core.EngineError):
                 performance.close(0.05)
             self._summarise()
             raise
         try:
-            self._tell(performance.close(_DRAIN_SECONDS_MAX))
+            self._tell_events(performance.close(_DRAIN_SECONDS_MAX))
         except _core.EngineError as error:
             raise Refused(str(error)) from None
         self._finish(status, sound_input)
 
-    def _rest(self) -> None:
+    def _stop_osc(self) -> None:
         if self._osc is not None:
             self._osc.stop_serving()
-            self._remark()
+            self._warn_of_osc_remarks()
 
-    def _remark(self) -> None:
+    def _warn_of_osc_remarks(self) -> None:
         for remark in self._osc.remarks() if self._osc is not None else ():
             self._clear()
             self._console.warn(remark)
 
-    def _doubt(self, trouble_text: str | None) -> None:
+    def _warn_of_recording_trouble(self, trouble_text: str | None) -> None:
         """Warn that the recording cannot be written, once for each time that this begins."""
-        if trouble_text and not self._troubled:
+        if trouble_text and not self._was_recording_troubled:
             self._clear()
             self._console.warn(f"the recording cannot be written: {trouble_text}")
-        self._troubled = trouble_text is not None
+        self._was_recording_troubled = trouble_text is not None
 
-    def _granted(self) -> str | None:
+    def _granted_priority(self) -> str | None:
         self._performance.wait(0.02)
         return self._performance.granted()
 
@@ -117,18 +117,18 @@ class ShownPerformance:
         from ergon.live.display import view_lines, view_record
 
         performance, console = self._performance, self._console
-        self._tell(performance.events())
+        self._tell_events(performance.events())
         sound_events = performance.sound_events()
         status = performance.status()
-        for _, sentence in sound_events[self._sound_events :]:
+        for _, sentence in sound_events[self._n_sound_events :]:
             for _, line in self._notices.add_notice(status.frame, "sound", sentence):
                 self._say(line)
-        self._sound_events = len(sound_events)
+        self._n_sound_events = len(sound_events)
         self._say_at(self._notices.due_lines(status.frame))
-        self._remark()
-        recording = performance.recording_trouble()
-        self._doubt(recording)
-        view = self._watcher.view(status, recording)
+        self._warn_of_osc_remarks()
+        recording_trouble = performance.recording_trouble()
+        self._warn_of_recording_trouble(recording_trouble)
+        view = self._viewer.view(status, recording_trouble)
         now = time.monotonic()
         if console.json:
             if last or now - self._last_report >= 1.0:
@@ -138,27 +138,27 @@ class ShownPerformance:
             import shutil
 
             self._draw(view_lines(view, shutil.get_terminal_size().columns - 1))
-        elif last or now - self._last_report >= _SAY:
+        elif last or now - self._last_report >= _SAY_SECONDS:
             self._last_report = now
             console.say(" | ".join(line.strip() for line in view_lines(view, 200)))
 
     def _draw(self, lines: Sequence[str]) -> None:
-        move_up = f"\x1b[{self._drawn}F" if self._drawn else ""
+        move_up = f"\x1b[{self._n_drawn_lines}F" if self._n_drawn_lines else ""
         sys.stderr.write(move_up + "".join(f"\x1b[2K{clean(line)}\n" for line in lines))
         sys.stderr.flush()
-        self._drawn = len(lines)
+        self._n_drawn_lines = len(lines)
 
     def _clear(self) -> None:
         """Leave the drawn lines where they are; the next text is written below them."""
-        self._drawn = 0
+        self._n_drawn_lines = 0
 
-    def _tell(self, events: Sequence[_core.PerformanceEvent]) -> None:
+    def _tell_events(self, events: Sequence[_core.PerformanceEvent]) -> None:
         from ergon.live.display import event_sentence
 
         for event in events:
-            event_frame, event_kind, number = event
-            if sentence := event_sentence(event, self._players, self._boards):
-                seconds = number if event_kind == "lost" else 0.0
+            event_frame, event_kind, lost_seconds = event
+            if sentence := event_sentence(event, self._players, self._board_names):
+                seconds = lost_seconds if event_kind == "lost" else 0.0
                 self._say_at(self._notices.add_notice(event_frame, event_kind, sentence, seconds))
 
     def _say_at(self, lines: Sequence[tuple[int, str]]) -> None:
@@ -201,24 +201,23 @@ class ShownPerformance:
         }
         if sound_input.live:
             record_fields["input_gaps"] = sound_input.gaps
-        if self._osc is not None and (ignored := self._osc.n_malformed):
-            self._console.warn(f"{ignored} datagrams were not valid OSC and were ignored")
+        if self._osc is not None and (n_ignored := self._osc.n_malformed):
+            self._console.warn(f"{n_ignored} datagrams were not valid OSC and were ignored")
         if self._console.json:
             self._console.record("played", **record_fields)
         else:
-            gaps = f", {n_gaps} gaps" if n_gaps else ""
+            gaps_text = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(
-                f"played {played_seconds:.1f} s; {late_ticks} of {status.ticks} ticks late{gaps}"
+                f"played {played_seconds:.1f} s; {late_ticks} of {status.ticks} ticks "
+                f"late{gaps_text}"
             )
         self._summarise()
         if sound_input.missing or sound_input.discarded:
-            missing, early = (
-                sound_input.missing / self._stage.rate,
-                sound_input.discarded / self._stage.rate,
-            )
+            missing_seconds = sound_input.missing / self._stage.rate
+            discarded_seconds = sound_input.discarded / self._stage.rate
             self._console.warn(
-                f"{sound_input.gaps} gaps in the input: {missing:.3f} s of silence in their place, "
-                f"{early:.3f} s left out"
+                f"{sound_input.gaps} gaps in the input: {missing_seconds:.3f} s of silence in "
+                f"their place, {discarded_seconds:.3f} s left out"
             )
         if sound_input.error or sound_input.lost:
             end_reason = (
@@ -227,15 +226,16 @@ class ShownPerformance:
             )
             self._console.warn(f"the recording of the input: {end_reason}")
         if status.dropped:
-            dropped = status.dropped / self._stage.rate
+            dropped_seconds = status.dropped / self._stage.rate
             self._console.warn(
-                f"{dropped:.3f} s of sound were computed but not heard, because the output took "
+                f"{dropped_seconds:.3f} s of sound were computed but not heard, because the "
+                "output took "
                 "them too late; a larger --ahead helps, and a recording of the hands renders all"
             )
         if status.missed:
-            missed = status.missed / self._stage.rate
+            missed_seconds = status.missed / self._stage.rate
             self._console.warn(
-                f"{missed:.3f} s of frozen parts were read too late, and were silent"
+                f"{missed_seconds:.3f} s of frozen parts were read too late, and were silent"
             )
         is_short = status.dropped or status.missed or sound_input.gaps
         if self._strict and (late_ticks or n_gaps or is_short):

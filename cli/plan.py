@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ergon._core import PlanRow
     from ergon.api.work_shares import Shares
 
-_HOW = {
+_METHOD_TEXTS = {
     "stepped": "module by module, CA",
     "oscillators": "each by its own poles",
     "modes": "by modes",
@@ -31,9 +31,18 @@ _HOW = {
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",
 }
-_LOADS, _LARGEST_PARTS = 8, 4  # largest numbers of loads and of parts that are listed
-_BY_EAR_HEAD = "pitch, T60, third octaves, strokes"
-_HEAD = ("part", "modules", "computed", "error", _BY_EAR_HEAD, "cost", "stable", "left out")
+_LOADS_SHOWN_MAX, _PARTS_SHOWN_MAX = 8, 4  # largest numbers of loads and of parts that are listed
+_BY_EAR_COLUMN = "pitch, T60, third octaves, strokes"
+_COLUMN_NAMES = (
+    "part",
+    "modules",
+    "computed",
+    "error",
+    _BY_EAR_COLUMN,
+    "cost",
+    "stable",
+    "left out",
+)
 
 
 @click.command()
@@ -45,10 +54,10 @@ _HEAD = ("part", "modules", "computed", "error", _BY_EAR_HEAD, "cost", "stable",
     help="Explain the plan of one part or module, such as bell or gong.12.",
 )
 @options.on
-@options.declared(AccuracyOptions, "method error cents plan seed")
+@options.from_dataclass(AccuracyOptions, "method error cents plan seed")
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def plan(
     console: Console,
     score_path: str,
@@ -107,15 +116,17 @@ def plan(
                 dearest_cost=None if dearest is None else dearest.cost,
             )
     elif why is not None:
-        console.data("".join(f"{sentence}\n" for row in part_rows for sentence in _why(row)))
-    elif output != "-":
-        shared = "" if worker_shares is None else _shares_text(worker_shares)
         console.data(
-            _table(part_rows)
-            + _seen(seen_rows)
-            + _highest(accuracy_plan)
-            + _summary(accuracy_plan)
-            + shared
+            "".join(f"{sentence}\n" for row in part_rows for sentence in _why_sentences(row))
+        )
+    elif output != "-":
+        shares_text = "" if worker_shares is None else _shares_text(worker_shares)
+        console.data(
+            _table_text(part_rows)
+            + _seen_text(seen_rows)
+            + _highest_modes_text(accuracy_plan)
+            + _summary_text(accuracy_plan)
+            + shares_text
         )
 
 
@@ -123,21 +134,21 @@ def _shares_text(worker_shares: Shares) -> str:
     """The loads of the processes, and what bounds the time."""
     if worker_shares.dearest is None:
         return "nothing to share: banks, and what costs less than its sound, are computed here\n"
-    faster = worker_shares.total / worker_shares.longest
+    speed_up = worker_shares.total / worker_shares.longest
     loads_text = f"on {plural(worker_shares.count, 'worker')}: "
-    loads_text += ", ".join(f"{load:.2g}" for load in worker_shares.loads[:_LOADS])
+    loads_text += ", ".join(f"{load:.2g}" for load in worker_shares.loads[:_LOADS_SHOWN_MAX])
     loads_text += (
-        f"{', …' if worker_shares.count > _LOADS else ''}; here {worker_shares.home:.2g}, and the "
-        "mix; "
+        f"{', …' if worker_shares.count > _LOADS_SHOWN_MAX else ''}; here "
+        f"{worker_shares.home:.2g}, and the mix; "
     )
-    loads_text += f"{faster:.1f} times as fast as one, "
+    loads_text += f"{speed_up:.1f} times as fast as one, "
     if worker_shares.home > worker_shares.dearest.cost:
         return (
             f"{loads_text}never more than {worker_shares.bound:.1f} times: the rest is computed "
             "here\n"
         )
-    part_names = " + ".join(worker_shares.dearest.parts[:_LARGEST_PARTS])
-    ellipsis = ", …" if len(worker_shares.dearest.parts) > _LARGEST_PARTS else ""
+    part_names = " + ".join(worker_shares.dearest.parts[:_PARTS_SHOWN_MAX])
+    ellipsis = ", …" if len(worker_shares.dearest.parts) > _PARTS_SHOWN_MAX else ""
     loads_text += (
         f"never more than {worker_shares.bound:.1f} times: {part_names}{ellipsis} cannot be split "
     )
@@ -152,8 +163,12 @@ def _rows_of(plan_rows: list[PlanRow], module: str) -> list[PlanRow]:
         from ergon.notation.text.spelling import nearest
 
         part_names = sorted({name for row in plan_rows for name in row.parts})
-        close = nearest(part_name, part_names)
-        hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(part_names)}"
+        nearest_name = nearest(part_name, part_names)
+        hint = (
+            f"; did you mean '{nearest_name}'?"
+            if nearest_name
+            else f"; there are {', '.join(part_names)}"
+        )
         raise Refused(f"--why: no part is called '{part_name}'{hint}")
     return part_rows
 
@@ -200,33 +215,40 @@ def _fields(plan_row: PlanRow) -> dict[str, object]:
     }
 
 
-def _table(rows: list[PlanRow]) -> str:
+def _table_text(rows: list[PlanRow]) -> str:
     is_heard = any(row.audible is not None for row in rows)
-    columns = [i for i, heading in enumerate(_HEAD) if is_heard or heading != _BY_EAR_HEAD]
-    return table([line[i] for i in columns] for line in (_HEAD, *(_line(row) for row in rows)))
+    columns = [
+        column_index
+        for column_index, heading in enumerate(_COLUMN_NAMES)
+        if is_heard or heading != _BY_EAR_COLUMN
+    ]
+    return table(
+        [line[column_index] for column_index in columns]
+        for line in (_COLUMN_NAMES, *(_table_row(row) for row in rows))
+    )
 
 
-def _line(plan_row: PlanRow) -> tuple[str, ...]:
+def _table_row(plan_row: PlanRow) -> tuple[str, ...]:
     from ergon.scores.staging.planning import needs_trial
 
-    computed = _HOW[plan_row.what]
+    method_text = _METHOD_TEXTS[plan_row.what]
     if plan_row.modes is not None:
         n_used, n_total = plan_row.modes
-        computed = plural(n_used, _mode(plan_row)) + (
+        method_text = plural(n_used, _mode_noun(plan_row)) + (
             "" if n_used == n_total else f" of {n_total:,}"
         )
     if plan_row.macrostep is not None and plan_row.what != "e4":
-        computed += f", once in {plural(plan_row.macrostep, 'frame')}"
+        method_text += f", once in {plural(plan_row.macrostep, 'frame')}"
     if plan_row.every > 1:
-        steps = "once" if plan_row.oversampling == 1 else f"{plan_row.oversampling} times"
-        computed += f", {steps} in {plural(plan_row.every, 'frame')}"
+        steps_text = "once" if plan_row.oversampling == 1 else f"{plan_row.oversampling} times"
+        method_text += f", {steps_text} in {plural(plan_row.every, 'frame')}"
     elif plan_row.oversampling > 1:
-        computed += f" ×{plan_row.oversampling}"
+        method_text += f" ×{plan_row.oversampling}"
     if plan_row.contact_substeps > 1:
-        order = f" of order {plan_row.contact_order}" if plan_row.contact_order == 2 else ""
-        computed += f", contacts ×{_contact_steps(plan_row)}{order}"
+        order_text = f" of order {plan_row.contact_order}" if plan_row.contact_order == 2 else ""
+        method_text += f", contacts ×{_contact_steps(plan_row)}{order_text}"
     is_left_out = plan_row.what in ("unheard", "still")
-    error = (
+    error_text = (
         ""
         if is_left_out
         else "exact"
@@ -234,19 +256,21 @@ def _line(plan_row: PlanRow) -> tuple[str, ...]:
         else f"{plan_row.error_db:.0f} dB"
     )
     if needs_trial(plan_row) and plan_row.error_db is None:
-        error = "diverges" if plan_row.diverges else "not measured"
+        error_text = "diverges" if plan_row.diverges else "not measured"
     if plan_row.preserved:
-        error += ", preserved"
+        error_text += ", preserved"
     if plan_row.cut_short:
-        error += ", planning ended"
+        error_text += ", planning ended"
     if plan_row.spectral_db is not None:
-        error += f" over {plan_row.error_s:.2g} s, then {plan_row.spectral_db:.1f} dB by spectrum"
+        error_text += (
+            f" over {plan_row.error_s:.2g} s, then {plan_row.spectral_db:.1f} dB by spectrum"
+        )
     elif plan_row.harder_at is not None:
-        error += f" over {plan_row.error_s:.2g} s, then played harder"
+        error_text += f" over {plan_row.error_s:.2g} s, then played harder"
     elif plan_row.unchecked_from is not None and not plan_row.preserved:
-        error += f" over {plan_row.unchecked_from:.2g} s"
+        error_text += f" over {plan_row.unchecked_from:.2g} s"
     by_ear = plan_row.audible
-    audible = (
+    audible_text = (
         ""
         if by_ear is None
         else f"{by_ear.cents:.1f} cents, {100 * by_ear.t60:.1f}%, {by_ear.third_octave_db:.1f} dB, "
@@ -255,21 +279,21 @@ def _line(plan_row: PlanRow) -> tuple[str, ...]:
     return (
         " + ".join(plan_row.parts),
         f"{plan_row.n_mat + plan_row.n_lia:,}",
-        computed,
-        error,
-        audible,
+        method_text,
+        error_text,
+        audible_text,
         "" if is_left_out else f"{plan_row.cost:.2g}",
         plan_row.guarantee or "",
         "" if plan_row.left_out_db is None else f"{plan_row.left_out_db:.0f} dB",
     )
 
 
-def _seen(rows: list[PlanRow]) -> str:
+def _seen_text(rows: list[PlanRow]) -> str:
     """The table of unheard parts that are computed to be drawn."""
-    return f"\nseen, and not heard (--see all):\n{_table(rows)}" if rows else ""
+    return f"\nseen, and not heard (--see all):\n{_table_text(rows)}" if rows else ""
 
 
-def _highest(accuracy_plan: Plan) -> str:
+def _highest_modes_text(accuracy_plan: Plan) -> str:
     """The highest mode of each string and plate."""
     mode_texts = [
         f"{name} {hertz / 1e3:.3g} kHz" for name, hertz in accuracy_plan.highest_modes.items()
@@ -277,7 +301,7 @@ def _highest(accuracy_plan: Plan) -> str:
     return f"\nhighest modes: {', '.join(mode_texts)}\n" if mode_texts else ""
 
 
-def _summary(accuracy_plan: Plan) -> str:
+def _summary_text(accuracy_plan: Plan) -> str:
     from ergon.exchange import machine_speed
 
     cost, correction = accuracy_plan.cost, machine_speed.read_correction()
@@ -286,22 +310,24 @@ def _summary(accuracy_plan: Plan) -> str:
     )
     if correction is not None and cost > 0:
         speed_text += f", {1 / (cost * correction):.3g} × on this machine by `ergon doctor`"
-    planned = f"planned in {accuracy_plan.seconds:.2g} s"
+    planned_text = f"planned in {accuracy_plan.seconds:.2g} s"
     if accuracy_plan.is_kept:
-        planned += " (from the cache)"
-    return f"\ncost {cost:.3g}: {speed_text}; {planned}; plan sha256 {accuracy_plan.hash[:12]}\n"
+        planned_text += " (from the cache)"
+    return (
+        f"\ncost {cost:.3g}: {speed_text}; {planned_text}; plan sha256 {accuracy_plan.hash[:12]}\n"
+    )
 
 
-def _mode(row: PlanRow) -> str:
+def _mode_noun(row: PlanRow) -> str:
     return "complex mode" if row.what == "complex modes" else "mode"
 
 
-def _often(row: PlanRow) -> str:
+def _steps_text(row: PlanRow) -> str:
     times = "once" if row.oversampling == 1 else f"{row.oversampling} times"
     return f"{times} a frame" if row.every == 1 else f"{times} in {plural(row.every, 'frame')}"
 
 
-def _why(row: PlanRow) -> list[str]:
+def _why_sentences(row: PlanRow) -> list[str]:
     """How a part is computed, and why, in sentences."""
     name = " + ".join(row.parts)
     lines = [f"{name}: {plural(row.n_mat, 'MAT')} and {plural(row.n_lia, 'LIA')}."]
@@ -315,8 +341,8 @@ def _why(row: PlanRow) -> list[str]:
         lines.append("  Nothing ever moves it: what is heard of it is a constant.")
     elif row.modes is not None:
         n_used, n_total = row.modes
-        used_modes = f"{plural(n_used, _mode(row))} of {n_total:,}"
-        lines.append(f"  It is linear: {used_modes} are computed, each exactly.")
+        modes_text = f"{plural(n_used, _mode_noun(row))} of {n_total:,}"
+        lines.append(f"  It is linear: {modes_text} are computed, each exactly.")
         if row.left_out_db is not None:
             lines.append(
                 f"  The others together would be {-row.left_out_db:.0f} dB below the rest."
@@ -334,20 +360,22 @@ def _why(row: PlanRow) -> list[str]:
         if row.radius is not None:
             lines.append(f"  Nothing grows from frame to frame: |λ| is at most {row.radius:.9g}.")
     elif row.what == "stepped":
-        lines.append(f"  It is stepped module by module by the CA scheme, {_often(row)}.")
+        lines.append(f"  It is stepped module by module by the CA scheme, {_steps_text(row)}.")
     else:
-        lines.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row)}.")
+        lines.append(
+            f"  It is stepped as one mesh by {_METHOD_TEXTS[row.what]}, {_steps_text(row)}."
+        )
     if row.because is not None:
         lines.append(f"  It is not computed by modes: {row.because}.")
     if row.stays is not None:
         lines.append(f"  The rate that it asks for is not used for {row.stays}.")
     if row.contact_substeps > 1:
         lines.append("  Closed contacts, and single laws, are computed between frames,")
-        steps = plural(_contact_steps(row), "step")
-        lines.append(f"  {steps} a frame or more, of order {row.contact_order}.")
+        steps_text = plural(_contact_steps(row), "step")
+        lines.append(f"  {steps_text} a frame or more, of order {row.contact_order}.")
     if row.error_db is not None and row.error_s is not None:
-        span_text = f"over the first {row.error_s:.2g} s"
-        lines.append(f"  A pilot measured an error of {row.error_db:.0f} dB {span_text}.")
+        pilot_span = f"over the first {row.error_s:.2g} s"
+        lines.append(f"  A pilot measured an error of {row.error_db:.0f} dB {pilot_span}.")
     if row.audible is not None:
         from ergon.scores.staging.planning import error_text
 

@@ -13,22 +13,22 @@ from .console import Console
 from .outcome import Late
 
 # The options that `play` and `duet` share.
-_playing = options.several(
-    options.declared(PlayOptions, "from_ until"),
+_play_options = options.several(
+    options.from_dataclass(PlayOptions, "from_ until"),
     options.sound,
-    options.declared(PlayOptions, "record_input frozen loop"),
+    options.from_dataclass(PlayOptions, "record_input frozen loop"),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
-    options.declared(PlayOptions, "osc osc_to view view_at see"),
+    options.from_dataclass(PlayOptions, "osc osc_to view view_at see"),
     options.strict("when sound was late", Late.exit_code),
-    options.declared(PlayOptions, "seed method error cents plan draft trust"),
-    options.speaking,
+    options.from_dataclass(PlayOptions, "seed method error cents plan draft trust"),
+    options.with_console,
 )
 
 
 @click.command()
 @options.score
 @options.hands
-@_playing
+@_play_options
 @click.option(
     "--watch",
     is_flag=True,
@@ -54,8 +54,8 @@ def play(console: Console, score_path: str, watch: bool, **arguments: Any) -> No
 @click.command()
 @options.score
 @options.hands
-@options.declared(PlayOptions, "guide standin record")
-@_playing
+@options.from_dataclass(PlayOptions, "guide standin record")
+@_play_options
 def duet(console: Console, score_path: str, **arguments: Any) -> None:
     """Play a score with real hands beside written ones.
 
@@ -84,13 +84,15 @@ def _play(
     try:
         while True:
             performance = begin(stage, config, console)
-            shown = ShownPerformance(
+            shown_performance = ShownPerformance(
                 console, stage, performance, prepared.hands, strict=strict, plain=plain
             )
-            shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
+            shown_performance.run(
+                osc, config, partial(warn_of_scaled_forces, performance, stage, console)
+            )
             if not play_options.loop or (osc is not None and osc.is_stop_requested):
                 return
             if play_options.until is None:
-                config = replace(config, start=0)
+                config = replace(config, start_frame=0)
     finally:
         prepared.close()

@@ -45,9 +45,9 @@ def play_watched(console: Console, path: str, play_options: PlayOptions, *, stri
     arguments = {name: getattr(play_options, name) for name in common_names}
     with tempfile.TemporaryDirectory(prefix="ergon-play-") as folder:
         options = SessionOptions(**arguments, watch=True, journal=Path(folder, "session.jsonl"))
-        session = local_session.begin(path, options, console)
+        session = local_session.begin_session(path, options, console)
         _core.stop_on_signals([signal.SIGINT], ends=True)
-        follow(session, console.say, play_options.from_, _looks())
+        follow(session, console.say, play_options.from_, _timed_looks())
 
 
 def follow(
@@ -69,7 +69,7 @@ def follow(
         session.close()
 
 
-def _looks() -> Iterator[None]:
+def _timed_looks() -> Iterator[None]:
     while True:
         time.sleep(_POLL_SECONDS)
         yield

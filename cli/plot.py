@@ -41,7 +41,7 @@ _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
 )
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def plot(
     console: Console,
     score_path: str,
@@ -61,19 +61,21 @@ def plot(
     drawn.
     """
     if is_sound(Path(score_path)):
-        _sound(console, Path(score_path), svg, width, height, force)
+        _plot_sound(console, Path(score_path), svg, width, height, force)
         return
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     if name == NOTES_NAME:
-        _notes(console, loaded, svg, width, height, force)
+        _plot_notes(console, loaded, svg, width, height, force)
         return
     curves, plot_title = drawn_curves(loaded, name, key, console)
     if console.json:
         for curve in curves:
-            values = [None if x != x else x for x in curve.x]
-            console.record("curve", name=curve.name, title=plot_title, t_s=curve.t, x_mm=values)
+            positions_mm = [None if position != position else position for position in curve.x]
+            console.record(
+                "curve", name=curve.name, title=plot_title, t_s=curve.t, x_mm=positions_mm
+            )
     elif svg is None:
-        console.data(f"{plot_title}\n{_text(curves, width, height, 'position [mm]')}")
+        console.data(f"{plot_title}\n{_plot_text(curves, width, height, 'position [mm]')}")
     if svg is not None:
         from ergon.view.svg import plot as draw
 
@@ -81,7 +83,7 @@ def plot(
         _write(console, svg, picture, force, loaded.inputs)
 
 
-def _notes(
+def _plot_notes(
     console: Console,
     loaded: Loaded,
     svg: str | None,
@@ -93,24 +95,26 @@ def _notes(
     from ergon.view.curve import Curve
     from ergon.view.roll import heights, picture
 
-    note_bars, bar_lines, plot_title = struck_bars(loaded, console)
+    notes, bars, plot_title = struck_bars(loaded, console)
     if console.json:
-        for note in note_bars:
+        for note in notes:
             console.record("note", **asdict(note))
     if svg is not None:
-        _write(console, svg, picture(bar_lines, title=plot_title), force, loaded.inputs)
+        _write(console, svg, picture(bars, title=plot_title), force, loaded.inputs)
     elif not console.json:
-        keys, lanes = heights(bar_lines)
-        t = [instant for note in note_bars for instant in (note.begin, note.end, note.end)]
-        x = [height_of for key in keys for height_of in (key, key, nan)]
+        keys, lanes = heights(bars)
+        instants = [instant for note in notes for instant in (note.begin, note.end, note.end)]
+        curve_heights = [key_or_gap for key in keys for key_or_gap in (key, key, nan)]
         axis_label = "time [s]; upwards keys of MIDI, 60 is C4"
         if lanes:
             axis_label += "; without a pitch: "
             axis_label += ", ".join(f"{name} at {key:g}" for name, key in lanes.items())
-        console.data(f"{plot_title}\n{_text([Curve(NOTES_NAME, t, x)], width, height, axis_label)}")
+        curve = Curve(NOTES_NAME, instants, curve_heights)
+        curve_text = _plot_text([curve], width, height, axis_label)
+        console.data(f"{plot_title}\n{curve_text}")
 
 
-def _sound(
+def _plot_sound(
     console: Console,
     path: Path,
     svg: str | None,
@@ -122,32 +126,32 @@ def _sound(
     from ergon.exchange.wave_header import NotWaveError
 
     try:
-        info = read_info(path)
+        wave_info = read_info(path)
     except NotWaveError as error:
         raise Refused(f"{path}: {error}") from None
-    if info.damage is not None:
-        console.warn(f"{path}: {info.damage}")
-    rate = float(info.format.rate)
+    if wave_info.damage is not None:
+        console.warn(f"{path}: {wave_info.damage}")
+    rate = float(wave_info.format.rate)
     if svg is not None:
         from ergon.view.sound import picture
 
-        title = info.title or path.name
-        drawn = picture(read_blocks(path), info.n_frames, rate, title)
-        _write(console, svg, drawn, force, (path,))
+        title = wave_info.title or path.name
+        picture_text = picture(read_blocks(path), wave_info.n_frames, rate, title)
+        _write(console, svg, picture_text, force, (path,))
         return
     from ergon.view.sound import envelope
 
-    curves = envelope(read_blocks(path), info.n_frames, rate)
-    console.data(f"{path}\n{_text(curves, picture_width, picture_height, 'mean of channels')}")
+    curves = envelope(read_blocks(path), wave_info.n_frames, rate)
+    console.data(f"{path}\n{_plot_text(curves, picture_width, picture_height, 'mean of channels')}")
 
 
-def _text(
+def _plot_text(
     curves: Sequence[Curve], picture_width: int | None, picture_height: int, axis_label: str
 ) -> str:
     from ergon.view.braille import plot as draw
 
-    columns = picture_width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    return draw(curves, width=columns, height=picture_height, x_label=axis_label)
+    n_columns = picture_width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    return draw(curves, width=n_columns, height=picture_height, x_label=axis_label)
 
 
 def _write(

@@ -25,14 +25,14 @@ _DRAW_INTERVAL = 0.1  # [s] more often is flicker
 class _Records(Progress):
     def __init__(self, record: Record, task: str, total: int, rate: float) -> None:
         self._record, self._task, self._total, self._rate = record, task, total, rate
-        self._start = self._last = time.monotonic()
+        self._start_instant = self._last_instant = time.monotonic()
 
     def update(self, n_done: int) -> None:
         now = time.monotonic()
-        if now - self._last < _RECORD_INTERVAL:
+        if now - self._last_instant < _RECORD_INTERVAL:
             return
-        self._last = now
-        speed, seconds_left = _estimate(n_done, self._total, self._rate, now - self._start)
+        self._last_instant = now
+        speed, seconds_left = _estimate(n_done, self._total, self._rate, now - self._start_instant)
         fields = {"task": self._task, "frames": n_done, "total": self._total}
         self._record("progress", **fields, x_real_time=speed, left_s=seconds_left)
 
@@ -54,7 +54,7 @@ class _Bar(Progress):
         self._rich = Rich(*bar_columns, console=console, transient=True, auto_refresh=False)
         self._task = self._rich.add_task(task, total=total_steps, speed="")
         self._total, self._rate = total_steps, rate
-        self._start = self._last = time.monotonic()
+        self._start_instant = self._last_instant = time.monotonic()
 
     def __enter__(self) -> Self:
         self._rich.start()
@@ -65,10 +65,10 @@ class _Bar(Progress):
 
     def update(self, n_done: int) -> None:
         now = time.monotonic()
-        if now - self._last < _DRAW_INTERVAL and n_done < self._total:
+        if now - self._last_instant < _DRAW_INTERVAL and n_done < self._total:
             return
-        self._last = now
-        speed, seconds_left = _estimate(n_done, self._total, self._rate, now - self._start)
+        self._last_instant = now
+        speed, seconds_left = _estimate(n_done, self._total, self._rate, now - self._start_instant)
         speed_text = (
             f"{speed:.1f} × real time, {seconds_left:.0f} s left"
             if self._rate

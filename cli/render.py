@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     "The WAV file to write; - is stdout. Default: the file that the score names, or SCORE.wav. Of "
     "several scores: the folder of their files."
 )
-@options.declared(
+@options.from_dataclass(
     FileOptions,
     "from_ until stems wet only except_ channels bits seed rate threads block hands input",
 )
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
     metavar="PART[,PART]",
     help="Write these instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
 )
-@options.declared(FileOptions, "motion see on method error cents plan draft")
+@options.from_dataclass(FileOptions, "motion see on method error cents plan draft")
 @options.dry_run
 @options.force
 @options.strict("when the file is silent")
 @click.option("--watch", is_flag=True, help="Render again whenever the score or its files change.")
 @options.trust
-@options.speaking
+@options.with_console
 def render(
     console: Console,
     score_paths: tuple[str, ...],
@@ -84,7 +84,7 @@ def render(
         if dry or watch or freeze:
             raise Refused("a journal is rendered as it was played: no -n, --watch or --freeze")
         completed = render_journal(Path(score_path), output, file_options, console)
-        _tell(console, completed)
+        _print_completed(console, completed)
         _refuse_silence(strict, completed)
     elif freeze is not None:
         from .freezing import freeze_parts
@@ -114,7 +114,7 @@ def _render_several(
         for prepared in staged_scores(paths, folder, file_options, console):
             dry_run(console, prepared.stage, prepared.job)
         return
-    failed: dict[str, Outcome] = {}
+    outcome_by_score: dict[str, Outcome] = {}
     task, count = f"rendering {len(paths)} scores", len(paths)
     # Without --on, scores are rendered one after the other, each with a bar of its own.
     with console.progress(task, count, 0.0) if file_options.on else Progress() as progress:
@@ -122,17 +122,20 @@ def _render_several(
             render_several(paths, folder, file_options, console), 1
         ):
             if rendered.error is not None:
-                failed[rendered.score] = explain(rendered.error)
-                console.outcome(failed[rendered.score])
-            elif rendered.done is not None:
-                _tell(console, rendered.done)
-                if strict and _is_silent(rendered.done):
-                    failed[rendered.score] = Findings()
+                outcome_by_score[rendered.score] = explain(rendered.error)
+                console.outcome(outcome_by_score[rendered.score])
+            elif rendered.completed is not None:
+                _print_completed(console, rendered.completed)
+                if strict and _is_silent(rendered.completed):
+                    outcome_by_score[rendered.score] = Findings()
             progress.update(render_number)
-    if failed:
-        message = f"{len(failed)} of {plural(len(paths), 'score')} failed: {', '.join(failed)}"
-        kinds = {type(outcome) for outcome in failed.values()}
-        raise (kinds.pop() if len(kinds) == 1 else Findings)(message)
+    if outcome_by_score:
+        message = (
+            f"{len(outcome_by_score)} of {plural(len(paths), 'score')} failed: "
+            f"{', '.join(outcome_by_score)}"
+        )
+        outcome_classes = {type(outcome) for outcome in outcome_by_score.values()}
+        raise (outcome_classes.pop() if len(outcome_classes) == 1 else Findings)(message)
 
 
 def render_file(
@@ -161,7 +164,7 @@ def _render(
         dry_run(console, prepared.stage, prepared.job)
         return None
     completed = write(prepared, console)
-    _tell(console, completed)
+    _print_completed(console, completed)
     return completed
 
 
@@ -174,7 +177,7 @@ def _is_silent(completed: Completed) -> bool:
     return any(diagnostic.code == "W324" for diagnostic in completed.faint)
 
 
-def _tell(console: Console, completed: Completed) -> None:
+def _print_completed(console: Console, completed: Completed) -> None:
     print_rendered(console, completed)
     print_finer_steps(console, completed.reports)
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 @click.argument("score_path", metavar="[SCORE]", required=False, type=ScorePath(opens=False))
 @options.hands
 @options.sound
-@options.declared(SessionOptions, "journal resume frozen midi midi_clock_from midi_clock_to")
-@options.declared(SessionOptions, "osc osc_to view view_at see watch socket")
+@options.from_dataclass(SessionOptions, "journal resume frozen midi midi_clock_from midi_clock_to")
+@options.from_dataclass(SessionOptions, "osc osc_to view view_at see watch socket")
 @click.option("--engine", is_flag=True, hidden=True, help="Be that process.")
 @click.option(
     "--plain",
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 )
 @options.strict("when a line was not taken")
 @options.trust
-@options.speaking
+@options.with_console
 def repl(
     console: Console,
     score_path: str | None,
@@ -58,7 +58,7 @@ def repl(
     if session_options.socket is None:
         from ergon._core import stop_on_signals
 
-        session = local_session.begin(score_path, session_options, console)
+        session = local_session.begin_session(score_path, session_options, console)
         _prompt(session, stop_on_signals, plain=plain, strict=strict)
     elif engine:
         remote_session.serve(score_path, session_options, console)

@@ -33,5 +33,5 @@ def schema_text() -> str:
 
     from ergon.scores.reading.schema import schema as build
 
-    built = {"$comment": "made by ergon schema", **build()}
-    return json.dumps(built, indent=1, ensure_ascii=False) + "\n"
+    schema_fields = {"$comment": "made by ergon schema", **build()}
+    return json.dumps(schema_fields, indent=1, ensure_ascii=False) + "\n"

@@ -36,7 +36,7 @@ from .view import shown_of
 )
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def share(
     console: Console,
     path: str,
@@ -61,7 +61,7 @@ def share(
     output_path = Path(output or f"{source_path.stem}.html")
     with TemporaryDirectory(prefix="ergon-share-") as folder:
         check = partial(check_estimate, path=output_path, limit_mb=limit)
-        shown = shown_of(
+        view_files = shown_of(
             console,
             source_path,
             Path(folder),
@@ -70,8 +70,8 @@ def share(
             check=check,
             until=until,
         )
-        shared = share_file(
-            shown,
+        shared_file = share_file(
+            view_files,
             output_path,
             Path(folder),
             console,
@@ -82,7 +82,11 @@ def share(
         )
     if console.json:
         console.record(
-            "shared", file=shared.path, bytes=shared.size, motion=shared.motion, sound=shared.sound
+            "shared",
+            file=shared_file.path,
+            bytes=shared_file.size,
+            motion=shared_file.motion,
+            sound=shared_file.sound,
         )
         return
-    console.say(f"{shared.path}: {shared.size / 1e6:.1f} MB, opens in any browser")
+    console.say(f"{shared_file.path}: {shared_file.size / 1e6:.1f} MB, opens in any browser")

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 
 Handler = Callable[[int, FrameType | None], None]
-_AGAIN = 0.01  # [s] until a signal that was lost comes again
+_RESEND_SECONDS = 0.01  # [s] until a signal that was lost comes again
 _sending: list[int] = []  # signals that threads are sending at this moment
 
 
@@ -37,13 +37,13 @@ def signals_as_exceptions(
     """
     arrived: list[int] = []
     over: list[bool] = []  # has an item once no signal is to come again
-    watched: list[weakref.finalize[[int], Terminated]] = []
+    finalisers: list[weakref.finalize[[int], Terminated]] = []
 
     def interrupt(signal_number: int, signal_frame: FrameType | None) -> None:
         if over:  # one that came again too late
             return
         if _is_rescued(signal_frame):  # an exception raised there is dropped too
-            _again(signal_number, over)
+            _send_again(signal_number, over)
             return
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         arrived.append(signal_number)
@@ -58,11 +58,11 @@ def signals_as_exceptions(
     def watch(error: Terminated) -> Terminated:
         # Code that looks for an attribute, as during an import, may swallow any exception: let the
         # signal come again when the exception is dropped.
-        watched.append(weakref.finalize(error, come_again, error.number))
+        finalisers.append(weakref.finalize(error, come_again, error.number))
         return error
 
     def come_again(number: int) -> None:
-        _again(number, over)
+        _send_again(number, over)
 
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -79,7 +79,7 @@ def signals_as_exceptions(
         if signal.getsignal(number) is not signal.SIG_IGN
     }
     try:
-        with _not_lost(handlers, over):
+        with _with_rescue(handlers, over):
             yield
     except (KeyboardInterrupt, Terminated):
         raise
@@ -88,13 +88,15 @@ def signals_as_exceptions(
         # import makes of it.
         if not arrived or not (is_unexpected(error) or _is_caused_by_signal(error)):
             raise
-        ended = KeyboardInterrupt() if arrived[-1] == signal.SIGINT else Terminated(arrived[-1])
-        raise ended from error
+        signal_exception = (
+            KeyboardInterrupt() if arrived[-1] == signal.SIGINT else Terminated(arrived[-1])
+        )
+        raise signal_exception from error
     finally:
         over.append(True)
         while _sending:  # signals under way must not reach the former handlers
-            time.sleep(_AGAIN)
-        for finaliser in watched:
+            time.sleep(_RESEND_SECONDS)
+        for finaliser in finalisers:
             finaliser.detach()
         for number, handler in handlers_before.items():
             signal.signal(number, handler)
@@ -115,10 +117,10 @@ def until_interrupted() -> None:
     the wait begins, or in another thread. The byte that Python writes for each signal is never
     missed.
     """
-    signal_socket, pythons = socket.socketpair()
-    with signal_socket, pythons:
-        pythons.setblocking(False)
-        wakeup_before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
+    signal_socket, wakeup_socket = socket.socketpair()
+    with signal_socket, wakeup_socket:
+        wakeup_socket.setblocking(False)
+        wakeup_before = signal.set_wakeup_fd(wakeup_socket.fileno(), warn_on_full_buffer=False)
         try:
             while True:
                 signal_socket.recv(1)
@@ -126,11 +128,11 @@ def until_interrupted() -> None:
             signal.set_wakeup_fd(wakeup_before)
 
 
-def _again(signal_number: int, over: list[bool]) -> None:
+def _send_again(signal_number: int, over: list[bool]) -> None:
     """Send a signal again later from a thread: here its exception would be dropped as well."""
 
-    def come() -> None:
-        time.sleep(_AGAIN)
+    def send_later() -> None:
+        time.sleep(_RESEND_SECONDS)
         _sending.append(signal_number)
         try:
             if not over:
@@ -139,7 +141,7 @@ def _again(signal_number: int, over: list[bool]) -> None:
             _sending.pop()
 
     # Take no lock of `threading`: a handler may have interrupted the holder of that lock.
-    _thread.start_new_thread(come, ())
+    _thread.start_new_thread(send_later, ())
 
 
 def _interrupt(signal_number: int) -> None:
@@ -166,7 +168,7 @@ class _Rescue:
             self.before(dropped)
         elif isinstance(error, KeyboardInterrupt):  # Terminated comes again by itself
             signal.signal(signal.SIGINT, self.handlers[signal.SIGINT])
-            _again(signal.SIGINT, self.over)
+            _send_again(signal.SIGINT, self.over)
 
 
 def _is_rescued(signal_frame: FrameType | None) -> bool:
@@ -179,7 +181,7 @@ def _is_rescued(signal_frame: FrameType | None) -> bool:
 
 
 @contextlib.contextmanager
-def _not_lost(handlers: Mapping[int, Handler], over: list[bool]) -> Iterator[None]:
+def _with_rescue(handlers: Mapping[int, Handler], over: list[bool]) -> Iterator[None]:
     """Raise a signal's exception again after Python has dropped it.
 
     Python drops exceptions that are raised in a finaliser or in the callback of a weak

@@ -23,60 +23,60 @@ if TYPE_CHECKING:
 def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None:
     """Compute a score to its end, and say what keys, masses and contacts did."""
     simulation = simulate(piece, f"simulating {path}", console)
-    _keys(console, piece, simulation.followed)
-    _swings(console, simulation.swings)
-    _contacts(console, piece, simulation.rate, simulation.contacts)
+    _print_followed(console, piece, simulation.followed)
+    _print_swings(console, simulation.swings)
+    _print_contacts(console, piece, simulation.rate, simulation.contacts)
     if simulation.left_out:
         console.say(f"{plural(simulation.left_out, 'more point and contact')} not measured")
-    contact_rows = [
+    contact_warnings = [
         *never_closed_warnings(piece, simulation),
         *closed_once_warnings(piece, simulation),
         *never_stuck_warnings(simulation),
     ]
-    score.show(console, loaded, contact_rows)
+    score.show(console, loaded, contact_warnings)
 
 
-def _swings(console: Console, moved: Sequence[Excursion]) -> None:
-    for movement in moved:
-        if movement.point.is_fixed:
+def _print_swings(console: Console, excursions: Sequence[Excursion]) -> None:
+    for excursion in excursions:
+        if excursion.point.is_fixed:
             continue
         if console.json:
             console.record(
-                "swing", mass=movement.point.name, low_m=movement.low, high_m=movement.high
+                "swing", mass=excursion.point.name, low_m=excursion.low, high_m=excursion.high
             )
-        elif movement.high > movement.low:
-            low, high = metres(movement.low), metres(movement.high)
-            console.data(f"{movement.point.name}: from {low} to {high}\n")
+        elif excursion.high > excursion.low:
+            low, high = metres(excursion.low), metres(excursion.high)
+            console.data(f"{excursion.point.name}: from {low} to {high}\n")
         else:
-            console.data(f"{movement.point.name}: does not move\n")
+            console.data(f"{excursion.point.name}: does not move\n")
 
 
-def _contacts(
-    console: Console, piece: Piece, rate: float, closed: Sequence[ContactClosings]
+def _print_contacts(
+    console: Console, piece: Piece, rate: float, all_closings: Sequence[ContactClosings]
 ) -> None:
-    for contact in closed:
-        contact_names = f"{contact.contact.a.name} on {contact.contact.b.name}"
+    for closings in all_closings:
+        contact_names = f"{closings.contact.a.name} on {closings.contact.b.name}"
         if console.json:
             console.record(
                 "contact",
-                name=contact.contact.name,
-                striker=contact.contact.a.name,
-                struck=contact.contact.b.name,
-                closed=contact.times,
-                first_s=None if contact.first is None else contact.first / rate,
-                deepest_m=contact.deepest,
+                name=closings.contact.name,
+                striker=closings.contact.a.name,
+                struck=closings.contact.b.name,
+                closed=closings.times,
+                first_s=None if closings.first is None else closings.first / rate,
+                deepest_m=closings.deepest,
             )
-        elif contact.first is not None:
-            first_contact = score.where(piece, contact.first / rate)
+        elif closings.first is not None:
+            first_contact = score.where(piece, closings.first / rate)
             console.data(
-                f"{contact.contact.name} ({contact_names}): closed "
-                f"{plural(contact.times, 'time')}, first "
+                f"{closings.contact.name} ({contact_names}): closed "
+                f"{plural(closings.times, 'time')}, first "
                 "at "
-                f"{first_contact}, {metres(contact.deepest)} deep at most\n"
+                f"{first_contact}, {metres(closings.deepest)} deep at most\n"
             )
 
 
-def _keys(console: Console, piece: Piece, fidelities: Sequence[GestureFidelity]) -> None:
+def _print_followed(console: Console, piece: Piece, fidelities: Sequence[GestureFidelity]) -> None:
     for fidelity in fidelities:
         instant_text = None if isnan(fidelity.worst_at) else score.where(piece, fidelity.worst_at)
         if console.json:

@@ -72,7 +72,7 @@ _MAPS_HELP = (
 @options.on
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def stability(
     console: Console,
     score_path: str | None,

@@ -20,13 +20,13 @@ from .recording import SUFFIX
 from .tables import table
 from .units import metres, seconds
 
-_LARGEST = 3  # shares of modes that are printed for a point
+_SHARES_SHOWN_MAX = 3  # shares of modes that are printed for a point
 
 
 @click.command()
 @click.argument("score_path", metavar="SCORE|TAKE", type=ScorePath())
 @click.argument("parts", metavar="[PART]...", nargs=-1)
-@options.declared(StatsOptions, "upto")
+@options.from_dataclass(StatsOptions, "upto")
 @click.option(
     "--cutoff",
     metavar="FREQUENCY",
@@ -35,7 +35,7 @@ _LARGEST = 3  # shares of modes that are printed for a point
     help="Of a take: speed and acceleration below this frequency.",
 )
 @options.trust
-@options.speaking
+@options.with_console
 def stats(
     console: Console, score_path: str, parts: tuple[str, ...], cutoff: str, **arguments: Any
 ) -> None:
@@ -71,15 +71,15 @@ def stats(
         for part in part_stats:
             _record(console, part)
     else:
-        console.data("\n".join(_lines(part) for part in part_stats))
+        console.data("\n".join(_stats_text(part) for part in part_stats))
 
 
-def _lines(part_stats: PartStats) -> str:
+def _stats_text(part_stats: PartStats) -> str:
     fixed_points = plural(part_stats.n_held, "fixed point")
     if not part_stats.n_masses:
         return f"{part_stats.part}: {fixed_points}; nothing in it moves\n"
     masses = "1 mass" if part_stats.n_masses == 1 else f"{part_stats.n_masses:,} masses"
-    mass_range = _range(part_stats.masses, _kilograms)
+    mass_range = _range_text(part_stats.masses, _kilograms)
     stats_text = (
         f"{part_stats.part}: {masses} of {mass_range}, {_kilograms(part_stats.mass)} in all; "
         f"{fixed_points}\n"
@@ -92,37 +92,35 @@ def _lines(part_stats: PartStats) -> str:
     if part_stats.links:
         table_rows = [("links", "count", "stiffness", "damping")]
         for stiff_link in part_stats.links:
-            stiffness = _range(stiff_link.stiffness, lambda k: f"{k:.4g} N/m")
-            damping = _range(stiff_link.damping, lambda z: f"{z:.4g} N·s/m")
+            stiffness = _range_text(stiff_link.stiffness, lambda k: f"{k:.4g} N/m")
+            damping = _range_text(stiff_link.damping, lambda z: f"{z:.4g} N·s/m")
             table_rows.append((stiff_link.kind, f"{stiff_link.count:,}", stiffness, damping))
         stats_text += f"\n{table(table_rows)}"
-    return f"{stats_text}\n{_modes(part_stats)}{_points(part_stats)}"
+    return f"{stats_text}\n{_modes_text(part_stats)}{_points_text(part_stats)}"
 
 
-def _modes(part_stats: PartStats) -> str:
-    f, t60 = (
-        part_stats.modes.frequencies[part_stats.n_free :],
-        part_stats.modes.t60[part_stats.n_free :],
-    )
-    modes_sentence = f"{plural(len(f), 'mode')} in this range"
-    if len(f):
+def _modes_text(part_stats: PartStats) -> str:
+    frequencies = part_stats.modes.frequencies[part_stats.n_free :]
+    t60 = part_stats.modes.t60[part_stats.n_free :]
+    modes_sentence = f"{plural(len(frequencies), 'mode')} in this range"
+    if len(frequencies):
         low, high = (float(t60.min()), float(t60.max()))
-        decay_text = "no loss" if math.isinf(low) else _range((low, high), _seconds)
-        modes_sentence += f", {f[0]:.2f} to {f[-1]:.2f} Hz, T60 {decay_text}"
+        decay_text = "no loss" if math.isinf(low) else _range_text((low, high), _seconds)
+        modes_sentence += f", {frequencies[0]:.2f} to {frequencies[-1]:.2f} Hz, T60 {decay_text}"
     if part_stats.n_free:
         modes_sentence += f", and {plural(part_stats.n_free, 'motion')} that no spring resists"
-    stable = "not known to be stable by up to 16 steps a frame"
+    stability_text = "not known to be stable by up to 16 steps a frame"
     if part_stats.guarantee is not None:
         steps = part_stats.oversampling
-        often = "one step a frame" if steps == 1 else f"{steps} steps a frame"
-        stable = f"stable by {often} ({part_stats.guarantee})"
-    modes_text = f"{modes_sentence}; highest of all {part_stats.highest:.2f} Hz; {stable}\n"
+        steps_text = "one step a frame" if steps == 1 else f"{steps} steps a frame"
+        stability_text = f"stable by {steps_text} ({part_stats.guarantee})"
+    modes_text = f"{modes_sentence}; highest of all {part_stats.highest:.2f} Hz; {stability_text}\n"
     bands = zip(part_stats.third_octaves, part_stats.counts, strict=True)
     band_texts = [f"{middle:.0f} Hz: {count}" for middle, count in bands if count]
     return modes_text + (f"modes by third octave: {', '.join(band_texts)}\n" if band_texts else "")
 
 
-def _points(part_stats: PartStats) -> str:
+def _points_text(part_stats: PartStats) -> str:
     if not part_stats.points:
         return ""
     table_rows = [
@@ -146,17 +144,18 @@ def _points(part_stats: PartStats) -> str:
 
 
 def _largest_text(part_stats: PartStats, point_stats: PointStats) -> str:
-    share_order = sorted(range(len(point_stats.shares)), key=lambda i: -point_stats.shares[i])[
-        :_LARGEST
-    ]
+    share_order = sorted(
+        range(len(point_stats.shares)), key=lambda mode_index: -point_stats.shares[mode_index]
+    )[:_SHARES_SHOWN_MAX]
     return ", ".join(
-        f"{part_stats.modes.frequencies[i]:.1f} Hz {100 * point_stats.shares[i]:.3g}%"
-        for i in share_order
-        if point_stats.shares[i] >= 5e-4
+        f"{part_stats.modes.frequencies[mode_index]:.1f} Hz "
+        f"{100 * point_stats.shares[mode_index]:.3g}%"
+        for mode_index in share_order
+        if point_stats.shares[mode_index] >= 5e-4
     )
 
 
-def _range(low_and_high: tuple[float, float], with_unit: Any) -> str:
+def _range_text(low_and_high: tuple[float, float], with_unit: Any) -> str:
     low, high = with_unit(low_and_high[0]), with_unit(low_and_high[1])
     return str(low) if low == high else f"{low} to {high}"
 
@@ -176,10 +175,8 @@ def _record(console: Console, part_stats: PartStats) -> None:
     def finite(x: float) -> float | None:
         return None if math.isinf(x) else x
 
-    f, t60 = (
-        part_stats.modes.frequencies[part_stats.n_free :],
-        part_stats.modes.t60[part_stats.n_free :],
-    )
+    frequencies = part_stats.modes.frequencies[part_stats.n_free :]
+    t60 = part_stats.modes.t60[part_stats.n_free :]
     console.record(
         "stats",
         part=part_stats.part,
@@ -197,10 +194,12 @@ def _record(console: Console, part_stats: PartStats) -> None:
             }
             for link in part_stats.links
         ],
-        modes=len(f),
+        modes=len(frequencies),
         certified=part_stats.modes.is_certified,
         free_motions=part_stats.n_free,
-        frequency_range_hz=[float(f[0]), float(f[-1])] if len(f) else [],
+        frequency_range_hz=[float(frequencies[0]), float(frequencies[-1])]
+        if len(frequencies)
+        else [],
         t60_range_s=[finite(float(t60.min())), finite(float(t60.max()))] if len(t60) else [],
         third_octaves_hz=part_stats.third_octaves.tolist(),
         modes_by_third_octave=part_stats.counts.tolist(),

@@ -73,7 +73,7 @@ def _movement_lines(movement: MovementStats) -> Iterator[str]:
     yield f"  spectrum      of the velocity: {movement.centre:.3g} Hz, ±{movement.bandwidth:.3g} Hz"
     reversals_text = f"  reversals     {len(movement.reversals):,}"
     if len(movement.strikes):
-        instants = ", ".join(f"{t:.3f}" for t in movement.strikes[:_STRIKES_LISTED_MAX])
+        instants = ", ".join(f"{instant:.3f}" for instant in movement.strikes[:_STRIKES_LISTED_MAX])
         ellipsis = ", …" if len(movement.strikes) > _STRIKES_LISTED_MAX else ""
         reversals_text += f"; {plural(len(movement.strikes), 'strike')}, at {instants}{ellipsis} s"
     yield reversals_text
@@ -105,19 +105,24 @@ def _joules(energy_joules: float) -> str:
 
 
 def _record(console: Console, hand: HandStats) -> None:
-    moved, force_stats = hand.movement, hand.force
-    movement = None
-    if moved is not None:
-        movement = {f.name: getattr(moved, f.name) for f in fields(moved)}
-        movement |= {"reversals": moved.reversals.tolist(), "strikes": moved.strikes.tolist()}
+    movement_stats, force_stats = hand.movement, hand.force
+    movement_fields = None
+    if movement_stats is not None:
+        movement_fields = {
+            field.name: getattr(movement_stats, field.name) for field in fields(movement_stats)
+        }
+        movement_fields |= {
+            "reversals": movement_stats.reversals.tolist(),
+            "strikes": movement_stats.strikes.tolist(),
+        }
     console.record(
         "hand",
         hand=hand.hand,
         ticks=hand.n_ticks,
         lost=hand.n_lost,
         held=hand.n_held,
-        movement=movement,
+        movement=movement_fields,
         force=None
         if force_stats is None
-        else {f.name: getattr(force_stats, f.name) for f in fields(force_stats)},
+        else {field.name: getattr(force_stats, field.name) for field in fields(force_stats)},
     )

@@ -20,7 +20,7 @@ def make_whole() -> None:
     for file_number, (stream_name, stream_mode) in enumerate(_NAMES):
         stream = getattr(sys, stream_name)
         if stream is None:
-            null = open(_null(file_number), stream_mode, encoding="utf-8", closefd=False)  # noqa: SIM115
+            null = open(_open_null(file_number), stream_mode, encoding="utf-8", closefd=False)  # noqa: SIM115
             setattr(sys, stream_name, null)
         elif isinstance(stream, io.TextIOWrapper) and stream_mode == "w":
             stream.reconfigure(errors="backslashreplace")
@@ -38,7 +38,7 @@ def flush_and_close() -> OSError | None:
     """
     failure = None
     for stream, stream_name in ((sys.stdout, "standard output"), (sys.stderr, "standard error")):
-        file_number = _number(stream)
+        file_number = _file_number(stream)
         if file_number is None:
             continue
         try:
@@ -54,14 +54,16 @@ def flush_and_close() -> OSError | None:
 
 
 def _lead_to_one_place() -> bool:
-    file_numbers = [_number(stream) for stream in (sys.stdout, sys.stderr)]
+    file_numbers = [_file_number(stream) for stream in (sys.stdout, sys.stderr)]
     if None in file_numbers:
         return False
-    out, err = (os.fstat(number) for number in file_numbers if number is not None)
-    return os.path.samestat(out, err)
+    stdout_status, stderr_status = (
+        os.fstat(number) for number in file_numbers if number is not None
+    )
+    return os.path.samestat(stdout_status, stderr_status)
 
 
-def _number(stream: Any) -> int | None:
+def _file_number(stream: Any) -> int | None:
     """The number of an open stream; None for what is no file, as in a test that captures it."""
     try:
         file_number: int = stream.fileno()
@@ -71,7 +73,7 @@ def _number(stream: Any) -> int | None:
     return file_number
 
 
-def _null(file_number: int) -> int:
+def _open_null(file_number: int) -> int:
     """Open the null device under the stream's own number, if that is free."""
     try:
         os.fstat(file_number)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from ergon.rendering.level import Level
     from ergon.scores.staging.stage import Reports, Stage
 
-_QUIETER = 0.5  # [LU] below what was asked for: worth a line
-_SHORT = 12  # digits of a hash that are shown
+_QUIETER_LU_MIN = 0.5  # [LU] below what was asked for: worth a line
+_HASH_DIGITS_SHOWN = 12  # digits of a hash that are shown
 _GUARANTEES = ("proved", "guarded", "tried")  # from the strongest to the weakest
 # The scheme diverges at this λmax (Jury): the ratio is how much stiffer everything may become.
 _LAMBDA_LIMIT = 4.0
@@ -84,15 +84,16 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
     render_files, job = completed.files, completed.job
     mix, duration = render_files.mix, job.n_frames / job.format.rate
     peak = decibels(mix.peak)
-    channels = plural(job.format.n_channels, "channel")
-    gain = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_levelled else ""
-    recalled = f" ({render_files.recalled:.0%} recalled)" if render_files.recalled > 0 else ""
-    measured = loudness_of(mix.loudness, mix.peak, duration)
-    digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
+    channels_text = plural(job.format.n_channels, "channel")
+    gain_text = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_levelled else ""
+    recalled_text = f" ({render_files.recalled:.0%} recalled)" if render_files.recalled > 0 else ""
+    loudness_text = loudness_of(mix.loudness, mix.peak, duration)
+    shown_hash = mix.sha256 if console.verbose else mix.sha256[:_HASH_DIGITS_SHOWN]
     console.say(
-        f"{_name_of(mix)}: {seconds(duration)}, {channels}, {speed:.3g} × real time{recalled}, "
+        f"{_name_of(mix)}: {seconds(duration)}, {channels_text}, {speed:.3g} × real "
+        f"time{recalled_text}, "
         f"peak {level(peak, 'dBFS')}, true peak {level(decibels(mix.true_peak), 'dBTP')}, "
-        f"loudness {measured}{gain}, sha256 {digits}"
+        f"loudness {loudness_text}{gain_text}, sha256 {shown_hash}"
     )
     if job.start == 0 and not job.is_part:
         _say_if_quieter(console, job.level, mix)
@@ -117,8 +118,8 @@ def _warn_of_levels(console: Console, completed: Completed) -> None:
     """Warn of stems below the mix, of silence, and of files that clip."""
     render_files, mix = completed.files, completed.files.mix
     if render_files.stems and render_files.stems[0].gain != mix.gain:
-        lower = decibels(render_files.stems[0].gain / mix.gain)
-        console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
+        stem_db = decibels(render_files.stems[0].gain / mix.gain)
+        console.warn(f"stems are {stem_db:+.1f} dB against the mix, where one of them would clip")
     if mix.peak == 0 and not completed.faint:  # a journal's render has no place in a score
         name = _name_of(mix)
         console.warn(f"{name} is silent; `ergon check --simulate` says what moves and what touches")
@@ -140,7 +141,7 @@ def _say_if_quieter(console: Console, level_asked: Level, mix: RenderedFile) -> 
     if level_asked.loudness is None or mix.loudness == -math.inf:
         return
     loudness_below = level_asked.loudness - mix.loudness
-    if loudness_below >= _QUIETER and level_asked.limit is None:
+    if loudness_below >= _QUIETER_LU_MIN and level_asked.limit is None:
         console.say(
             f"{mix.path} is {loudness_below:.1f} dB below the {level_asked.loudness:g} LUFS of its "
             f"master, since the highest peak of the piece is at {TRUE_PEAK_DB_MAX:g} dBTP; `limit: "
@@ -215,19 +216,19 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
             certificate=guarantee,
         )
         return
-    channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
+    channels_text, bits = plural(job.format.n_channels, "channel"), job.format.bits
     format_text = f"{job.format.rate} Hz, " + (
         "32-bit float" if bits == "float" else f"{bits} bits"
     )
-    bound = "at most " if job.has_open_end else ""
-    steps = simulated * (stage.network.n_mat + stage.network.n_lia)
+    bound_text = "at most " if job.has_open_end else ""
+    n_module_steps = simulated * (stage.network.n_mat + stage.network.n_lia)
     job_lines = [
-        f"{job.target}: {bound}{seconds(job.n_frames / job.format.rate)}, {channels}, "
+        f"{job.target}: {bound_text}{seconds(job.n_frames / job.format.rate)}, {channels_text}, "
         f"{format_text}",
         f"disk: {octets(output_bytes)} in {plural(n_files, 'file')}, {octets(n_bytes_kept)} more "
         "while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
-        f"{simulated:,} frames, {steps:.3g} module-steps",
+        f"{simulated:,} frames, {n_module_steps:.3g} module-steps",
         f"stability: {guarantee}, as planned; {_plain_stability(margin)}",
     ]
     console.data("\n".join(job_lines) + "\n")

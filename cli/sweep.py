@@ -18,7 +18,7 @@ from .tables import table
 if TYPE_CHECKING:
     from ergon.api.sweep_table import SweepRow
 
-_SHOWN = {
+_COLUMN_BY_FIGURE = {
     "loudness_lufs": "LUFS",
     "centroid_hz": "centroid [Hz]",
     "pitch_hz": "pitch [Hz]",
@@ -31,7 +31,7 @@ _SHOWN = {
 
 @click.command()
 @options.score
-@options.declared(SweepOptions, "vary zip")
+@options.from_dataclass(SweepOptions, "vary zip")
 @click.option(
     "-o",
     "--output",
@@ -40,16 +40,16 @@ _SHOWN = {
     metavar="DIR",
     help="The folder of sounds, table and picture. Default: SCORE.sweep.",
 )
-@options.declared(SweepOptions, "sound jobs")
+@options.from_dataclass(SweepOptions, "sound jobs")
 @options.on
 @options.bits
 @options.seed
-@options.declared(SweepOptions, "rate")
+@options.from_dataclass(SweepOptions, "rate")
 @options.accuracy
 @options.draft
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def sweep(console: Console, score_path: str, **arguments: Any) -> None:
     """Render variants of a score, with a table and a picture of what they are like.
 
@@ -59,26 +59,31 @@ def sweep(console: Console, score_path: str, **arguments: Any) -> None:
     """
     sweep_result = make_sweep(score_path, SweepOptions(**arguments), report=console)
     if not console.json:
-        console.data(_lines(sweep_result.targets, sweep_result.rows))
+        console.data(_table_text(sweep_result.targets, sweep_result.rows))
     if sweep_result.n_known:
         console.say(f"{plural(sweep_result.n_known, 'variant')} of an earlier run kept")
     console.say(f"wrote {sweep_result.table} and {sweep_result.picture}")
-    failed = [row for row in sweep_result.rows if row.status != "ok"]
-    if failed:
+    failed_rows = [row for row in sweep_result.rows if row.status != "ok"]
+    if failed_rows:
         message = (
-            f"{plural(len(failed), 'variant')} of {len(sweep_result.rows):,} failed; the first: "
+            f"{plural(len(failed_rows), 'variant')} of {len(sweep_result.rows):,} failed; the "
+            "first: "
         )
-        outcome = Diverged if all(row.status == "diverged" for row in failed) else Findings
-        raise outcome(message + failed[0].reason)
+        outcome_class = (
+            Diverged if all(row.status == "diverged" for row in failed_rows) else Findings
+        )
+        raise outcome_class(message + failed_rows[0].reason)
 
 
-def _lines(targets: tuple[str, ...], sweep_rows: tuple[SweepRow, ...]) -> str:
-    shown = [
-        name for name in _SHOWN if any(row.figures.get(name) is not None for row in sweep_rows)
+def _table_text(targets: tuple[str, ...], sweep_rows: tuple[SweepRow, ...]) -> str:
+    shown_figures = [
+        name
+        for name in _COLUMN_BY_FIGURE
+        if any(row.figures.get(name) is not None for row in sweep_rows)
     ]
-    table_rows = [(*targets, *(_SHOWN[name] for name in shown), "")]
+    table_rows = [(*targets, *(_COLUMN_BY_FIGURE[name] for name in shown_figures), "")]
     for row in sweep_rows:
-        value_texts = [_value_text(row.figures.get(name)) for name in shown]
+        value_texts = [_value_text(row.figures.get(name)) for name in shown_figures]
         table_rows.append((*row.values, *value_texts, "" if row.status == "ok" else row.status))
     return table(table_rows)
 

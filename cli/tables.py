@@ -12,9 +12,9 @@ def table(text_rows: Iterable[Sequence[str]], *, right: bool = False) -> str:
     """
     cell_rows = list(text_rows)
     widths = [max(len(cell) for cell in column) for column in zip(*cell_rows, strict=True)]
-    place = str.rjust if right else str.ljust
+    align = str.rjust if right else str.ljust
     padded_lines = (
-        "  ".join(place(cell, width) for cell, width in zip(row, widths, strict=True))
+        "  ".join(align(cell, width) for cell, width in zip(row, widths, strict=True))
         for row in cell_rows
     )
     return "".join(f"{line.rstrip()}\n" for line in padded_lines)

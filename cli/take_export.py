@@ -24,7 +24,7 @@ _FORMS = (".csv", ".npz", ".wav")
 @options.target("The file to write: .csv, .npz or .wav, by its ending; - writes CSV to stdout.")
 @options.dry_run
 @options.force
-@options.speaking
+@options.with_console
 def export(console: Console, file: str, output: str | None, dry: bool, force: bool) -> None:
     """Write a recording as CSV, npz or WAV.
 

@@ -49,7 +49,7 @@ from .outcome import Refused
 )
 @options.dry_run
 @options.force
-@options.speaking
+@options.with_console
 def import_take(
     console: Console,
     file: str,
@@ -85,12 +85,12 @@ def import_take(
         )
     if path.suffix.lower() == recording.SUFFIX:
         raise Refused(f"{file} is a recording already")
-    hertz = None if rate is None else _hertz(rate, "--rate")
+    sample_rate = None if rate is None else _hertz(rate, "--rate")
     audio_rate = _hertz(audio, "--audio")
     samples_by_name = {}
     try:
         for channel_name in channels or (None,):
-            samples = read(path, channel_name, rate=hertz, unit=unit)
+            samples = read(path, channel_name, rate=sample_rate, unit=unit)
             if samples.damage is not None:
                 console.warn(f"{file}: {samples.damage}")
             samples_by_name[channel_name or path.stem] = samples.t, samples.x

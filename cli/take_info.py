@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("file", metavar="FILE")
-@options.speaking
+@options.with_console
 def info(console: Console, file: str) -> None:
     """Say what a take holds, and whether it is whole.
 
@@ -113,15 +113,15 @@ def _axes(take: Recording) -> list[dict[str, Any]]:
     """Figures of each hand."""
     positions, forces, flags = take.positions(), take.forces(), take.flags()
     axes: list[dict[str, Any]] = []
-    for i, (name, (player, key)) in enumerate(zip(take.names, take.axes, strict=True)):
+    for axis_index, (name, (player, key)) in enumerate(zip(take.names, take.axes, strict=True)):
         axis: dict[str, Any] = {"name": name, "player": player, "key": key}
         if len(positions):
             axis |= {
-                "low": float(positions[:, i].min()),
-                "high": float(positions[:, i].max()),
-                "force_n": float(abs(forces[:, i]).max()),
-                "tripped": int((flags[:, i] & 16 != 0).sum()),
-                "stand_in": int((flags[:, i] & 8 != 0).sum()),
+                "low": float(positions[:, axis_index].min()),
+                "high": float(positions[:, axis_index].max()),
+                "force_n": float(abs(forces[:, axis_index]).max()),
+                "tripped": int((flags[:, axis_index] & 16 != 0).sum()),
+                "stand_in": int((flags[:, axis_index] & 8 != 0).sum()),
             }
         axes.append(axis)
     return axes
@@ -137,39 +137,39 @@ def _table(console: Console, path: Path) -> None:
         raise Refused(error.message) from None
     if table.note is not None:
         console.warn(f"{path}: {table.note}")
-    time = next((column for column in table.columns if column.is_time), None)
-    span = _seconds(time) if time else None
-    rate = (table.n_rows - 1) / span if span else None
-    channels = [column for column in table.columns if column is not time]
+    time_column = next((column for column in table.columns if column.is_time), None)
+    duration = _seconds(time_column) if time_column else None
+    rate = (table.n_rows - 1) / duration if duration else None
+    channels = [column for column in table.columns if column is not time_column]
     if console.json:
         console.record(
             "take",
             file=str(path),
             samples=table.n_rows,
-            duration_s=span,
+            duration_s=duration,
             rate_hz=rate,
             channels=[
                 {
-                    "name": c.name,
-                    "low": c.low_value,
-                    "high": c.high_value,
-                    "not_finite": c.n_missing,
+                    "name": channel.name,
+                    "low": channel.low_value,
+                    "high": channel.high_value,
+                    "not_finite": channel.n_missing,
                 }
-                for c in channels
+                for channel in channels
             ],
             passed_over=list(table.unread),
         )
         return
-    words = [plural(table.n_rows, "sample")]
-    if span and rate:
-        words.append(f"{seconds(span)}, {rate:.3g} Hz on average")
-    lines = [f"{path}: " + ", ".join(words)]
+    length_texts = [plural(table.n_rows, "sample")]
+    if duration and rate:
+        length_texts.append(f"{seconds(duration)}, {rate:.3g} Hz on average")
+    lines = [f"{path}: " + ", ".join(length_texts)]
     lines += [
-        f"  {c.name}: {c.low_value:g} … {c.high_value:g}, from {c.first_value:g} to "
-        f"{c.last_value:g}{_missing(table, c)}"
-        if c.low_value <= c.high_value
-        else f"  {c.name}: never seen"
-        for c in channels
+        f"  {channel.name}: {channel.low_value:g} … {channel.high_value:g}, from {channel.first_value:g} to "
+        f"{channel.last_value:g}{_missing(table, channel)}"
+        if channel.low_value <= channel.high_value
+        else f"  {channel.name}: never seen"
+        for channel in channels
     ]
     lines += [f"  passed over: {passed_over}" for passed_over in table.unread]
     console.data("\n".join(printable(line) for line in lines) + "\n")
@@ -195,9 +195,9 @@ def _missing(table: Table, column: Column) -> str:
     )
 
 
-def _seconds(time: Column) -> float | None:
+def _seconds(time_column: Column) -> float | None:
     """The duration in a column of instants [s]; None if its unit is not one of time."""
     from ergon.scores.gesture.points import UNITS_PER_SECOND
 
-    per_second = UNITS_PER_SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")
-    return (time.last_value - time.first_value) / per_second if per_second else None
+    per_second = UNITS_PER_SECOND.get(time_column.name.partition("[")[2].strip(" ]") or "s")
+    return (time_column.last_value - time_column.first_value) / per_second if per_second else None

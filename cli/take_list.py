@@ -19,7 +19,7 @@ _DEFAULT_FOLDER = "takes"
 
 @click.command("list")
 @click.argument("folder", metavar="[FOLDER]", required=False)
-@options.speaking
+@options.with_console
 def list_takes(console: Console, folder: str | None) -> None:
     """List the recordings in a folder and what they hold.
 

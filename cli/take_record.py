@@ -13,7 +13,7 @@ from .outcome import DeviceMissing, Refused
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.led_hands import LedHands
+    from ergon.live.pointer_hands import PointerHands
 
 _POLL_SECONDS = 0.1  # [s]
 _HAND = "hand"
@@ -40,7 +40,7 @@ _HAND = "hand"
     show_default=True,
     help="Positions recorded a second.",
 )
-@options.speaking
+@options.with_console
 def record(
     console: Console, live: tuple[str, ...], output: str | None, seconds: float | None, tick: float
 ) -> None:
@@ -69,7 +69,7 @@ def record(
         raise DeviceMissing(str(error)) from None
     console.say("recording" + ("; Ctrl-C ends it" if seconds is None else f" {seconds:g} s"))
     try:
-        _until_over(console, performance)
+        _wait_until_over(console, performance)
     finally:
         performance.stop()
         hands.close()
@@ -80,13 +80,13 @@ def record(
         recording.say(console, path, recording.read(console, path), dry=False)
 
 
-def _until_over(console: Console, performance: _core.Performance) -> None:
-    reported = False
+def _wait_until_over(console: Console, performance: _core.Performance) -> None:
+    is_reported = False
     while not performance.wait(_POLL_SECONDS):
         recording_trouble = performance.recording_trouble()
-        if recording_trouble and not reported:
+        if recording_trouble and not is_reported:
             console.warn(f"the recording cannot be written: {recording_trouble}")
-        reported = recording_trouble is not None
+        is_reported = recording_trouble is not None
         # Without its device a hand does not move: there is nothing more to record of it.
         gone_events = [
             event_kind for _, event_kind, _ in performance.events() if event_kind == "gone"
@@ -96,31 +96,31 @@ def _until_over(console: Console, performance: _core.Performance) -> None:
             return
 
 
-def _hands(live: tuple[str, ...]) -> LedHands:
+def _hands(live: tuple[str, ...]) -> PointerHands:
     from dataclasses import replace
 
     from ergon.live.boards import PAGE_KINDS, BoardError, boards, device_urls, parse_live_options
-    from ergon.live.calibration import known_axes
-    from ergon.live.led_hands import open_led_hands
+    from ergon.live.calibration import stored_calibrations
+    from ergon.live.pointer_hands import open_pointer_hands
 
     try:
-        hand_boards = boards(parse_live_options(_named(live)), device_urls())
+        hand_boards = boards(parse_live_options(_with_player_names(live)), device_urls())
         if any(board.kind in PAGE_KINDS for board in hand_boards):
             raise BoardError("a page's key needs a piece: `ergon duet SCORE --record` records it")
-        return open_led_hands(
-            [replace(board, calibrations=known_axes(board.url)) for board in hand_boards]
+        return open_pointer_hands(
+            [replace(board, calibrations=stored_calibrations(board.url)) for board in hand_boards]
         )
     except BoardError as error:
         raise Refused(f"--live: {error}") from None
 
 
-def _named(live: tuple[str, ...]) -> list[str]:
+def _with_player_names(live: tuple[str, ...]) -> list[str]:
     """Give hands without a player's name the names hand, hand2 …"""
     hand_pairs = []
     for hand_text in live:
-        player, is_pair, _ = hand_text.partition("=")
+        player, equals_sign, _ = hand_text.partition("=")
         # The options of a URL may hold a `=` too, but only after its colon.
-        if is_pair and ":" not in player:
+        if equals_sign and ":" not in player:
             hand_pairs.append(hand_text)
         else:
             number = 1 + sum(pair.startswith(_HAND) for pair in hand_pairs)

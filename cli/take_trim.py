@@ -19,7 +19,7 @@ from .outcome import Refused
 @options.target("The new recording, a .take file.")
 @options.dry_run
 @options.force
-@options.speaking
+@options.with_console
 def trim(
     console: Console,
     file: str,
@@ -44,11 +44,11 @@ def trim(
     # Read the header alone: ticks are counted from the first row, wherever in the piece that was.
     header = recording.read_quietly(path, (0, 0))
     rate = header.rate / header.frames
-    span = _ticks(begin_seconds, rate), _ticks(end_seconds, rate)
-    untrimmed = recording.read(console, path, span)
-    if not len(untrimmed.ticks()):
+    tick_range = _first_tick(begin_seconds, rate), _first_tick(end_seconds, rate)
+    trimmed = recording.read(console, path, tick_range)
+    if not len(trimmed.ticks()):
         raise Refused(f"{path}: nothing is recorded from {start} to {stop}")
-    recording.write(console, untrimmed, recording.target(output, path), force=force, dry=dry)
+    recording.write(console, trimmed, recording.target(output, path), force=force, dry=dry)
 
 
 def _seconds(time_text: str, option_name: str) -> float:
@@ -63,7 +63,7 @@ def _seconds(time_text: str, option_name: str) -> float:
         raise Refused(f"{option_name}: {error.message}") from None
 
 
-def _ticks(instant: float, rate: float) -> int:
+def _first_tick(instant: float, rate: float) -> int:
     """The first tick that is not before an instant; rounding errors are allowed for."""
-    largest = (1 << 64) - 1
-    return largest if instant * rate >= largest else math.ceil(instant * rate - 1e-6)
+    tick_max = (1 << 64) - 1
+    return tick_max if instant * rate >= tick_max else math.ceil(instant * rate - 1e-6)

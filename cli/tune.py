@@ -17,19 +17,19 @@ from .console import Console, plural
 from .outcome import Refused, check_stdout
 from .tables import table
 
-_ARGUMENTS = {"parts": "PART", "part": "PART", "targets": "TARGET"}
+_ARGUMENT_BY_OPTION = {"parts": "PART", "part": "PART", "targets": "TARGET"}
 
 
 @click.command()
 @options.score
 @click.argument("part")
 @click.argument("targets", metavar="TARGET...", nargs=-1, required=True)
-@options.declared(TuneOptions, "by base")
+@options.from_dataclass(TuneOptions, "by base")
 @click.option("--write", is_flag=True, help="Write the values into the score.")
 @options.target("Write the score with the values into this file; - is stdout.")
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def tune(
     console: Console,
     score_path: str,
@@ -56,15 +56,15 @@ def tune(
             score_path, part, _targets(targets), TuneOptions(**arguments), report=console
         )
     except OptionError as error:
-        if error.option not in _ARGUMENTS:
+        if error.option not in _ARGUMENT_BY_OPTION:
             raise
-        raise Refused(f"{_ARGUMENTS[error.option]}: {error.reason}") from None
+        raise Refused(f"{_ARGUMENT_BY_OPTION[error.option]}: {error.reason}") from None
     if console.json:
         _record(console, tuning)
     elif output != "-":
-        console.data(_lines(tuning))
+        console.data(_tuning_text(tuning))
     if not tuning.is_reached:
-        raise Refused(_unreached(tuning))
+        raise Refused(_unreached_text(tuning))
     if tuning.edited is None and not (write or output is not None):
         console.warn(f"--write would leave the score as it is: {tuning.trouble}")
     if write or output is not None:
@@ -90,16 +90,16 @@ def _targets(target_words: tuple[str, ...]) -> Any:
     return target_texts
 
 
-def _lines(tuned: Tuned) -> str:
+def _tuning_text(tuned: Tuned) -> str:
     mode_rows = [("mode", "before", "target", "reached", "off")]
-    for i, mode_number in enumerate(tuned.modes):
+    for mode_index, mode_number in enumerate(tuned.modes):
         mode_rows.append(
             (
                 str(mode_number),
-                f"{tuned.before[i]:.3f} Hz",
-                f"{tuned.targets[i]:.3f} Hz",
-                f"{tuned.frequencies[i]:.3f} Hz",
-                _cents(float(tuned.cents[i])),
+                f"{tuned.before[mode_index]:.3f} Hz",
+                f"{tuned.targets[mode_index]:.3f} Hz",
+                f"{tuned.frequencies[mode_index]:.3f} Hz",
+                _cents_text(float(tuned.cents[mode_index])),
             )
         )
     tuned_text = f"{tuned.part}: {plural(len(tuned.modes), 'mode')}\n{table(mode_rows, right=True)}"
@@ -112,11 +112,11 @@ def _lines(tuned: Tuned) -> str:
     return f"{tuned_text}\n{table(value_rows)}"
 
 
-def _cents(cents: float) -> str:
+def _cents_text(cents: float) -> str:
     return "0 cents" if abs(cents) <= REACHED_CENTS else f"{cents:+.4g} cents"
 
 
-def _unreached(tuned: Tuned) -> str:
+def _unreached_text(tuned: Tuned) -> str:
     """Which targets were not reached, and why."""
     cents_off = tuned.cents
     worst_index = max(range(len(cents_off)), key=lambda i: abs(cents_off[i]))

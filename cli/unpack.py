@@ -11,7 +11,7 @@ from .console import Console
 @click.command()
 @click.argument("file", metavar="FILE.ergonpack")
 @click.option("-o", "--output", metavar="FOLDER", help="A new folder. Default: FILE here.")
-@options.speaking
+@options.with_console
 def unpack(console: Console, file: str, output: str | None) -> None:
     """Write the files of a pack into a new folder.
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ergon.api.viewing import Shown
     from ergon.workshop.api.movie import MovieMaker
 
-_BEGINS = b"ERGM"  # docs/motion.md
+_MOTION_MAGIC = b"ERGM"  # docs/motion.md
 
 
 # Names of MovieOptions; the command refuses them without --movie.
@@ -45,7 +45,11 @@ _film_options = options.several(
         "--words", is_flag=True, default=None, help="Show the text of the page in the film too."
     ),
 )
-_FLAGS = {"rate": "fps", "start": "from", "end": "until"}  # flags that are named differently
+_FLAG_BY_OPTION = {
+    "rate": "fps",
+    "start": "from",
+    "end": "until",
+}  # flags that are named differently
 
 
 @click.command()
@@ -81,7 +85,7 @@ _FLAGS = {"rate": "fps", "start": "from", "end": "until"}  # flags that are name
 @_film_options
 @options.force
 @options.trust
-@options.speaking
+@options.with_console
 def view(
     console: Console,
     score_path: str,
@@ -105,19 +109,23 @@ def view(
     film_options = {name: value for name, value in film.items() if value is not None}
     if movie is None and film_options:
         name = next(iter(film_options))
-        raise Refused(f"--{_FLAGS.get(name, name)} needs --movie; it says how a film is made")
-    maker = (
-        None if movie is None else _maker(movie, film_options | {"strobe": strobe, "force": force})
+        raise Refused(
+            f"--{_FLAG_BY_OPTION.get(name, name)} needs --movie; it says how a film is made"
+        )
+    movie_maker = (
+        None
+        if movie is None
+        else _movie_maker(movie, film_options | {"strobe": strobe, "force": force})
     )
     with TemporaryDirectory(prefix="ergon-view-") as folder:
-        shown = shown_of(console, path, Path(folder), sound_path=sound, trust=trust, see=see)
-        if maker is not None:
-            _film(console, maker, shown)
+        view_files = shown_of(console, path, Path(folder), sound_path=sound, trust=trust, see=see)
+        if movie_maker is not None:
+            _film(console, movie_maker, view_files)
             return
-        asked_by_option = {"sound": shown.sound is not None, "stage": stage, "strobe": strobe}
+        asked_by_option = {"sound": view_files.sound is not None, "stage": stage, "strobe": strobe}
         serve_shown(
             console,
-            shown,
+            view_files,
             address,
             [name for name, is_asked in asked_by_option.items() if is_asked],
         )
@@ -155,8 +163,8 @@ def shown_of(
     from ergon.api.options import FileOptions
     from ergon.api.viewing import render_view
 
-    rendered = FileOptions(motion=True, trust=trust, **render_options)  # type: ignore[arg-type]
-    return render_view(path, folder, rendered, console, check)
+    file_options = FileOptions(motion=True, trust=trust, **render_options)  # type: ignore[arg-type]
+    return render_view(path, folder, file_options, console, check)
 
 
 def _shown_motion(console: Console, path: Path, sound_path: Path | None, folder: Path) -> Shown:
@@ -190,7 +198,7 @@ def serve_shown(console: Console, shown: Shown, address: str, options_asked: lis
         server.close()
 
 
-def _maker(movie: str, film_options: dict[str, Any]) -> MovieMaker:
+def _movie_maker(movie: str, film_options: dict[str, Any]) -> MovieMaker:
     from ergon.workshop.api.movie import MovieMaker, MovieOptions
 
     return MovieMaker(movie, MovieOptions(**film_options))
@@ -222,10 +230,10 @@ def _is_motion(path: Path) -> bool:
     from ergon.common.regular import open_regular
 
     with open_regular(path) as file:  # a pipe's other end would be waited for
-        begins = file.read(len(_BEGINS))
-    if begins == _BEGINS:
+        begins = file.read(len(_MOTION_MAGIC))
+    if begins == _MOTION_MAGIC:
         return True
     if path.suffix in (".yaml", ".yml"):
         return False
     message = f"{path} is neither a score (.yaml) nor a .motion file, which begins with "
-    raise Refused(message + _BEGINS.decode())
+    raise Refused(message + _MOTION_MAGIC.decode())

@@ -29,51 +29,51 @@ class LineQueue(Generic[Sender]):
     def __init__(self, session: SessionProtocol) -> None:
         """Begin with an empty queue of lines for a session."""
         self._session = session
-        self._stops = 0  # stops that were entered
-        self._seen = ""  # the line that `stop_now` saw last
-        self._waiting: SimpleQueue[tuple[Sender, str, int] | str | None] = SimpleQueue()
+        self._n_stops = 0  # stops that were entered
+        self._last_seen_line = ""  # by `stop_now`
+        self._waiting_lines: SimpleQueue[tuple[Sender, str, int] | str | None] = SimpleQueue()
 
     def enter(self, text: str, sender: Sender) -> None:
         """Queue a line; `panic` and `quit` act now, unless `stop_now` has already seen the line."""
-        if text != self._seen:
+        if text != self._last_seen_line:
             self.stop_now(text)
-        self._seen = ""
-        self._waiting.put((sender, text, self._stops))
+        self._last_seen_line = ""
+        self._waiting_lines.put((sender, text, self._n_stops))
 
     def stop_now(self, line_text: str) -> None:
         """Let `panic` or `quit` act now, in a line that is about to be entered."""
-        self._seen = line_text
+        self._last_seen_line = line_text
         match stop_of(line_text):
             case "panic":
-                self._stops += 1
+                self._n_stops += 1
                 self._session.panic()
             case "quit":
                 self.let_go()
 
     def panic(self) -> None:
         """End sound and force now, and again after the waiting lines."""
-        self._stops += 1
+        self._n_stops += 1
         self._session.panic()
-        if not self._waiting.empty():
-            self._waiting.put("panic")
+        if not self._waiting_lines.empty():
+            self._waiting_lines.put("panic")
 
     def let_go(self) -> None:
         """End all forces now; lines that wait do not switch them on again."""
-        self._stops += 1
+        self._n_stops += 1
         self._session.let_go()
 
     def end(self) -> None:
         """End the queue: no further line comes."""
-        self._stops += 1
+        self._n_stops += 1
         self._session.end_input()
-        self._waiting.put(None)
+        self._waiting_lines.put(None)
 
     def next(self) -> QueuedLine[Sender] | None:
         """Wait for the next line; None at the end."""
-        while (queued_line := self._waiting.get()) is not None:
+        while (queued_line := self._waiting_lines.get()) is not None:
             if isinstance(queued_line, str):  # a panic also ends what lines before it began
                 self._session.panic()
                 continue
-            sender, text, stops = queued_line
-            return QueuedLine(sender, text, stops == self._stops)
+            sender, text, n_stops = queued_line
+            return QueuedLine(sender, text, n_stops == self._n_stops)
         return None

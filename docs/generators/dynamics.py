@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import ergon
 from ergon import _core
-from ergon.cli.bundled import bundled
+from ergon.cli.bundled import bundled_scores
 from ergon.common.module_arguments import module_arguments
 from ergon.rendering.loudness import GatedLoudness
 from ergon.scores.reading.load import load
@@ -86,7 +86,7 @@ def loudness_range(passages: NDArray[np.float64]) -> float:
 
 def piece_dynamics(name: str) -> tuple[float, Dynamics]:
     """The length [s] of a bundled piece, and its dynamics."""
-    score = bundled()[name]
+    score = bundled_scores()[name]
     piece = load(score).piece
     assert piece is not None, f"{name} is refused"
     sound = ergon.render(score)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from docs.generators.spectra import spectrogram
 from ergon.api.score import level_of
-from ergon.cli.bundled import bundled
+from ergon.cli.bundled import bundled_scores
 from ergon.common.module_arguments import module_arguments
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -73,7 +73,7 @@ def _level_text(level: float) -> str:
 def main() -> None:
     """Play the pieces, write their pictures, and put the measurements under each."""
     FOLDER.mkdir(exist_ok=True)
-    pieces = bundled()
+    pieces = bundled_scores()
     page = PAGE.read_text(encoding="utf-8")
     shown = re.findall(r"\(gallery/(.+)\.svg\)", page)
     for name in module_arguments(rest_metavar="PIECE") or shown:

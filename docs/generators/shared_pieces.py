@@ -11,7 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import ergon
-from ergon.cli.bundled import bundled
+from ergon.cli.bundled import bundled_scores
 from ergon.common.module_arguments import module_arguments
 
 QUICK = ("one-gesture", "tempo", "change-ringing", "interlocking", "drum-machine")
@@ -22,7 +22,7 @@ def main() -> None:
     name, *pieces = module_arguments("FOLDER", rest_metavar="PIECE")
     folder = Path(name)
     folder.mkdir(parents=True, exist_ok=True)
-    scores = bundled()
+    scores = bundled_scores()
     for piece in pieces or QUICK:
         target = folder / f"{piece}.html"
         ergon.page(scores[piece]).write(target, force=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import ergon
 from docs.generators.pages import blocks, put
 from docs.generators.sizes import report_size
-from ergon.cli.bundled import bundled
+from ergon.cli.bundled import bundled_scores
 from ergon.common.module_arguments import module_arguments
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,7 +39,7 @@ def rendered(name: str) -> tuple[NDArray[np.float64], int]:
         if page:
             score = _score_of_page(ROOT / page, f"{name}.yaml", Path(folder))
         else:
-            score = Path(bundled()[name])
+            score = Path(bundled_scores()[name])
         sound = ergon.render(score, ergon.RenderOptions(until=f"{SECONDS}s"))
     frames = sound.frames[: round(SECONDS * sound.rate)].copy()
     n_fade = round(FADE * sound.rate)

@@ -28,11 +28,11 @@ class VerbMethods:
 
 def text() -> str:
     """The stub."""
-    return _HEAD + "\n".join(map(_method, sorted(building.FUNCTIONS)))
+    return _HEAD + "\n".join(map(_method, sorted(building.VERB_BY_FUNCTION)))
 
 
 def _method(name: str) -> str:
-    forms = list(forms_of(building.FUNCTIONS[name]))
+    forms = list(forms_of(building.VERB_BY_FUNCTION[name]))
     takes_options = any(slot.value is PLAYING_VALUE for form in forms for slot in form.slots)
     names = sorted({word for form in forms for word in _words(form)})
     parameters = ["self"]
@@ -53,7 +53,7 @@ def _words(form: Form) -> Iterator[str]:
     for slot in form.slots:
         yield from filter(str.isidentifier, map(_python_name, _slot_words(slot)))
     if form.takes_time:
-        yield from map(_python_name, building.WHEN)
+        yield from map(_python_name, building.TIME_NAMES)
 
 
 def _slot_words(slot: Slot) -> Iterator[str]:

@@ -12,7 +12,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
-from .parts import frequency_option, point, refuse_several_axes
+from .parts import frequency_option, refuse_several_axes, target_named
 from .pictures import Picture
 
 if TYPE_CHECKING:
@@ -52,13 +52,16 @@ class AdmittanceOptions(ReadOptions):
             if frequencies.ndim != 1 or not np.all(np.isfinite(frequencies) & (frequencies > 0)):
                 raise OptionError("frequencies", "write a row of numbers above 0 [Hz]")
             return frequencies
-        low, high = (frequency_option("low", self.low), frequency_option("high", self.high))
-        if not low < high:
-            raise OptionError("high", f"is {high:g} Hz; it must be above low, {low:g} Hz")
+        low_hertz = frequency_option("low", self.low)
+        high_hertz = frequency_option("high", self.high)
+        if not low_hertz < high_hertz:
+            raise OptionError(
+                "high", f"is {high_hertz:g} Hz; it must be above low, {low_hertz:g} Hz"
+            )
         if self.count < 2:
             raise OptionError("count", f"is {self.count}; it must be at least 2")
         sample_axis = np.linspace if self.linear else np.geomspace
-        return np.asarray(sample_axis(low, high, self.count))
+        return np.asarray(sample_axis(low_hertz, high_hertz, self.count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +155,11 @@ def admittance(
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     observed_names = (observed,) if isinstance(observed, str) else tuple(observed) or (forced,)
-    forced_point = point(piece, "forced", forced)
-    observed_points = [point(piece, "observed", name) for name in observed_names]
-    part_names = tuple(dict.fromkeys(end.part for end in (forced_point, *observed_points)))
-    for number, end in enumerate((forced_point, *observed_points)):
-        refuse_several_axes("observed" if number else "forced", piece, end.part)
+    forced_point = target_named(piece, "forced", forced)
+    observed_points = [target_named(piece, "observed", name) for name in observed_names]
+    part_names = tuple(dict.fromkeys(target.part for target in (forced_point, *observed_points)))
+    for index, target in enumerate((forced_point, *observed_points)):
+        refuse_several_axes("observed" if index else "forced", piece, target.part)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
         built = prepare(piece).built_network
         network = built.network
@@ -166,13 +169,17 @@ def admittance(
             raise OptionError("observed", reason)
         if options.peaks and options.frequencies is None:
             frequencies = _with_peaks(network, part_names, frequencies)
-        mats = [
+        mats_by_target = [
             _moving_mats(
-                "observed" if number else "forced", end, built.assembly.members(end), part_elements
+                "observed" if index else "forced",
+                target,
+                built.assembly.members(target),
+                part_elements,
             )
-            for number, end in enumerate((forced_point, *observed_points))
+            for index, target in enumerate((forced_point, *observed_points))
         ]
-        values = network.admittance(list(part_names), mats[0], mats[1:], frequencies)  # type: ignore[arg-type]
+        forced_mats, *observed_mats = mats_by_target
+        values = network.admittance(list(part_names), forced_mats, observed_mats, frequencies)  # type: ignore[arg-type]
         kinds = network.elements(list(part_names)).kinds
     return Admittance(
         part_names,

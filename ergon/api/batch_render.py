@@ -47,7 +47,7 @@ class Rendered:
     """The result of one of several scores: the written files, or the error."""
 
     score: str
-    done: Completed | None
+    completed: Completed | None
     error: Exception | None = None
 
 
@@ -97,9 +97,9 @@ def _render_requests(
     report: Report,
 ) -> list[_RenderRequest]:
     """The scores to render, each into a file of its own. Raises ErgonError."""
-    for name in ("text", "plan", "hands"):
-        if getattr(file_options, name) is not None:
-            raise OptionError(name, "this option is for one score; render the score alone")
+    for option_name in ("text", "plan", "hands"):
+        if getattr(file_options, option_name) is not None:
+            raise OptionError(option_name, "this option is for one score; render the score alone")
     if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
         raise OptionError("output", f"{folder} is a file; several scores need a folder here")
     if file_options.on is not None:
@@ -129,11 +129,13 @@ def _render_requests(
         )
         request_by_path[resolved_file] = _RenderRequest(path, loaded, target_file, score_options)
     input_paths = [
-        Path(input) for score in request_by_path.values() for input in score.loaded.inputs
+        Path(input_path)
+        for request in request_by_path.values()
+        for input_path in request.loaded.inputs
     ]
-    for score in request_by_path.values():
-        check_ending(score.target)
-        check_target(Path(score.target), force=file_options.force, inputs=input_paths)
+    for request in request_by_path.values():
+        check_ending(request.target)
+        check_target(Path(request.target), force=file_options.force, inputs=input_paths)
     return list(request_by_path.values())
 
 
@@ -172,56 +174,65 @@ class _SharedRender:
 
 
 def _render_concurrently(
-    renders: Sequence[_RenderRequest], cluster: Cluster, report: Report
+    requests: Sequence[_RenderRequest], cluster: Cluster, report: Report
 ) -> Iterator[Rendered]:
     """Render scores at the same time, as many as keep all workers busy."""
     locked_report = _LockedReport(report)
-    waiting_renders = list(reversed(renders))
-    running: dict[cf.Future[Completed], _SharedRender] = {}
+    waiting_renders = list(reversed(requests))
+    render_by_future: dict[cf.Future[Completed], _SharedRender] = {}
     n_renders_max = min(_CONCURRENT_SCORES_MAX, 2 * cluster.count + 1)
     with cf.ThreadPoolExecutor(n_renders_max, "ergon-render") as pool:
         try:
-            while waiting_renders or running:
-                if waiting_renders and _has_room(running.values(), cluster.count, n_renders_max):
-                    score = waiting_renders.pop()
+            while waiting_renders or render_by_future:
+                if waiting_renders and _has_room(
+                    render_by_future.values(), cluster.count, n_renders_max
+                ):
+                    request = waiting_renders.pop()
                     try:
-                        prepared = prepare(score.loaded, score.target, score.options, locked_report)
-                    except (ErgonError, _core.EngineError) as error:
-                        yield Rendered(score.score, None, error)
-                        continue
-                    score_work = _shared_score(score.score, prepared, cluster.count)
-                    running[
-                        pool.submit(
-                            partial(_write_score, score_work.work, prepared, locked_report, cluster)
+                        prepared = prepare(
+                            request.loaded, request.target, request.options, locked_report
                         )
-                    ] = score_work
+                    except (ErgonError, _core.EngineError) as error:
+                        yield Rendered(request.score, None, error)
+                        continue
+                    shared_render = _shared_render(request.score, prepared, cluster.count)
+                    render_by_future[
+                        pool.submit(
+                            partial(
+                                _write_score, shared_render.work, prepared, locked_report, cluster
+                            )
+                        )
+                    ] = shared_render
                 # If there is room for another score, do not wait: yield only what has ended by now.
                 has_more = bool(waiting_renders) and _has_room(
-                    running.values(), cluster.count, n_renders_max
+                    render_by_future.values(), cluster.count, n_renders_max
                 )
                 wait_seconds = 0.0 if has_more else _POLL_SECONDS
-                for future in cf.wait(running, wait_seconds, cf.FIRST_COMPLETED).done:
-                    yield _rendered_from(running.pop(future).score, future)
+                for future in cf.wait(render_by_future, wait_seconds, cf.FIRST_COMPLETED).done:
+                    yield _rendered_from(render_by_future.pop(future).score, future)
         finally:
-            for score_work in running.values():  # renders still running after an error or Ctrl-C
-                score_work.work.cancel()
+            for (
+                shared_render
+            ) in render_by_future.values():  # renders still running after an error or Ctrl-C
+                shared_render.work.cancel()
 
 
-def _has_room(running: Iterable[_SharedRender], n_workers: int, n_renders_max: int) -> bool:
+def _has_room(shared_renders: Iterable[_SharedRender], n_workers: int, n_renders_max: int) -> bool:
     """Whether workers may be idle, and memory is left for another score."""
-    running_list = list(running)
-    return len(running_list) < n_renders_max and (
-        not running_list
+    running_renders = list(shared_renders)
+    return len(running_renders) < n_renders_max and (
+        not running_renders
         or (
-            sum(running_render.n_chains for running_render in running_list) < chain_count(n_workers)
-            and sum(running_render.n_modules for running_render in running_list) < MODULES_MAX
+            sum(running_render.n_chains for running_render in running_renders)
+            < chain_count(n_workers)
+            and sum(running_render.n_modules for running_render in running_renders) < MODULES_MAX
         )
     )
 
 
-def _shared_score(score: str, prepared: PreparedRender, count: int) -> _SharedRender:
+def _shared_render(score: str, prepared: PreparedRender, n_workers: int) -> _SharedRender:
     stage = prepared.stage
-    n_chains = chain_count(count, stage.simulation)
+    n_chains = chain_count(n_workers, stage.simulation)
     return _SharedRender(score, n_chains, stage.network.n_mat + stage.network.n_lia, _core.Work())
 
 

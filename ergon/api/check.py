@@ -51,9 +51,11 @@ def check(
     A mistake in the score is a diagnostic, and raises nothing.
     """
     loaded = scores.read(score, options, report)
-    _, staging = try_stage(loaded, report)
-    diagnostics = (*loaded.diagnostics, *staging)
-    return Checked(diagnostics, {kind: n for kind, n in loaded.left_out.items() if n})
+    _, staging_diagnostics = try_stage(loaded, report)
+    diagnostics = (*loaded.diagnostics, *staging_diagnostics)
+    return Checked(
+        diagnostics, {severity: count for severity, count in loaded.left_out.items() if count}
+    )
 
 
 def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list[Diagnostic]]:

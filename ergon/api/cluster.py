@@ -28,14 +28,14 @@ from .cluster_worker import Job
 from .errors import OptionError
 from .parallel_results import results_as_completed
 from .plan import budget_of
-from .score_bundle import bundled, digest
+from .score_bundle import bundle_score, digest
 
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
     from ergon.scores.staging.stage import Stage
 
-K = TypeVar("K")
-V = TypeVar("V")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 _LOCAL_WORKERS_MAX = 1024
 _TASK_RETRIES = 10  # attempts for a request whose worker died
 _CONNECT_SECONDS_MAX = 20.0  # [s]
@@ -84,15 +84,15 @@ class Cluster:
             if self.client.status in ("closing", "closed") or n_lost_polls > _LOST_POLLS_MAX:
                 raise self.lost_error()
 
-    def computed(
-        self, items: Iterable[K], submit: Callable[[Executor, K], Future[V]]
-    ) -> Iterator[tuple[K, V]]:
+    def compute_items(
+        self, items: Iterable[Item], submit: Callable[[Executor, Item], Future[Result]]
+    ) -> Iterator[tuple[Item, Result]]:
         """Each item with the result of the task that `submit` begins for it, in order of
         completion.
         """
         pool = self.executor()
-        begin = partial(submit, pool)
-        return results_as_completed(items, begin, self.wait, self.result, 2 * self.count)
+        begin_task = partial(submit, pool)
+        return results_as_completed(items, begin_task, self.wait, self.result, 2 * self.count)
 
     def result(self, future: Future[Any]) -> Any:
         """The result of a future that has ended. Raises ClusterError."""
@@ -133,9 +133,9 @@ class Cluster:
 
     def report_shares(self, report: Report) -> None:
         """Report a line for each worker that computed stretches."""
-        total = sum(worker.seconds for worker in self._shares_by_worker.values())
+        total_seconds = sum(worker.seconds for worker in self._shares_by_worker.values())
         for worker_name, worker in sorted(self._shares_by_worker.items()):
-            percent = 100.0 * worker.seconds / total if total else 0.0
+            percent = 100.0 * worker.seconds / total_seconds if total_seconds else 0.0
             report.say(
                 f"worker {worker_name}: {worker.n_stretches} stretches in {worker.seconds:.1f} s, "
                 f"{percent:.0f} % of the work that was shared"
@@ -245,12 +245,12 @@ def _security(distributed: Any, on: str) -> Any:
     """
     security = distributed.Security(require_encryption=True)
     try:
-        context = security.get_connection_args("client").get("ssl_context")
+        ssl_context = security.get_connection_args("client").get("ssl_context")
     except OSError as error:  # also for a file that is not a certificate
         raise ClusterError(
             f"{on}: the certificates of Dask's configuration cannot be used: {error}"
         ) from None
-    if context is None or not security.tls_client_cert:
+    if ssl_context is None or not security.tls_client_cert:
         raise ClusterError(
             f"{on}: Dask's configuration names no certificates; set "
             "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and "
@@ -302,11 +302,11 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
     assert plan is not None
     assert planned_accuracy is not None
     score_path = next(iter(loaded.files))  # the score is read first
-    score_content = bundled(score_path, loaded)
+    score_content = bundle_score(score_path, loaded)
     plan_text = plan_file.plan_text(
         plan.choices(), plan.hash, budget=dict(budget_of(planned_accuracy))
     )
-    score_digest = hashlib.sha256(plan_text.encode()).hexdigest()
+    plan_digest = hashlib.sha256(plan_text.encode()).hexdigest()
     return Job(
         version=cluster_worker.version(),
         content=score_content,
@@ -314,5 +314,5 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
         plan_hash=plan.hash,
         rate=rate,
         seed=seed,
-        digest=digest(score_content, score_digest, rate, seed, os.getpid()),
+        digest=digest(score_content, plan_digest, rate, seed, os.getpid()),
     )

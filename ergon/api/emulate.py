@@ -32,9 +32,9 @@ class _Device:
     transport.
     """
 
-    axes: int
-    force: float
-    schemes: dict[Transport, str]
+    n_axes: int
+    force_max: float
+    scheme_by_transport: dict[Transport, str]
 
 
 DEVICES: dict[DeviceName, _Device] = {
@@ -46,7 +46,7 @@ _DEFAULT_TICK_HZ = 44100 / 44  # periods a second: a tick of 44 samples
 _DEFAULT_CEL = 0.05, 0.0, 1.0  # mass [kg], stiffness [N/m] and damping [N·s/m] of a key
 
 
-def _quantity(default: float | None, default_text: str, dimension: str, help: str) -> Any:
+def _quantity_option(default: float | None, default_text: str, dimension: str, help: str) -> Any:
     return option(default, help, Quantities((dimension,)), shown=default_text)
 
 
@@ -69,9 +69,9 @@ class EmulationOptions:
         metavar="PORT",
     )
     axes: int | None = option(None, "Number of keys; for a frame alone.", Integer(1, 16))
-    mass: float = _quantity(_DEFAULT_CEL[0], "50g", "MASS", "Mass of each key.")
-    stiffness: float = _quantity(_DEFAULT_CEL[1], "0N/m", "STIFFNESS", "Spring of each key.")
-    damping: float = _quantity(_DEFAULT_CEL[2], "1Ns/m", "DAMPING", "Damping of each key.")
+    mass: float = _quantity_option(_DEFAULT_CEL[0], "50g", "MASS", "Mass of each key.")
+    stiffness: float = _quantity_option(_DEFAULT_CEL[1], "0N/m", "STIFFNESS", "Spring of each key.")
+    damping: float = _quantity_option(_DEFAULT_CEL[2], "1Ns/m", "DAMPING", "Damping of each key.")
     calib: Path | None = option(
         None,
         "Make each key that of a score with this calibration file: its mass, spring, damping, "
@@ -79,9 +79,9 @@ class EmulationOptions:
         PathTo("file", must_exist=True),
         metavar="FILE",
     )
-    weight: float = _quantity(0.0, "0N", "PUSH", "Constant force on each key, downwards.")
-    dry: float | None = _quantity(None, "none", "FORCE", "Dry friction of each key.")
-    presliding: float | None = _quantity(
+    weight: float = _quantity_option(0.0, "0N", "PUSH", "Constant force on each key, downwards.")
+    dry: float | None = _quantity_option(None, "none", "FORCE", "Dry friction of each key.")
+    presliding: float | None = _quantity_option(
         None, "rigid", "STIFFNESS", "Stiffness of dry friction before the key slides."
     )
     static: tuple[float, float] | None = option(
@@ -97,18 +97,24 @@ class EmulationOptions:
         Quantities(("MASS", "FREQUENCY", "RATIO"), "20g 180Hz 0.02"),
         metavar="'MASS FREQUENCY RATIO'",
     )
-    delay: float | None = _quantity(None, "none", "DURATION", "Delay of each motor's force.")
-    travel: float = _quantity(0.1, "100mm", "POSITION", "Travel of each key, from end to end.")
-    force_max: float | None = _quantity(
+    delay: float | None = _quantity_option(None, "none", "DURATION", "Delay of each motor's force.")
+    travel: float = _quantity_option(
+        0.1, "100mm", "POSITION", "Travel of each key, from end to end."
+    )
+    force_max: float | None = _quantity_option(
         None, "20N", "FORCE", "Largest force of each motor; for a frame alone."
     )
-    resolution: float = _quantity(0.0, "exact", "POSITION", "Resolution of each position sensor.")
-    noise: float = _quantity(0.0, "none", "POSITION", "Noise of each position sensor, as its rms.")
+    resolution: float = _quantity_option(
+        0.0, "exact", "POSITION", "Resolution of each position sensor."
+    )
+    noise: float = _quantity_option(
+        0.0, "none", "POSITION", "Noise of each position sensor, as its rms."
+    )
     seed: int = option(0, "Seed of the noise.", Integer(0), shown=True)
-    force_step: float | None = _quantity(
+    force_step: float | None = _quantity_option(
         None, "exact", "FORCE", "Resolution of each motor's force."
     )
-    rate: float = _quantity(
+    rate: float = _quantity_option(
         _DEFAULT_TICK_HZ, "1002Hz", "FREQUENCY", "Periods a second of the device."
     )
     gesture: Sequence[str] = option(
@@ -117,15 +123,17 @@ class EmulationOptions:
         metavar="NOTATION",
     )
     tempo: float = option(60.0, "Beats a minute of the gestures.", Number(1, 1000), shown=True)
-    hand: float = _quantity(400.0, "400N/m", "STIFFNESS", "Spring by which a hand pulls its key.")
-    grip: float = _quantity(4.0, "4Ns/m", "DAMPING", "Damping of a hand on its key.")
+    hand: float = _quantity_option(
+        400.0, "400N/m", "STIFFNESS", "Spring by which a hand pulls its key."
+    )
+    grip: float = _quantity_option(4.0, "4Ns/m", "DAMPING", "Damping of a hand on its key.")
     free: bool = option(False, "Leave the keys that have no gesture without a hand.")
     gate: bool | None = option(
         None,
         "Whether a motor gives force only while a hand touches the key; as the device does.",
         Switch(),
     )
-    watchdog: float = _quantity(
+    watchdog: float = _quantity_option(
         0.05, "50ms", "DURATION", "Time without a packet after which the force is zero."
     )
     lockstep: bool = option(
@@ -147,21 +155,25 @@ def emulate(
 ) -> None:
     """Serve an emulated device until Ctrl-C.
 
-    `tell(event, text)` is called with "ready" and the URL, "let-go", "host-gone", and "over" with
-    periods, packets and the hash of all positions. Raises EmulationError and EngineError.
+    `report_event(event, text)` is called with "ready" and the URL, "let-go", "host-gone", and
+    "over" with periods, packets and the hash of all positions. Raises EmulationError and
+    EngineError.
     """
     from ergon import _core
 
-    device_facts = DEVICES[device]
+    device_traits = DEVICES[device]
     _check_options(device, options)
-    transport, port = _transport(device, options)
-    n_axes = options.axes or device_facts.axes
-    suffix = "?lockstep" if options.lockstep else ""
+    transport, port = _chosen_transport(device, options)
+    n_axes = options.axes or device_traits.n_axes
+    url_suffix = "?lockstep" if options.lockstep else ""
 
     def report_url(event: str, url_text: str) -> None:
         is_ready = event == "ready"
         report_event(
-            event, f"{device_facts.schemes[transport]}:{url_text}{suffix}" if is_ready else url_text
+            event,
+            f"{device_traits.scheme_by_transport[transport]}:{url_text}{url_suffix}"
+            if is_ready
+            else url_text,
         )
 
     _core.emulate(
@@ -172,7 +184,7 @@ def emulate(
         paths=_hand_paths(options, 0 if options.free else n_axes),
         hand=(options.hand, options.grip),
         axes=n_axes,
-        force_max=device_facts.force if options.force_max is None else options.force_max,
+        force_max=device_traits.force_max if options.force_max is None else options.force_max,
         model=_key_model(options),
         network=None if options.calib is None else _measured_key(options.calib, options.travel),
         force_step=options.force_step or 0.0,
@@ -194,23 +206,25 @@ def emulate(
 
 def _check_options(device: DeviceName, emulation_options: EmulationOptions) -> None:
     """Refuse options that contradict each other, or the device. Raises EmulationError."""
-    device_facts = DEVICES[device]
-    if emulation_options.axes not in (None, device_facts.axes) and device != "frame":
-        raise EmulationError(f"a {device} has {device_facts.axes} axes")
+    device_traits = DEVICES[device]
+    if emulation_options.axes not in (None, device_traits.n_axes) and device != "frame":
+        raise EmulationError(f"a {device} has {device_traits.n_axes} axes")
     if emulation_options.force_max is not None and device != "frame":
         raise EmulationError(
             f"--force-max is for a frame alone; the motors of a {device} have a fixed limit"
         )
-    axes = emulation_options.axes or device_facts.axes
-    if len(emulation_options.gesture) > axes:
-        raise EmulationError(f"{len(emulation_options.gesture)} gestures are given for {axes} keys")
+    n_axes = emulation_options.axes or device_traits.n_axes
+    if len(emulation_options.gesture) > n_axes:
+        raise EmulationError(
+            f"{len(emulation_options.gesture)} gestures are given for {n_axes} keys"
+        )
     if emulation_options.noise < 0:
         raise EmulationError("--noise must not be negative")
     if emulation_options.dry is None and (emulation_options.presliding or emulation_options.static):
         raise EmulationError(
             "--presliding and --static say how dry friction begins; give --dry too"
         )
-    is_cel = (
+    has_default_cel = (
         emulation_options.mass,
         emulation_options.stiffness,
         emulation_options.damping,
@@ -221,7 +235,7 @@ def _check_options(device: DeviceName, emulation_options: EmulationOptions) -> N
         emulation_options.mode,
         emulation_options.delay,
     )
-    if emulation_options.calib is not None and (not is_cel or any(dynamic_options)):
+    if emulation_options.calib is not None and (not has_default_cel or any(dynamic_options)):
         raise EmulationError(
             "--calib says what the key is made of; leave the other options of it out"
         )
@@ -279,9 +293,11 @@ def _measured_key(calib: Path, travel: float) -> tuple[_core.Network, int, float
     )
 
 
-def _transport(device: DeviceName, emulation_options: EmulationOptions) -> tuple[Transport, int]:
+def _chosen_transport(
+    device: DeviceName, emulation_options: EmulationOptions
+) -> tuple[Transport, int]:
     """The transport asked for, or the device's own, and its port."""
-    transport_schemes = DEVICES[device].schemes
+    transport_schemes = DEVICES[device].scheme_by_transport
     ports: dict[Transport, int | None] = {
         "pty": 0 if emulation_options.pty else None,
         "udp": emulation_options.udp,

@@ -66,7 +66,8 @@ class OptionError(ErgonError):
         """`reason` says what is wrong with `option`, or, if it `excludes` another option, what to
         do.
         """
-        self.option, self.value, self.excludes, self._advice = option, value, excludes, reason
+        self.option, self.value, self.excludes = option, value, excludes
+        self._reason_after_flag = reason
         self.reason = reason if excludes is None else f"excludes {excludes}{reason}"
         super().__init__(f"{option}{'' if value is None else f'={value!r}'}: {self.reason}")
 
@@ -75,7 +76,7 @@ class OptionError(ErgonError):
         """The message with the option as the command line writes it: `--gain: …`."""
         flag_name, flag_reason = _command_line_flag(self.option), self.reason
         if self.excludes is not None:
-            flag_reason = f"excludes {_command_line_flag(self.excludes)}{self._advice}"
+            flag_reason = f"excludes {_command_line_flag(self.excludes)}{self._reason_after_flag}"
         return f"{flag_name}{'' if self.value is None else f' {self.value}'}: {flag_reason}"
 
 
@@ -100,5 +101,5 @@ def not_started_error(error: _core.EngineError, sentence: str) -> ErgonError:
     """The error for a performance that could not start: of its recording's file, or of a device."""
     from ergon.exchange.safe import FileRefusedError
 
-    is_file = error.module == "record"
-    return FileRefusedError(sentence) if is_file else DeviceError(sentence)
+    is_recording_error = error.module == "record"
+    return FileRefusedError(sentence) if is_recording_error else DeviceError(sentence)

@@ -44,10 +44,10 @@ def film(stage: Stage, job: RenderJob) -> Film:
         )
     stop_frame = min(job.stop, stage.n_analysed_frames) if job.has_open_end else job.stop
 
-    def begin(simulation: Simulation) -> MotionRecorder:
+    def begin_recorder(simulation: Simulation) -> MotionRecorder:
         return recorder(stage, simulation, stop_frame / stage.rate)
 
-    return Film(Path(job.target).with_suffix(SUFFIX), stop_frame, stage.n_channels, begin)
+    return Film(Path(job.target).with_suffix(SUFFIX), stop_frame, stage.n_channels, begin_recorder)
 
 
 def recorder(stage: Stage, simulation: Simulation, duration: float | None) -> MotionRecorder:
@@ -94,14 +94,14 @@ def _key_entries(stage: Stage) -> list[tuple[str, int, bool]]:
 
     Keys without a real hand come first.
     """
-    hands = {hand.key: hand.mat for hand in stage.live_hands}
-    mats = stage.built_network.assembly.mats
+    mat_by_key = {hand.key: hand.mat for hand in stage.live_hands}
+    mat_by_module = stage.built_network.assembly.mats
     key_entries = [
-        (name, mats[name, key.struck], False)
+        (name, mat_by_module[name, key.struck], False)
         for name, key in stage.piece.keys.items()
-        if name not in hands
+        if name not in mat_by_key
     ]
-    return key_entries + [(name, mat, True) for name, mat in hands.items()]
+    return key_entries + [(name, mat, True) for name, mat in mat_by_key.items()]
 
 
 def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
 
     piece = stage.piece
     point_index = {mat: index for index, mat in enumerate(look.mats())}
-    players = {player.key: player.name for player in piece.players.values()}
+    player_by_key = {player.key: player.name for player in piece.players.values()}
     points_in_space = (
         [point_index.get(mat) for mat in axes] for axes in stage.built_network.points_in_space()
     )
@@ -138,7 +138,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
             {
                 "name": name,
                 "point": point_index.get(mat),
-                "player": players.get(name),
+                "player": player_by_key.get(name),
                 "hand": is_real,
             }
             for name, mat, is_real in _key_entries(stage)
@@ -233,18 +233,18 @@ def _point_places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
     piece, network = stage.piece, stage.network
     mats = look.mats()
     point_places = np.zeros((len(mats), 3))
-    members: dict[str, list[int]] = {}
+    points_by_part: dict[str, list[int]] = {}
     for run in look.runs():
-        members.setdefault(run.part, []).extend(range(run.first, run.first + run.count))
-    instruments = [name for name in members if name not in piece.keys]
-    for instrument_name, point_indices in members.items():
+        points_by_part.setdefault(run.part, []).extend(range(run.first, run.first + run.count))
+    instrument_names = [name for name in points_by_part if name not in piece.keys]
+    for instrument_name, point_indices in points_by_part.items():
         point_indices.sort(key=lambda point: mats[point])
         if instrument_name in piece.keys:
             point_places[point_indices] = _key_places(
                 list(piece.keys).index(instrument_name), len(piece.keys), len(point_indices)
             )
         else:
-            width, middle = _size_and_place(stage, instrument_name, instruments)
+            width, middle = _size_and_place(stage, instrument_name, instrument_names)
             if (
                 _axis_count(stage, instrument_name) == 1
             ):  # points in space are where their coordinates say
@@ -267,7 +267,7 @@ def _key_places(key_index: int, n_keys: int, n_points: int) -> NDArray[np.float6
 
 
 def _size_and_place(
-    stage: Stage, instrument_name: str, instruments: list[str]
+    stage: Stage, instrument_name: str, instrument_names: list[str]
 ) -> tuple[float, tuple[float, float, float]]:
     """The size of an instrument, and where its middle lies [m]."""
     instrument = stage.piece.instruments.get(instrument_name)
@@ -276,10 +276,10 @@ def _size_and_place(
         return placing.across, (*placing.at, placing.height or 0.0)
     if stage.piece.mix.layout is not None:
         return 1.0, (0.0, 0.0, 0.0)
-    instrument_index = instruments.index(instrument_name)
-    columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
-    instrument_x = (instrument_index % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
-    return 1.0, (instrument_x, instrument_index // columns * _INSTRUMENT_SPACING, 0.0)
+    instrument_index = instrument_names.index(instrument_name)
+    n_columns = max(1, math.isqrt(max(0, len(instrument_names) - 1)) + 1)
+    instrument_x = (instrument_index % n_columns - 0.5 * (n_columns - 1)) * _INSTRUMENT_SPACING
+    return 1.0, (instrument_x, instrument_index // n_columns * _INSTRUMENT_SPACING, 0.0)
 
 
 def _centred_bench(bench_positions: NDArray[np.float64]) -> NDArray[np.float64]:

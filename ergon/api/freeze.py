@@ -88,9 +88,9 @@ def prepare(
         silent=[part for part in _audible_parts(piece) if part not in parts],
     ).stage
     folder = Path(out) if out is not None else _frozen_folder(str(score))
-    taps = {part: stage.listening.taps(part) for part in parts}
+    taps_by_part = {part: stage.listening.taps(part) for part in parts}
     n_frames = stage.n_frames + int(_EXTRA_DURATION * stage.rate)
-    return PreparedFreeze(folder, taps, n_frames, loaded, stage)
+    return PreparedFreeze(folder, taps_by_part, n_frames, loaded, stage)
 
 
 def write(prepared: PreparedFreeze, options: FreezeOptions, report: Report) -> Frozen:
@@ -151,11 +151,11 @@ def _check_instruments(piece: Piece, part_names: Iterable[str]) -> None:
 
 
 def _check_untouched(
-    piece: Piece, part_names: Collection[str], live: Iterable[str], option: str
+    piece: Piece, part_names: Collection[str], live_players: Iterable[str], option: str
 ) -> None:
     from ergon.scores.staging.reach import freeze_obstacles
 
-    obstacles = freeze_obstacles(piece, part_names, live)
+    obstacles = freeze_obstacles(piece, part_names, live_players)
     if obstacles:
         raise OptionError(option, "; ".join(map(str, obstacles)))
 
@@ -194,22 +194,22 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
     freeze_command = f"ergon render SCORE --freeze {','.join(frozen.parts)} -o {folder}"
     seed = piece.seed if seed is None else seed
 
-    def refused(reason: str) -> OptionError:
+    def refusal(reason: str) -> OptionError:
         return OptionError("frozen", reason, value=str(folder))
 
     if frozen_source.score != digest_of(piece):
-        raise refused(
+        raise refusal(
             f"the score has changed since its parts were frozen; `{freeze_command}` freezes them "
             "again"
         )
     if frozen_source.seed != seed:
-        raise refused(
+        raise refusal(
             f"the parts were frozen with seed {frozen_source.seed}, and this performance has seed "
             f"{seed}; --seed {frozen_source.seed} plays them, `{freeze_command} --seed {seed}` "
             "freezes them again"
         )
     if frozen_source.rate != piece.rate:
-        raise refused(
+        raise refusal(
             f"the parts were frozen at {frozen_source.rate:g} Hz, and the score has {piece.rate:g} "
             f"Hz; `{freeze_command}` freezes them again"
         )
@@ -227,14 +227,16 @@ def check_freezable(piece: Piece, frozen: Frozen, real_players: Iterable[str]) -
     _check_untouched(piece, frozen.parts, dict.fromkeys((*live_players, *real_players)), "frozen")
 
 
-def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:
+def verify_stems(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:
     """The stems, each read once and hashed. Raises OptionError where one has changed."""
     from ergon.exchange.frozen import NotFrozenError, check
 
-    taps = {part: stage.listening.taps(part) for part in frozen.parts}
+    taps_by_part = {part: stage.listening.taps(part) for part in frozen.parts}
     try:
-        return check(frozen, taps, stage.n_frames)
+        return check(frozen, taps_by_part, stage.n_frames)
     except NotFrozenError as error:
-        parts = ",".join(frozen.parts)
-        freeze_advice = f"`ergon render SCORE --freeze {parts} -o {folder}` freezes the parts again"
+        parts_text = ",".join(frozen.parts)
+        freeze_advice = (
+            f"`ergon render SCORE --freeze {parts_text} -o {folder}` freezes the parts again"
+        )
         raise OptionError("frozen", f"{error}; {freeze_advice}", value=str(folder)) from None

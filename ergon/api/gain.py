@@ -31,15 +31,15 @@ def asked_gain(gain_text: str) -> float:
 
 def gain_of(
     piece: Piece,
-    staged: Callable[[], Stage],
+    make_stage: Callable[[], Stage],
     gain_text: str | None,
     report: Report,
-    frozen: Sequence[VerifiedStem] = (),
+    frozen_stems: Sequence[VerifiedStem] = (),
 ) -> float:
     """The gain (ratio): as asked; else as a preflight finds if the master asks for a peak or a
     loudness; else 1.
 
-    `staged` returns the stage for the preflight. Raises OptionError.
+    `make_stage` returns the stage for the preflight. Raises OptionError.
     """
     from ergon.live.preflight import find_gain, preflight_frames
 
@@ -48,14 +48,14 @@ def gain_of(
     master = piece.mix.master
     if master is None or not master.is_levelled:
         return 1.0
-    stage = staged()
+    stage = make_stage()
     with report.progress("listening beforehand", preflight_frames(stage), stage.rate) as progress:
         # As in a file: peaks hold a loudness down unless the score limits them.
         master_options = {
             name: getattr(master, name) for name in ("normalise", "loudness", "limit")
         }
-        level = replace(scores.played_level(piece), **master_options)
-        gain_result = find_gain(stage, level, frozen, progress.update)
+        played_level = replace(scores.played_level(piece), **master_options)
+        gain_result = find_gain(stage, played_level, frozen_stems, progress.update)
     computed_span = (
         "the piece" if gain_result.seconds is None else f"its first {gain_result.seconds:.0f} s"
     )

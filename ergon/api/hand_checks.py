@@ -13,43 +13,47 @@ from .pages import ANY_LOCAL_PORT, serve
 
 if TYPE_CHECKING:
     from ergon.live.fitness import Finding
-    from ergon.live.led_hands import LedHands
+    from ergon.live.pointer_hands import PointerHands
 
 _POLL_SECONDS = 0.02  # [s] between two looks whether something came
 _WAIT_SECONDS_MAX = 120.0  # [s] for the first position
 
 
-def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> list[Finding]:
+def measure_hands(
+    addresses: Sequence[str], measure_seconds: float, report: Report
+) -> list[Finding]:
     """Measure for some seconds after each input has sent its first position; one finding for each.
 
     Raises OptionError for an address that is none of a key without a device, or cannot be opened.
     """
     from ergon.live.boards import BoardError, boards
     from ergon.live.hand_arrivals import describe_arrivals
-    from ergon.live.led_address import is_led
-    from ergon.live.led_hands import open_led_hands
+    from ergon.live.pointer_address import is_pointer_driven
+    from ergon.live.pointer_hands import open_pointer_hands
 
     url_by_hand = {f"hand{number}": address for number, address in enumerate(addresses, 1)}
     try:
         known_boards = boards(url_by_hand, {})
         for board in known_boards:
-            if not is_led(board.url):
+            if not is_pointer_driven(board.url):
                 raise BoardError(
                     f"{board.url} has positions of its own: `ergon doctor --device {board.url}`"
                 )
-        hands = open_led_hands(known_boards)
+        hands = open_pointer_hands(known_boards)
     except BoardError as error:
         raise OptionError("hands", str(error)) from None
     server = None
     try:
-        if hands.page_leads:
-            server = serve(ANY_LOCAL_PORT, "hands", report, leads=hands.page_leads)
+        if hands.page_pointers:
+            server = serve(ANY_LOCAL_PORT, "hands", report, pointers=hands.page_pointers)
             report.say(f"play the keys at {server.url}hands.html")
         for sentence in hands.sentences:
             report.say(sentence)
-        _wait_for_hands(hands, seconds, report)
+        _wait_for_hands(hands, measure_seconds, report)
         return [
-            describe_arrivals(board, board.lead) for board in hands.boards if board.lead is not None
+            describe_arrivals(board, board.pointer)
+            for board in hands.boards
+            if board.pointer is not None
         ]
     finally:
         if server is not None:
@@ -57,18 +61,21 @@ def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> l
         hands.close()
 
 
-def _wait_for_hands(hands: LedHands, timeout: float, report: Report) -> None:
+def _wait_for_hands(hands: PointerHands, measure_seconds: float, report: Report) -> None:
     """Wait until each input has been measured, or has sent nothing for long."""
-    leads = [board.lead for board in hands.boards if board.lead is not None]
-    report.say(f"move each input for {timeout:g} s")
+    pointers = [board.pointer for board in hands.boards if board.pointer is not None]
+    report.say(f"move each input for {measure_seconds:g} s")
     start_by_hand: dict[str, float] = {}
-    end = time.monotonic() + _WAIT_SECONDS_MAX
-    while time.monotonic() < end:
-        now = time.monotonic()
-        for lead in leads:
-            if lead.name not in start_by_hand and lead.tally["taken"]:
-                start_by_hand[lead.name] = now
-            lead.discard()  # no performance reads them
-        if len(start_by_hand) == len(leads) and now >= max(start_by_hand.values()) + timeout:
+    deadline = time.monotonic() + _WAIT_SECONDS_MAX
+    while time.monotonic() < deadline:
+        instant_now = time.monotonic()
+        for pointer in pointers:
+            if pointer.name not in start_by_hand and pointer.tally["taken"]:
+                start_by_hand[pointer.name] = instant_now
+            pointer.discard()  # no performance reads them
+        if (
+            len(start_by_hand) == len(pointers)
+            and instant_now >= max(start_by_hand.values()) + measure_seconds
+        ):
             return
         time.sleep(_POLL_SECONDS)

@@ -13,8 +13,8 @@ from .errors import DeviceError, OptionError
 if TYPE_CHECKING:
     from ergon.live.boards import Board
     from ergon.live.calibration import AxisCalibration
-    from ergon.live.led_address import LedKey
-    from ergon.live.led_hands import LedHands
+    from ergon.live.pointer_address import PointerKey
+    from ergon.live.pointer_hands import PointerHands
     from ergon.scores.reading.piece import Piece
     from ergon.scores.reading.playing import Key
 
@@ -24,13 +24,13 @@ _LET_GO_MESSAGE = "{}: let go of the key: a small pulse of force finds the direc
 _LET_GO_ALL_MESSAGE = (
     "{}: let go of the keys: small pulses of force find the directions of their motors"
 )
-_GUIDE_STIFFNESS_MAX = 1e6  # [N/m] of a led key: it yields 20 µm to the greatest force
+_GUIDE_STIFFNESS_MAX = 1e6  # [N/m] of a key under a pointer: it yields 20 µm to the greatest force
 
 
 def boards_of(piece: Piece, options: PerformanceOptions) -> list[Board]:
     """Devices of `--live` and `--drive`, each under a player's key. Raises OptionError."""
     from ergon.live.boards import BoardError, boards, device_urls, parse_live_options
-    from ergon.live.led_address import is_led, parse_led_address
+    from ergon.live.pointer_address import is_pointer_driven, parse_pointer_address
 
     try:
         options_by_player = parse_live_options((*options.live, *options.drive))
@@ -39,8 +39,8 @@ def boards_of(piece: Piece, options: PerformanceOptions) -> list[Board]:
                 raise OptionError("live", no_player_message(piece, name))
         opened_boards = boards(options_by_player, device_urls() if options_by_player else {})
         for board in opened_boards:
-            if is_led(board.url):
-                parse_led_address(board.url)
+            if is_pointer_driven(board.url):
+                parse_pointer_address(board.url)
         return opened_boards
     except BoardError as error:
         raise OptionError("live", str(error)) from None
@@ -50,7 +50,7 @@ def driven_players(
     piece: Piece, options: PerformanceOptions, boards: Sequence[Board]
 ) -> frozenset[str]:
     """The players whose real keys their parts drive. Raises OptionError."""
-    from ergon.live.led_address import is_led
+    from ergon.live.pointer_address import is_pointer_driven
 
     driven_names = frozenset(text.partition("=")[0] for text in options.drive)
     players_with_part = {play.player for play in piece.parts}
@@ -60,7 +60,7 @@ def driven_players(
             if player_name not in driven_names:
                 continue
             player_key = piece.keys[player.key]
-            if is_led(board.url):
+            if is_pointer_driven(board.url):
                 refusal_reason = (
                     f"{board.url} has no motor that could move a key; --live {player_name}=… plays "
                     "it"
@@ -83,21 +83,21 @@ def driven_players(
     return driven_names
 
 
-def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands:
-    """Open what leads the fingers on keys of a piece without a device. Raises OptionError."""
+def open_hands(piece: Piece, boards: Sequence[Board], report: Report) -> PointerHands:
+    """Open the pointers of keys of a piece that have no device. Raises OptionError."""
     from ergon.live.boards import BoardError
-    from ergon.live.led_address import is_led
-    from ergon.live.led_hands import LedHands, open_led_hands
+    from ergon.live.pointer_address import is_pointer_driven
+    from ergon.live.pointer_hands import PointerHands, open_pointer_hands
 
-    if not any(is_led(board.url) for board in boards):
-        return LedHands(boards)
+    if not any(is_pointer_driven(board.url) for board in boards):
+        return PointerHands(boards)
     try:
         keys = {
-            player: _led_key(piece.keys[piece.players[player].key])
+            player: _pointer_key(piece.keys[piece.players[player].key])
             for board in boards
             for _, player in board.axes
         }
-        opened_hands = open_led_hands(boards, keys)
+        opened_hands = open_pointer_hands(boards, keys)
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     for sentence in opened_hands.sentences:
@@ -105,17 +105,17 @@ def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands
     return opened_hands
 
 
-def _led_key(score_key: Key) -> LedKey:
+def _pointer_key(score_key: Key) -> PointerKey:
     """Travel, spring and rest of a key of the score, for one that is played without a device."""
-    from ergon.live.led_address import LedKey
+    from ergon.live.pointer_address import PointerKey
     from ergon.scores.staging.version_glides import cel_constants
 
-    travel = score_key.travel or LedKey().travel
+    travel = score_key.travel or PointerKey().travel
     (struck_cel,) = (module for module in score_key.modules if module.name == score_key.struck)
     if struck_cel.kind != "CEL":
-        return LedKey(travel)
+        return PointerKey(travel)
     stiffness, _, _ = cel_constants(struck_cel.fields)
-    return LedKey(
+    return PointerKey(
         travel, min(stiffness, _GUIDE_STIFFNESS_MAX), float(struck_cel.fields.get("rest") or 0.0)
     )
 
@@ -129,20 +129,20 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
     """
     from ergon import _core
     from ergon.live.boards import BoardError
-    from ergon.live.calibration import calibrated_axes, known_axes
+    from ergon.live.calibration import calibrated_axes, stored_calibrations
 
     try:
-        calibrations = [known_axes(board.url) for board in boards]
+        calibrations = [stored_calibrations(board.url) for board in boards]
         uncalibrated_axes = [
             [axis for axis in board.axes if axis[0] not in calibrated_axes(board.url)]
             if board.has_motor and not unchecked
             else []
             for board in boards
         ]
-        players = [player for axes in uncalibrated_axes for _, player in axes]
-        if players:
-            request_text = _LET_GO_MESSAGE if len(players) == 1 else _LET_GO_ALL_MESSAGE
-            report.say(request_text.format(", ".join(players)))
+        tried_players = [player for axes in uncalibrated_axes for _, player in axes]
+        if tried_players:
+            request_text = _LET_GO_MESSAGE if len(tried_players) == 1 else _LET_GO_ALL_MESSAGE
+            report.say(request_text.format(", ".join(tried_players)))
         tried_axes = _try_together(boards, uncalibrated_axes, calibrations)
         for board, axes, board_calibrations, new_axes in zip(
             boards, uncalibrated_axes, calibrations, tried_axes, strict=True
@@ -173,14 +173,14 @@ def _try_together(
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    from ergon.live.calibration import confirmed_axes
+    from ergon.live.calibration import confirm_axes
 
-    def trial(board_index: int) -> dict[int, AxisCalibration]:
+    def try_board(board_index: int) -> dict[int, AxisCalibration]:
         axis_numbers = [number for number, _ in uncalibrated_axes[board_index]]
         if not axis_numbers or boards[board_index].kind == "haply":
             return {}
         calibrations_before = calibrations[board_index]
-        return confirmed_axes(
+        return confirm_axes(
             boards[board_index].url,
             {number: calibrations_before.get(number) for number in axis_numbers},
         )
@@ -188,7 +188,7 @@ def _try_together(
     if sum(map(len, uncalibrated_axes)) < 2:
         return [{} for _ in boards]
     with ThreadPoolExecutor(len(boards)) as pool:
-        return list(pool.map(trial, range(len(boards))))
+        return list(pool.map(try_board, range(len(boards))))
 
 
 def _find_direction(
@@ -247,7 +247,7 @@ def guide_stiffnesses(
     real_players = {player for board in boards for _, player in board.axes}
     stiffness_by_player = {}
     for stiffness_text in stiffness_options:
-        player, is_said, stiffness = stiffness_text.partition("=")
+        player, equals_sign, stiffness_word = stiffness_text.partition("=")
         if player not in real_players:
             if player not in piece.players:
                 raise OptionError("guide", no_player_message(piece, player))
@@ -255,7 +255,7 @@ def guide_stiffnesses(
             raise OptionError("guide", reason, value=stiffness_text)
         try:
             stiffness_by_player[player] = (
-                quantity(stiffness, STIFFNESS) if is_said else GUIDANCE_MAX[0]
+                quantity(stiffness_word, STIFFNESS) if equals_sign else GUIDANCE_MAX[0]
             )
         except TextError as error:
             raise OptionError("guide", error.message, value=stiffness_text) from None

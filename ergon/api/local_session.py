@@ -19,7 +19,7 @@ from . import score as scores
 from .errors import OptionError, not_started_error
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, calibrated_boards, driven_players, led_hands
+from .hands import boards_of, calibrated_boards, driven_players, open_hands
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
@@ -27,8 +27,8 @@ from .pages import pages_of, sees_all
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
-    from ergon.live.led_hands import LedHands
     from ergon.live.perform import PlaybackConfig
+    from ergon.live.pointer_hands import PointerHands
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
@@ -49,7 +49,7 @@ _GainAndReference = tuple[float, float | None]  # gain, and reference level: rat
 _EMPTY_PIECE = "ergon: 1\nmix: {channels: 2}\n"
 
 
-def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
+def begin_session(path: str | None, options: SessionOptions, report: Report) -> Session:
     """Open a session on the sound card; the caller closes it.
 
     Raises ScoreError, OptionError and DeviceError.
@@ -61,36 +61,42 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.repl.session.session import Session
 
     is_seen = sees_all(options)
-    first_version = _session_beginning(path, options, report)
-    version, piece = first_version.version, first_version.version.piece
+    beginning = _session_beginning(path, options, report)
+    version, piece = beginning.version, beginning.version.piece
     boards = boards_of(piece, options)
-    driven = driven_players(piece, options, boards)
+    driven_names = driven_players(piece, options, boards)
     real_hands = {player: None for board in boards for _, player in board.axes}
-    folder, frozen = _frozen_and_folder(version, first_version.frozen, real_hands, options, report)
+    folder, frozen = _frozen_and_folder(version, beginning.frozen, real_hands, options, report)
     boards = calibrated_boards(boards, options.unchecked, report)
     with scores.staging(version.texts.load, report):
-        config = _performance_config(piece, options, boards, first_version.levels, frozen, report)
+        config = _performance_config(piece, options, boards, beginning.levels, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
-    led = led_hands(piece, boards, report)
+    pointer_hands = open_hands(piece, boards, report)
     try:
-        pages = pages_of(options, report, led.page_leads)
+        pages = pages_of(options, report, pointer_hands.page_pointers)
         journal = Journal.begin(Path(options.journal))
     except JournalError as error:
-        led.close()
+        pointer_hands.close()
         raise OptionError("journal", str(error)) from None
     except OptionError:
-        led.close()
+        pointer_hands.close()
         raise
     try:
         take_path = free_path(journal.path.with_suffix(".take")) if real_hands else None
-        header = {"journal": journal.path.name}
-        config = replace(config, record=take_path, header=header, pages=pages, boards=led.boards)
-        config = replace(config, driven_players=driven)
-        make_engine, opening = _session_makers(
+        recording_header = {"journal": journal.path.name}
+        config = replace(
+            config,
+            record=take_path,
+            header=recording_header,
+            pages=pages,
+            boards=pointer_hands.boards,
+        )
+        config = replace(config, driven_players=driven_names)
+        make_engine, make_session_start = _session_makers(
             version,
-            first_version.clock,
-            first_version.past,
+            beginning.clock,
+            beginning.past,
             config,
             folder,
             report,
@@ -104,25 +110,25 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 journal=journal,
                 real=real_hands,
                 store=user_store(),
-                clock=first_version.clock,
+                clock=beginning.clock,
                 hands=take_path,
-                disk=first_version.disk,
+                disk=beginning.disk,
                 watches=options.watch,
-                past=first_version.past,
+                past=beginning.past,
                 frozen=frozen,
                 is_seen=is_seen,
-                driven=driven,
+                driven_players=driven_names,
             )
     except BaseException:
         journal.close()
         journal.path.unlink(missing_ok=True)  # nothing has begun
-        led.close()
+        pointer_hands.close()
         raise
-    opening_fields = opening(session.schedule.engine.tick_frames, take_path).fields()
+    opening_fields = make_session_start(session.schedule.engine.tick_frames, take_path).fields()
     journal.append("session", **opening_fields, disk=session.disk.hashes_by_name(version.texts))
     engine = session.schedule.engine
     assert isinstance(engine, LiveEngine)
-    session.attach(_SummarisedHands(led, report))
+    session.attach(_SummarisedHands(pointer_hands, report))
     attach_midi(session, engine.performance, ports)
     if osc is not None:
         session.attach(SessionOsc(session, osc, engine.performance))
@@ -150,13 +156,13 @@ def _start_session(session: Session) -> None:
 class _SummarisedHands:
     """Led hands that report a summary of their input when they are closed."""
 
-    led: LedHands
+    pointer_hands: PointerHands
     report: Report
 
     def close(self) -> None:
         """Stop leading the hands, and report a summary for each."""
-        self.led.close()
-        for sentence in self.led.summaries():
+        self.pointer_hands.close()
+        for sentence in self.pointer_hands.summaries():
             self.report.say(sentence)
 
 
@@ -199,7 +205,7 @@ def _session_beginning(
             )
             if gap_sentence := journal_content.gaps.sentence(str(resume_path)):
                 report.warn(gap_sentence)
-            session_start = journal_content.start
+            session_start = journal_content.session_start
             gain_and_reference = session_start.gain, session_start.reference
             return _SessionBeginning(
                 *resumed_state(journal_content),
@@ -248,7 +254,7 @@ def _frozen_and_folder(
     from ergon.repl.session.frozen_parts import frozen_folder, load_frozen
     from ergon.scores.staging.built_network import build_network
 
-    piece, option = version.piece, "frozen" if folder is None else "resume"
+    piece, option_name = version.piece, "frozen" if folder is None else "resume"
     if folder is None and session_options.frozen is None:
         return None, ()
     try:
@@ -260,7 +266,7 @@ def _frozen_and_folder(
             folder = frozen_folder(path, frozen, piece, listening)
         loaded_parts = load_frozen(folder, version, real_players)
     except NotFrozenError as error:
-        raise OptionError(option, str(error)) from None
+        raise OptionError(option_name, str(error)) from None
     part_names = [part.name for part in loaded_parts]
     if part_names:
         end_position = scores.where(piece, min(part.n_frames for part in loaded_parts) / piece.rate)
@@ -358,17 +364,17 @@ def _session_makers(
             report.say(f"input: {sentence}")
         return engine
 
-    def start_record(tick_frames: int, hands: Path | None) -> SessionStart:
+    def start_record(tick_frames: int, hands_recording: Path | None) -> SessionStart:
         gain_options = config.gain, config.limit, config.highpass
-        take = None
-        if hands is not None:
+        journal_take = None
+        if hands_recording is not None:
             players = version.piece.players
-            axes = [
+            journal_hands = [
                 JournalHand(player, players[player].key, board.url, axis)
                 for board in config.boards
                 for axis, player in board.axes
             ]
-            take = JournalTake(hands, tuple(axes))
+            journal_take = JournalTake(hands_recording, tuple(journal_hands))
         return SessionStart(
             version.texts,
             clock.stopped_beat,
@@ -376,8 +382,8 @@ def _session_makers(
             tick_frames,
             *gain_options,
             past,
-            version.base,
-            take,
+            version.file_texts,
+            journal_take,
             version.maps,
             version.rules,
             config.reference,

@@ -65,7 +65,10 @@ def local_cluster(count: int, allowed_failures: int) -> Iterator[Any]:
                     "cls": UnservedScheduler,
                     "options": {**common_options, "dashboard": False},
                 },
-                workers={i: {"cls": distributed.Nanny, "options": worker} for i in range(count)},
+                workers={
+                    worker_index: {"cls": distributed.Nanny, "options": worker}
+                    for worker_index in range(count)
+                },
                 security=security,
                 silence_logs=logging.CRITICAL,
             )

@@ -40,13 +40,15 @@ def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
 
     opened_ports: list[InputPort | TimedSender] = []
 
-    def open_port(option: str, port_name: str, make: Callable[[str], Port]) -> Port:
+    def open_port(
+        option_name: str, port_name: str, open_system_port: Callable[[str], Port]
+    ) -> Port:
         try:
-            open_port = make(port_name)
+            open_port = open_system_port(port_name)
         except MidiError as error:
             for opened_port in opened_ports:
                 opened_port.close()
-            raise OptionError(option, str(error), value=port_name) from None
+            raise OptionError(option_name, str(error), value=port_name) from None
         opened_ports.append(open_port)
         return open_port
 
@@ -84,7 +86,7 @@ def attach_midi(session: Session, performance: _core.Performance, ports: MidiPor
 
 
 def _follow_clock(
-    hearing_clock: HearingClock, clock: ClockIn, performance: _core.Performance, now: float
+    hearing_clock: HearingClock, clock: ClockIn, performance: _core.Performance, instant_now: float
 ) -> None:
-    hearing_clock.update(performance.status(), now)
-    clock.follow(now)
+    hearing_clock.update(performance.status(), instant_now)
+    clock.follow(instant_now)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ergon.common.report import PrintedReport, Report
 from ergon.repl.session.api import SessionProxy
 
-from .local_session import begin
+from .local_session import begin_session
 from .options import SessionOptions
 from .remote_session import join
 
@@ -45,4 +45,4 @@ def open_session(
     """
     options, report = options or SessionOptions(), report or PrintedReport()
     path = None if score is None else str(score)
-    return Session((begin if options.socket is None else join)(path, options, report))
+    return Session((begin_session if options.socket is None else join)(path, options, report))

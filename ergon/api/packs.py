@@ -63,7 +63,7 @@ def pack(
     loaded = scores.read(score, options, report)
     packed_files = _packed_files(str(score), loaded)
     encoded_pack = pack_bytes(packed_files)
-    _check_same(packed_files, loaded)
+    _check_same_piece(packed_files, loaded)
     with open_for_writing(target_path, binary=True, force=force, inputs=loaded.inputs) as file:
         file.write(encoded_pack)
     return PackedFile(target_path, packed_files, len(encoded_pack))
@@ -125,22 +125,24 @@ def _packed_files(score: str, loaded: Loaded) -> Pack:
                 "rename your own"
             )
         n_bytes_max = max(0, n_bytes_max - len(packed_bytes))
-    root = os.path.commonpath([os.path.dirname(path) for path in files_by_name])
-    names = {path: Path(os.path.relpath(path, root)).as_posix() for path in files_by_name}
+    common_folder = os.path.commonpath([os.path.dirname(path) for path in files_by_name])
+    name_by_path = {
+        path: Path(os.path.relpath(path, common_folder)).as_posix() for path in files_by_name
+    }
     return Pack(
-        names[score_place],
+        name_by_path[score_place],
         __version__,
-        {names[path]: files_by_name[path] for path in files_by_name},
+        {name_by_path[path]: files_by_name[path] for path in files_by_name},
     )
 
 
-def _check_same(pack: Pack, loaded: Loaded) -> None:
+def _check_same_piece(pack: Pack, loaded: Loaded) -> None:
     """Raise PackError unless a pack holds all that makes its piece."""
     from ergon.scores.reading.load import load
 
-    with _unpacked_score(pack) as score:
-        loaded_again = load(score)
-        folder_prefix = os.path.realpath(score)[: -len(pack.score)]
+    with _unpacked_score(pack) as score_path:
+        loaded_again = load(score_path)
+        folder_prefix = os.path.realpath(score_path)[: -len(pack.score)]
         for path in loaded_again.inputs:
             if not os.path.realpath(path).startswith(folder_prefix):
                 raise PackError(f"{path} would be read from outside the pack")
@@ -162,8 +164,8 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
 @contextmanager
 def _unpacked_score(pack: Pack, pack_name: str | None = None) -> Iterator[Path]:
     """The score of a pack in a private folder; messages name its files as those of `pack_name`."""
-    with tempfile.TemporaryDirectory(prefix="ergon-pack-") as temporary:
-        folder = Path(os.path.realpath(temporary))
+    with tempfile.TemporaryDirectory(prefix="ergon-pack-") as folder_name:
+        folder = Path(os.path.realpath(folder_name))
         if pack_name is not None:
             show_as(folder, pack_name)
         (folder / _marker_name()).touch()  # all below is one project

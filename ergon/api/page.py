@@ -47,8 +47,8 @@ def page(
     """
     report = report or Report()
     options = replace(options or FileOptions(), motion=True)
-    with TemporaryDirectory(prefix="ergon-page-") as name:
-        folder = Path(name)
+    with TemporaryDirectory(prefix="ergon-page-") as folder_name:
+        folder = Path(folder_name)
         rendered_view = render_view(Path(score), folder, options, report)
         target = folder / "page.html"
         share_file(rendered_view, target, folder, report)

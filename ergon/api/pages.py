@@ -28,19 +28,19 @@ _SECRET_BYTES = 32
 
 
 def pages_of(
-    options: PerformanceOptions, report: Report, leads: Sequence[_core.Lead] = ()
+    options: PerformanceOptions, report: Report, pointers: Sequence[_core.Lead] = ()
 ) -> Pages | None:
-    """A server of pages that show a performance and play the keys of `leads`, its address reported;
-    None if none is asked for.
+    """A server of pages that show a performance and play the keys of `pointers`, its address
+    reported; None if none is asked for.
 
     Raises OptionError if nothing can be served at that address.
     """
-    if not options.view and options.view_at is None and not leads:
+    if not options.view and options.view_at is None and not pointers:
         return None
-    server = serve(options.view_at or ANY_LOCAL_PORT, "view_at", report, leads=leads)
+    server = serve(options.view_at or ANY_LOCAL_PORT, "view_at", report, pointers=pointers)
     report.event("view", url=server.url)
     report.say(f"seen at {server.url}")
-    if leads:
+    if pointers:
         report.say(f"keys are played there, or at {server.url}hands.html alone")
     return Pages(server, window)
 
@@ -60,7 +60,7 @@ def serve(
     report: Report,
     motion: Path | None = None,
     sound: Path | None = None,
-    leads: Sequence[_core.Lead] = (),
+    pointers: Sequence[_core.Lead] = (),
 ) -> _core.ViewServer:
     """A server of pages at HOST:PORT; its address has a key, for others can reach every port.
 
@@ -71,14 +71,14 @@ def serve(
     is_local = _is_loopback(address)
     key = _local_key(address) if is_local else secrets.token_hex(16)
     try:
-        server = _core.ViewServer(motion, sound=sound, address=address, key=key, leads=leads)
+        server = _core.ViewServer(motion, sound=sound, address=address, key=key, leads=pointers)
     except _core.EngineError as error:
         raise OptionError(option, str(error)) from None
     if not is_local:
         report.say(
             "from another machine, replace 127.0.0.1 in the address by the address of this "
             "machine; anyone who has the address with its key can watch the piece"
-            + (" and play its keys" if leads else "")
+            + (" and play its keys" if pointers else "")
         )
     return server
 
@@ -102,8 +102,8 @@ def _secret_of_user() -> bytes:
     """
     path = runtime_folder() / "view.key"
     with contextlib.suppress(FileExistsError):
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(handle, "wb") as file:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "wb") as file:
             file.write(secrets.token_bytes(_SECRET_BYTES))
     secret = read_bounded(path, _SECRET_BYTES)
     if len(secret) != _SECRET_BYTES or not is_own_alone(path.stat()):

@@ -6,28 +6,31 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from typing import TypeVar
 
-K = TypeVar("K")
-V = TypeVar("V")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 def results_as_completed(
-    items: Iterable[K],
-    submit: Callable[[K], Future[V]],
-    wait: Callable[[Sequence[Future[V]]], None],
-    result_of: Callable[[Future[V]], V],
-    limit: int,
-) -> Iterator[tuple[K, V]]:
+    items: Iterable[Item],
+    submit: Callable[[Item], Future[Result]],
+    wait: Callable[[Sequence[Future[Result]]], None],
+    result_of: Callable[[Future[Result]], Result],
+    running_max: int,
+) -> Iterator[tuple[Item, Result]]:
     """Each item with its result, in order of completion.
 
-    `submit` begins one, `wait` returns when one of some has ended; at most `limit` are under way.
+    `submit` begins one, `wait` returns when one of some has ended; at most `running_max` are under
+    way.
     """
     remaining_items = iter(items)
-    running: dict[Future[V], K] = {}
+    item_by_future: dict[Future[Result], Item] = {}
     while True:
-        while len(running) < limit and (item := next(remaining_items, None)) is not None:
-            running[submit(item)] = item
-        if not running:
+        while (
+            len(item_by_future) < running_max and (item := next(remaining_items, None)) is not None
+        ):
+            item_by_future[submit(item)] = item
+        if not item_by_future:
             return
-        wait(list(running))
-        for future in [item for item in running if item.done()]:
-            yield running.pop(future), result_of(future)
+        wait(list(item_by_future))
+        for future in [future for future in item_by_future if future.done()]:
+            yield item_by_future.pop(future), result_of(future)

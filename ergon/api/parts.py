@@ -66,7 +66,7 @@ def _is_in_space(piece: Piece, name: str) -> bool:
     return piece.instruments[name].space is not None
 
 
-def point(piece: Piece, option: str, text: str) -> Target:
+def target_named(piece: Piece, option: str, text: str) -> Target:
     """The masses that a name reaches, such as `bell.m` and `string.s.12`. Raises OptionError."""
     from ergon.notation.text.errors import TextError
     from ergon.scores.reading.named_points import named_point

@@ -45,11 +45,11 @@ class Picture:
 def table_html(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of texts as HTML."""
 
-    def line(cells: Sequence[str], tag: str) -> str:
+    def row_html(cells: Sequence[str], tag: str) -> str:
         return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
-    body = "".join(line(row, "td") for row in rows)
-    return f"<table><thead>{line(header, 'th')}</thead><tbody>{body}</tbody></table>"
+    body = "".join(row_html(row, "td") for row in rows)
+    return f"<table><thead>{row_html(header, 'th')}</thead><tbody>{body}</tbody></table>"
 
 
 def audio_html(frames: NDArray[np.float64], rate: float) -> str:
@@ -62,9 +62,12 @@ def audio_html(frames: NDArray[np.float64], rate: float) -> str:
     import soundfile
 
     n_channels = min(frames.shape[1], _EARS)
-    sides = np.stack([frames[:, side::_EARS].mean(axis=1) for side in range(n_channels)], axis=1)
-    sides /= max(1.0, float(np.max(np.abs(sides), initial=0.0)))
+    ear_signals = np.stack(
+        [frames[:, first_channel::_EARS].mean(axis=1) for first_channel in range(n_channels)],
+        axis=1,
+    )
+    ear_signals /= max(1.0, float(np.max(np.abs(ear_signals), initial=0.0)))
     file = BytesIO()
-    soundfile.write(file, sides, round(rate), format="FLAC", subtype="PCM_16")
+    soundfile.write(file, ear_signals, round(rate), format="FLAC", subtype="PCM_16")
     sound = base64.b64encode(file.getvalue()).decode()
     return f"<audio controls src='data:audio/flac;base64,{sound}'></audio>"

@@ -22,8 +22,8 @@ from .hands import (
     calibrated_boards,
     driven_players,
     guide_stiffnesses,
-    led_hands,
     no_player_message,
+    open_hands,
 )
 from .options import PlayOptions
 from .osc import osc_of
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.exchange.frozen import VerifiedStem
     from ergon.live.boards import Board
-    from ergon.live.led_hands import LedHands
     from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
+    from ergon.live.pointer_hands import PointerHands
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
@@ -47,12 +47,12 @@ class PreparedPlay:
     """A score ready to be played."""
 
     stage: Stage
-    hands: LedHands
+    hands: PointerHands
     config: PlaybackConfig
     osc: OscServer | None
 
     def close(self) -> None:
-        """End the server of pages, and let nothing lead a hand any more."""
+        """End the server of pages, and close the sources that hands follow."""
         if self.config.pages is not None:
             self.config.pages.close()
         self.hands.close()
@@ -86,32 +86,33 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
         on_fault="mute",
         is_seen=is_seen,
     ).stage
-    _refuse_felt_automation(stage, real_players)
+    _refuse_tangible_automation(stage, real_players)
     stems: Sequence[VerifiedStem] = ()
     if frozen is not None and options.frozen is not None:
-        stems = freeze.verified(stage, frozen, Path(options.frozen))
+        stems = freeze.verify_stems(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = replace(
         _performance_config(piece, stage, boards, options, stems, report),
         driven_players=driven_names,
     )
-    hands = led_hands(piece, boards, report)
+    hands = open_hands(piece, boards, report)
     try:
-        pages = pages_of(options, report, hands.page_leads)
+        pages = pages_of(options, report, hands.page_pointers)
     except OptionError:
         hands.close()
         raise
     return PreparedPlay(stage, hands, replace(config, boards=hands.boards, pages=pages), osc)
 
 
-def _refuse_felt_automation(stage: Stage, real_players: Collection[str]) -> None:
+def _refuse_tangible_automation(stage: Stage, real_players: Collection[str]) -> None:
     """Raise OptionError if automation changes what a hand feels, whose stability is not checked."""
     from ergon.live.automated import tangible_modules
 
-    for player, names in tangible_modules(stage, real_players).items():
+    for player, module_names in tangible_modules(stage, real_players).items():
         raise OptionError(
             "live",
-            f"the automation of {', '.join(names)} can change the force on the key of {player}, "
+            f"the automation of {', '.join(module_names)} can change the force on the key of "
+            f"{player}, "
             "and this command checks the stability of the device for the values at the beginning "
             "only; use `ergon repl`, which checks all values, or play without this device",
         )
@@ -123,7 +124,7 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
     from ergon.live.perform import perform
 
     try:
-        with report.progress("going there", config.start, stage.rate) as progress:
+        with report.progress("going there", config.start_frame, stage.rate) as progress:
             return perform(stage, config, progress.update)
     except _core.EngineError as error:
         raise not_started_error(error, _fault_sentence(error, stage)) from None
@@ -214,8 +215,8 @@ def _performance_config(
         limit=limit,
         highpass=HIGHPASS_HZ,
         reference=piece.mix.reference(),
-        start=start_frame // tick_frames(stage) * tick_frames(stage),
-        end=end_frame,
+        start_frame=start_frame // tick_frames(stage) * tick_frames(stage),
+        end_frame=end_frame,
         boards=boards,
         guides=guide_stiffnesses(piece, boards, play_options.guide),
         force_max=play_options.force_max,

@@ -47,7 +47,7 @@ def play(
             warn_of_scaled_forces(performance, prepared.stage, report)
             if prepared.osc is not None:
                 prepared.osc.begin(
-                    performance, prepared.stage, prepared.config.gain, prepared.config.start
+                    performance, prepared.stage, prepared.config.gain, prepared.config.start_frame
                 )
             while not performance.wait(_POLL_SECONDS):
                 pass

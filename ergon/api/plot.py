@@ -103,15 +103,15 @@ def drawn_curves(
         raise ErgonError(f"there is no '{name}'{_nearest_name(name, drawable_names)}")
     stage, gestures = _stage_and_gestures(loaded, name, key, report)
     first_gesture = gestures[0]
-    start = max(0.0, min(gesture.start for gesture in gestures) - _JOIN_DURATION)
-    stop = max(gesture.stop for gesture in gestures)
+    start_instant = max(0.0, min(gesture.start for gesture in gestures) - _JOIN_DURATION)
+    stop_instant = max(gesture.stop for gesture in gestures)
     lever_ratio = piece.keys[first_gesture.key].reach
     curves = wanted_and_actual(
         stage.simulation,
         first_gesture.key_index,
         first_gesture.struck_mat,
-        start,
-        stop,
+        start_instant,
+        stop_instant,
         lever_ratio,
     )
     instant_text = "" if key is not None else f" at {scores.where(piece, first_gesture.start)}"

@@ -18,7 +18,7 @@ from ergon.common.report import Report
 from ergon.common.terminal import clean
 
 from .errors import EngineExitError, OptionError
-from .local_session import begin
+from .local_session import begin_session
 from .options import SessionOptions
 
 if TYPE_CHECKING:
@@ -86,17 +86,17 @@ def _serve_session(
         socket_path
     )  # before anything sounds: two engines at one place are one too many
     try:
-        session = begin(path, session_options, report)
+        session = begin_session(path, session_options, report)
     except BaseException:
         server_socket.close()
         raise
-    about = {
+    description = {
         "version": __version__,
         "score": os.path.abspath(session.schedule.head.texts.path),
         "journal": "" if session.journal is None else str(session.journal.path.absolute()),
     }
     follow = partial(SoundingPlaces, session.schedule)
-    SessionServer(session, server_socket, about, stop_on_signals, follow).run()
+    SessionServer(session, server_socket, description, stop_on_signals, follow).run()
 
 
 # --- the prompt's process ------------------------------------------------------------------------
@@ -119,14 +119,17 @@ def _join_session(
         return _start_engine(path, session_options, socket_path, report)
     except ProtocolError as error:
         raise ErgonError(f"{socket_path}: {error}") from None
-    score = str(remote_session.about.get("score", ""))
-    if session_options.resume is not None or (path is not None and os.path.abspath(path) != score):
+    played_score = str(remote_session.about.get("score", ""))
+    if session_options.resume is not None or (
+        path is not None and os.path.abspath(path) != played_score
+    ):
         remote_session.close()
         raise ErgonError(
-            f"a session at {socket_path} plays {score} already; `{_join_command(session_options)}` "
+            f"a session at {socket_path} plays {played_score} already; "
+            f"`{_join_command(session_options)}` "
             "joins it, --socket with another path begins another session"
         )
-    report.say(f"joined the session that plays {score}")
+    report.say(f"joined the session that plays {played_score}")
     return remote_session
 
 

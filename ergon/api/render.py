@@ -167,7 +167,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         raise OptionError("wet", "this is about stems; add the option stems")
     if options.on is not None:
         check_shared(options)
-    recorded = _recorded_hands(loaded, options, report)
+    recorded = _read_hand_recording(loaded, options, report)
     loaded, complete_piece = _with_inputs(loaded, options), loaded.piece
     loaded = choose_routes(loaded, options.only, options.except_)
     staged_score = scores.stage_piece(
@@ -363,7 +363,7 @@ def _with_inputs(loaded: Loaded, render_options: RenderOptions) -> Loaded:
     return replace(loaded, piece=replace(piece, takes=takes))
 
 
-def _recorded_hands(
+def _read_hand_recording(
     loaded: Loaded, render_options: RenderOptions, report: Report
 ) -> HandRecording | None:
     """The recorded hands, if a recording is given. Raises OptionError."""
@@ -376,12 +376,12 @@ def _recorded_hands(
         piece if render_options.rate is None else replace(piece, rate=render_options.rate)
     )
     try:
-        recorded = read_hand_recording(Path(render_options.hands), piece_at_rate)
+        hand_recording = read_hand_recording(Path(render_options.hands), piece_at_rate)
     except RecordingMismatchError as error:
         raise OptionError("hands", str(error)) from None
-    for warning in recorded.warnings:
+    for warning in hand_recording.warnings:
         report.warn(f"{render_options.hands}: {warning}")
-    return recorded
+    return hand_recording
 
 
 def _frame_of_position(piece: Piece, stage: Stage, position: str, option: str) -> int:

@@ -58,13 +58,13 @@ def render_journal(
         raise OptionError("motion", "a journal has no motion file; render its score")
     with _journal_errors(path):
         journal_content = read_journal(path, trust=options.trust)
-        with scores.staging(journal_content.start.texts.load, report):
+        with scores.staging(journal_content.session_start.texts.load, report):
             replayed_session = ReplayedSession(journal_content)
     for warning in replayed_session.warnings:
         report.warn(warning)
     if not replayed_session.n_frames:
         raise ErgonError(f"{path}: the session played nothing")
-    session_start, running = journal_content.start, replayed_session.running
+    session_start, running = journal_content.session_start, replayed_session.running
     piece, plan = running.version.piece, running.stage.plan
     job = RenderJob(
         target=str(out) if out is not None else path.with_suffix(".wav").name,

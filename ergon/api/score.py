@@ -159,12 +159,12 @@ def stage_piece(
         piece_at_rate = replace(
             piece_at_rate, accuracy=options.accuracy(piece_at_rate.accuracy, followed_plan)
         )
-        pins = followed_plan.choices if followed_plan is not None else None
+        pinned_choices = followed_plan.choices if followed_plan is not None else None
         correction = machine_speed.read_correction() or 1.0
         stage_function = partial(
             stage,
             planned=True,
-            pins=pins,
+            pins=pinned_choices,
             seed=options.seed,
             correction=correction,
             is_draft=options.draft,
@@ -173,7 +173,7 @@ def stage_piece(
         )
     waiting = (report or Report()).waiting("planning")
     with staging(lambda: loaded, report), waiting:
-        staged_piece = stage_function(
+        stage_result = stage_function(
             piece_at_rate,
             store=user_store(),
             threads=threads,
@@ -182,10 +182,10 @@ def stage_piece(
             on_fault=on_fault,
         )
     plan_s = time.perf_counter() - start_time
-    if options is not None and options.draft and staged_piece.plan is not None:
+    if options is not None and options.draft and stage_result.plan is not None:
         (report or Report()).say(
-            draft_error_sentence(staged_piece.plan)
-            if staged_piece.is_draft
+            draft_error_sentence(stage_result.plan)
+            if stage_result.is_draft
             else "draft, planned as an earlier render"
         )
     show(
@@ -194,10 +194,10 @@ def stage_piece(
         [
             *warn_unused(complete or piece),
             *warn_implausible(piece_at_rate),
-            *staged_piece.diagnostics,
+            *stage_result.diagnostics,
         ],
     )
-    return Staged(piece, staged_piece, plan_s)
+    return Staged(piece, stage_result, plan_s)
 
 
 def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) -> Stage:
@@ -227,14 +227,14 @@ def show(report: Report | None, loaded: Loaded, diagnostics: Sequence[Diagnostic
 
 
 @contextmanager
-def staging(loaded: Callable[[], Loaded], report: Report | None = None) -> Iterator[None]:
+def staging(load_score: Callable[[], Loaded], report: Report | None = None) -> Iterator[None]:
     """Report what the engine refuses, with its place, and raise a ScoreError."""
     from ergon.scores.staging.refusals import StageError
 
     try:
         yield
     except StageError as error:
-        read_score = loaded()
+        read_score = load_score()
         show(report, read_score, error.diagnostics)
         raise ScoreError(error.diagnostics, read_score.files) from error
 
@@ -254,14 +254,14 @@ def computing(stage: Stage, loaded: Loaded, report: Report) -> Iterator[None]:
         show(report, loaded, gains)
 
 
-def instant(piece: Piece, text: str, option: str) -> float:
+def instant(piece: Piece, position_text: str, option: str) -> float:
     """Seconds at a position of the piece such as `3|2.5`, `B+2`, `12.5s`. Raises OptionError."""
     from ergon.notation.clock.positions import parse_position
     from ergon.notation.text.errors import TextError
 
-    tempo = piece.tempo_map
+    tempo_map = piece.tempo_map
     try:
-        return tempo.seconds(tempo.resolve(parse_position(text)))
+        return tempo_map.seconds(tempo_map.resolve(parse_position(position_text)))
     except TextError as error:
         hint = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
         raise OptionError(option, f"{error.message}{hint}") from None
@@ -269,15 +269,15 @@ def instant(piece: Piece, text: str, option: str) -> float:
 
 def where(piece: Piece, seconds: float) -> str:
     """An instant as `bar|beat`."""
-    tempo = piece.tempo_map
-    return tempo.written(tempo.beats(seconds))
+    tempo_map = piece.tempo_map
+    return tempo_map.written(tempo_map.beats(seconds))
 
 
 def marks_of(piece: Piece) -> list[tuple[str, float]]:
     """Marks with their beats, in order of time."""
-    tempo = piece.tempo_map
-    beats = ((mark.name, tempo.resolve(mark.at)) for mark in piece.marks)
-    return sorted(beats, key=lambda mark: (mark[1], mark[0]))
+    tempo_map = piece.tempo_map
+    names_and_beats = ((mark.name, tempo_map.resolve(mark.at)) for mark in piece.marks)
+    return sorted(names_and_beats, key=lambda mark: (mark[1], mark[0]))
 
 
 def mark_instants(piece: Piece) -> list[tuple[str, float]]:
@@ -285,9 +285,9 @@ def mark_instants(piece: Piece) -> list[tuple[str, float]]:
     return [(name, piece.tempo_map.seconds(beats)) for name, beats in marks_of(piece)]
 
 
-def mark_frames(piece: Piece, rate: float, start: int) -> list[tuple[str, int]]:
-    """Marks with their frames in a file that begins at frame `start`, in order of time."""
-    return [(name, round(instant * rate) - start) for name, instant in mark_instants(piece)]
+def mark_frames(piece: Piece, rate: float, start_frame: int) -> list[tuple[str, int]]:
+    """Marks with their frames in a file that begins at frame `start_frame`, in order of time."""
+    return [(name, round(instant * rate) - start_frame) for name, instant in mark_instants(piece)]
 
 
 def level_of(piece: Piece, bits: Bits) -> Level:

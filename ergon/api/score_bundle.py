@@ -38,7 +38,7 @@ class NotBundledError(ErgonError):
     """The score and its files cannot be computed in another process."""
 
 
-def bundled(path: str, loaded: Loaded) -> ScoreBundle:
+def bundle_score(path: str, loaded: Loaded) -> ScoreBundle:
     """A score that was read, with its files. Raises NotBundledError and OSError."""
     scores.piece_of(loaded)
     texts = {_place_in_bundle(name): document.text for name, document in loaded.files.items()}
@@ -54,14 +54,16 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
             f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
             "that goes to another process"
         )
-    root = os.path.commonpath([os.path.dirname(place) for place in bytes_by_place])
-    names = {place: Path(os.path.relpath(place, root)).as_posix() for place in bytes_by_place}
-    files = {names[place]: content for place, content in bytes_by_place.items()}
-    return ScoreBundle(score=names[_place_in_bundle(path)], root=root, files=files)
+    common_folder = os.path.commonpath([os.path.dirname(place) for place in bytes_by_place])
+    name_by_place = {
+        place: Path(os.path.relpath(place, common_folder)).as_posix() for place in bytes_by_place
+    }
+    files = {name_by_place[place]: content for place, content in bytes_by_place.items()}
+    return ScoreBundle(score=name_by_place[_place_in_bundle(path)], root=common_folder, files=files)
 
 
 def digest(content: ScoreBundle, *details: object) -> str:
-    """A hash of a score, its files and `more`, which says what is done with them (64 hex
+    """A hash of a score, its files and `details`, which say what is done with them (64 hex
     digits).
     """
     combined_hash = hashlib.sha256(repr((content["score"], *details)).encode())
@@ -77,8 +79,8 @@ def unpack(content: ScoreBundle) -> Iterator[Path]:
 
     Raises NotBundledError if a name would lead out of that folder.
     """
-    with tempfile.TemporaryDirectory(prefix="ergon-") as name:
-        folder = Path(os.path.realpath(name))
+    with tempfile.TemporaryDirectory(prefix="ergon-") as folder_name:
+        folder = Path(os.path.realpath(folder_name))
         (folder / MARKER).touch()  # all below is one project
         for file_name, file_data in content["files"].items():
             file_place = PurePosixPath(file_name)

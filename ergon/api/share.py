@@ -56,19 +56,19 @@ def check_estimate(prepared: PreparedRender, path: Path, limit_mb: float) -> Non
     if film is None:
         return
     duration = film.stop / rate
-    motion = duration * _motion_bytes_per_second(prepared.stage)
+    motion_bytes = duration * _motion_bytes_per_second(prepared.stage)
     sound_bytes = duration * rate * min(film.n_channels, EARS) * 2 * _FLAC_RATIO
-    n_bytes = _BASE64_RATIO * (motion + sound_bytes)
+    n_bytes = _BASE64_RATIO * (motion_bytes + sound_bytes)
     if n_bytes > _ESTIMATE_RATIO_MAX * limit_mb * _BYTES_PER_MEGABYTE:
-        fitting = duration * limit_mb * _BYTES_PER_MEGABYTE / n_bytes
+        fitting_seconds = duration * limit_mb * _BYTES_PER_MEGABYTE / n_bytes
         raise OptionError(
             "limit",
             f"{path} would have about {_megabytes_text(n_bytes)} "
-            f"({_megabytes_text(_BASE64_RATIO * motion)} of "
+            f"({_megabytes_text(_BASE64_RATIO * motion_bytes)} of "
             f"motion, {_megabytes_text(_BASE64_RATIO * sound_bytes)} of sound), more than "
             f"{limit_mb:g} MB, so it was "
             f"not computed; share a shorter stretch than its {duration:,.0f} s (about "
-            f"{fitting:,.0f} s fit), or allow more",
+            f"{fitting_seconds:,.0f} s fit), or allow more",
         )
 
 
@@ -76,15 +76,15 @@ def _motion_bytes_per_second(stage: Stage) -> float:
     """About how many bytes a second of a motion file has."""
     from ergon import _core
 
-    costs = {
+    bytes_by_kind = {
         "sampled": _SAMPLED_POINT_BYTES_PER_SECOND,
         "free": _FREE_POINT_BYTES_PER_SECOND,
         "modal": _FREE_POINT_BYTES_PER_SECOND,
     }
     runs = _core.MotionLook(stage.simulation).runs()
-    points = sum(run.count * costs.get(run.kind, 0.0) for run in runs)
-    keys = _CHUNK_BYTES + _KEY_BYTES * len(stage.piece.keys) if stage.piece.keys else 0
-    return points + FPS * (keys + _CHUNK_BYTES + _SPEAKER_BYTES * stage.n_channels)
+    point_bytes = sum(run.count * bytes_by_kind.get(run.kind, 0.0) for run in runs)
+    key_bytes = _CHUNK_BYTES + _KEY_BYTES * len(stage.piece.keys) if stage.piece.keys else 0
+    return point_bytes + FPS * (key_bytes + _CHUNK_BYTES + _SPEAKER_BYTES * stage.n_channels)
 
 
 def share_file(

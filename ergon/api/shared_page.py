@@ -66,33 +66,37 @@ def page_files(url: str) -> Callable[[str], str]:
 
 
 def shared_page(
-    read: Callable[[str], str], title: str, words: list[str], motion: bytes, sound: bytes | None
+    read_file: Callable[[str], str],
+    title: str,
+    words: list[str],
+    motion: bytes,
+    sound: bytes | None,
 ) -> str:
     """The text of one HTML file with everything in it.
 
-    `read` gives the files of the page by name; `words` are those of the page's address that hold
-    where the file is opened without any. A sound is FLAC or WAV.
+    `read_file` gives the files of the page by name; `words` are those of the page's address that
+    hold where the file is opened without any. A sound is FLAC or WAV.
     """
-    index_page = read("")
-    module_texts = _page_modules(read, "main.js")
-    main = module_texts["main.js"]
-    if main.count(_ADDRESS_EXPRESSION) != 1:
+    index_page = read_file("")
+    module_texts = _page_modules(read_file, "main.js")
+    main_text = module_texts["main.js"]
+    if main_text.count(_ADDRESS_EXPRESSION) != 1:
         raise ValueError("the page does not read the words of its address where it did")
     address_script = _ADDRESS_EXPRESSION.replace(")", f" || {json.dumps('&'.join(words))})")
-    module_texts["main.js"] = main.replace(_ADDRESS_EXPRESSION, address_script)
+    module_texts["main.js"] = main_text.replace(_ADDRESS_EXPRESSION, address_script)
     imports = {
         f"ergon/{name}": _data_url(
             "text/javascript", _IMPORT_PATTERN.sub(r'"ergon/\1"', text).encode()
         )
         for name, text in module_texts.items()
     }
-    icon = _data_url("image/svg+xml", read("icon.svg").encode())
+    icon = _data_url("image/svg+xml", read_file("icon.svg").encode())
     head_html = "\n".join(
         (
             f'<meta http-equiv="Content-Security-Policy" content="{_CONTENT_POLICY}">',
             f"<title>{html.escape(title)}</title>",
             f'<link rel="icon" href="{icon}">',
-            f"<style>\n{read('style.css')}</style>",
+            f"<style>\n{read_file('style.css')}</style>",
             f"<script>\n{_ANSWERS_SCRIPT}</script>",
             f'<script type="importmap">{json.dumps({"imports": imports})}</script>',
         )
@@ -127,5 +131,5 @@ def _page_modules(read_module: Callable[[str], str], first_module: str) -> dict[
     return module_texts
 
 
-def _data_url(kind: str, content: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+def _data_url(media_type: str, content: bytes) -> str:
+    return f"data:{media_type};base64,{base64.b64encode(content).decode()}"

@@ -163,11 +163,17 @@ def _part_stats(
         guarantee,
         oversampling,
         tuple(
-            _point_stats(built.network, part_name, elements, part_modes, label, np.array(slots))
-            for label, slots in indices_by_point.items()
+            _point_stats(
+                built.network, part_name, elements, part_modes, label, np.array(mass_indices)
+            )
+            for label, mass_indices in indices_by_point.items()
         ),
         tuple(input_files),
-        {m.name: m.fields["M"] for m in _modules_of(piece, part_name) if m.kind == "MODES"},
+        {
+            module.name: module.fields["M"]
+            for module in _modules_of(piece, part_name)
+            if module.kind == "MODES"
+        },
     )
 
 
@@ -180,12 +186,13 @@ def _link_stats(elements: _core.Elements) -> Sequence[LinkStats]:
     import numpy as np
 
     kinds = np.array(elements.kinds)
-    rows = []
+    link_stats = []
     for link_kind in dict.fromkeys(elements.kinds):
-        k, z = elements.stiffness[kinds == link_kind], elements.damping[kinds == link_kind]
-        k_range, z_range = ((float(x.min()), float(x.max())) for x in (k, z))
-        rows.append(LinkStats(link_kind, len(k), k_range, z_range))
-    return rows
+        stiffnesses = elements.stiffness[kinds == link_kind]
+        dampings = elements.damping[kinds == link_kind]
+        k_range, z_range = ((float(x.min()), float(x.max())) for x in (stiffnesses, dampings))
+        link_stats.append(LinkStats(link_kind, len(stiffnesses), k_range, z_range))
+    return link_stats
 
 
 def _third_octave_counts(
@@ -198,10 +205,10 @@ def _third_octave_counts(
 
     if not frequencies.size:
         return np.zeros(0), np.zeros(0, dtype=np.intp)
-    band = np.round(3 * np.log2(frequencies / 1000)).astype(int)
-    low = int(band.min())
-    counts = np.bincount(band - low)
-    return 1000 * 2 ** ((low + np.arange(len(counts))) / 3), counts
+    band_numbers = np.round(3 * np.log2(frequencies / 1000)).astype(int)
+    lowest_band = int(band_numbers.min())
+    counts = np.bincount(band_numbers - lowest_band)
+    return 1000 * 2 ** ((lowest_band + np.arange(len(counts))) / 3), counts
 
 
 def _highest_frequency(network: _core.Network, part_name: str, elements: _core.Elements) -> float:
@@ -259,22 +266,24 @@ def _point_stats(
 
     masses = elements.masses[mass_indices]
     energy_shares = np.abs(part_modes.points[point_label]) ** 2 / np.sum(1 / masses)
-    total = float(energy_shares.sum())
-    centroid = float(energy_shares @ part_modes.frequencies / total) if total > 0 else 0.0
-    mats = [elements.mats[slot] for slot in mass_indices]
+    total_share = float(energy_shares.sum())
+    centroid = (
+        float(energy_shares @ part_modes.frequencies / total_share) if total_share > 0 else 0.0
+    )
+    mats = [elements.mats[mass_index] for mass_index in mass_indices]
     compliance = np.inf
-    lowest = network.part_modes(part_name, count=1)
+    lowest_modes = network.part_modes(part_name, count=1)
     # A mass that only a damper holds has a pole at 0: a constant force moves it without bound.
     # Points that no such mode moves still have a finite compliance.
     oscillates = part_modes.frequencies > 0
     lowest_omega = 2 * np.pi * min(part_modes.frequencies[oscillates], default=0.0)
-    slowest_rate = float(np.abs(lowest.poles[:1]).sum() or lowest_omega)
+    slowest_rate = float(np.abs(lowest_modes.poles[:1]).sum() or lowest_omega)
     if not isfinite(slowest_rate):  # a discrete network may be at rest within a frame
         slowest_rate = 2 * np.pi * (elements.ca_rate or 0.0)
     is_pushed_away = (
         bool((energy_shares[~oscillates] > _ENERGY_SHARE_MIN).any()) or slowest_rate == 0
     )
-    if not is_pushed_away and not stretches_no_spring(lowest.shapes, elements).any():
+    if not is_pushed_away and not stretches_no_spring(lowest_modes.shapes, elements).any():
         frequency = _STATIC_FREQUENCY_RATIO * slowest_rate / (2 * np.pi)
         admittance = network.admittance([part_name], mats, [mats], [frequency])[0, 0]
         compliance = float((admittance / (2j * np.pi * frequency)).real)

@@ -62,9 +62,9 @@ def closed_once_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]
             contact_diagnostic = _contact_warning(piece, simulated, point_list, kinds)
             warnings.setdefault(shared_name(full_name, families), []).append(contact_diagnostic)
     return [
-        contact_diagnostic[0]
-        for contact_diagnostic in warnings.values()
-        if contact_diagnostic[0] is not None and None not in contact_diagnostic
+        contact_diagnostics[0]
+        for contact_diagnostics in warnings.values()
+        if contact_diagnostics[0] is not None and None not in contact_diagnostics
     ]
 
 
@@ -73,9 +73,9 @@ def _contact_warning(
 ) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = contact_points[0].contact
-    first_closed = min(stroke.first for stroke in contact_points if stroke.first is not None)
-    last_closed = max(stroke.last for stroke in contact_points if stroke.last is not None)
-    if any(stroke.is_closed for stroke in contact_points):
+    first_closed = min(point.first for point in contact_points if point.first is not None)
+    last_closed = max(point.last for point in contact_points if point.last is not None)
+    if any(point.is_closed for point in contact_points):
         return None
     for player in _contact_players(piece, simulated, contact.module, kinds):
         strokes = sorted(player.strokes)
@@ -102,9 +102,11 @@ def _contact_warning(
             message += (
                 f"though {n_as_far} later {player.plural if n_as_far > 1 else player.singular}"
             )
-            help = "`ergon check --simulate` lists how far masses swing; the mass that is struck "
-            help += "may not have returned"
-            return Diagnostic("W334", message, contact.module.place, None, help)
+            help_text = (
+                "`ergon check --simulate` lists how far masses swing; the mass that is struck "
+            )
+            help_text += "may not have returned"
+            return Diagnostic("W334", message, contact.module.place, None, help_text)
     return None
 
 
@@ -130,8 +132,10 @@ def _contact_players(
             f"{contact_end.part}.{contact_end.module}",
             _closing_direction(contact, contact_end),
         )
-        struck = timeline.strikes_on(mats[contact_end.part, contact_end.module])
-        strokes = (_StrokeReach(instant, direction * impulse) for instant, impulse in struck)
+        instants_and_impulses = timeline.strikes_on(mats[contact_end.part, contact_end.module])
+        strokes = (
+            _StrokeReach(instant, direction * impulse) for instant, impulse in instants_and_impulses
+        )
         yield _ContactPlayer(
             f"strike on {module_name} is as strong",
             f"strikes on {module_name} are as strong",

@@ -24,9 +24,9 @@ from . import score as scores
 from .errors import OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions, check_seed
 from .parallel_results import results_as_completed
-from .score_bundle import ScoreBundle, bundled, digest
+from .score_bundle import ScoreBundle, bundle_score, digest
 from .sweep_table import FIGURES, SweepRow, Table
-from .sweep_variant import Outcome, compute, compute_on_worker
+from .sweep_variant import Outcome, compute_on_worker, compute_variant
 
 if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
@@ -239,7 +239,7 @@ def _named_variants(
         file_names.add(variant_name.lower())
         file = f"{variant_name}.wav" if sweep_options.sound else ""
         variant_digest = digest(
-            bundled(score, variant.loaded), sorted(render_options.items()), _program_version()
+            bundle_score(score, variant.loaded), sorted(render_options.items()), _program_version()
         )
         named_variants.append(
             _NamedVariant(index, variant.values, variant.texts, file, variant_digest)
@@ -321,7 +321,7 @@ def _compute_missing(
     outcomes: Iterator[tuple[_NamedVariant, Outcome]]
 
     def content(variant: _NamedVariant) -> ScoreBundle:
-        return bundled(score, variant.texts.load())
+        return bundle_score(score, variant.texts.load())
 
     jobs = min(sweep_options.jobs, len(missing_variants))
     if sweep_options.on is not None:
@@ -330,7 +330,7 @@ def _compute_missing(
 
         with open_cluster(sweep_options.on, report) as cluster:
             engine_version = version()
-            outcomes = cluster.computed(
+            outcomes = cluster.compute_items(
                 missing_variants,
                 lambda pool, variant: pool.submit(
                     compute_on_worker,
@@ -352,7 +352,7 @@ def _compute_missing(
         return
     if jobs == 1:
         outcomes = (
-            (variant, compute(content(variant), render_options, variant.file))
+            (variant, compute_variant(content(variant), render_options, variant.file))
             for variant in missing_variants
         )
         _keep_results(
@@ -368,7 +368,9 @@ def _compute_missing(
     with _process_pool(jobs) as pool:
         outcomes = results_as_completed(
             missing_variants,
-            lambda variant: pool.submit(compute, content(variant), render_options, variant.file),
+            lambda variant: pool.submit(
+                compute_variant, content(variant), render_options, variant.file
+            ),
             _wait_for_first,
             Future.result,
             2 * jobs,

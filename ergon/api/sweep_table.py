@@ -54,7 +54,7 @@ class Table:
     def __init__(self, path: Path, targets: tuple[str, ...]) -> None:
         """Nothing is read or written yet."""
         self.path, self.targets = path, targets
-        self._saved_time = float("-inf")
+        self._save_instant = float("-inf")
 
     def read(self) -> dict[str, SweepRow]:
         """The rows of an earlier run by their digest; none if the file is damaged or not ours."""
@@ -78,19 +78,19 @@ class Table:
 
     def write_unfinished(self, rows: Sequence[SweepRow], *, force: bool) -> None:
         """Write an unfinished table, at most once a second."""
-        now = time.monotonic()
-        if now - self._saved_time >= _SAVE_INTERVAL_SECONDS:
+        instant_now = time.monotonic()
+        if instant_now - self._save_instant >= _SAVE_INTERVAL_SECONDS:
             self.write(rows, "", force=force)
-            self._saved_time = now
+            self._save_instant = instant_now
 
     def write(self, rows: Sequence[SweepRow], title: str, *, force: bool) -> None:
         """Write the whole table."""
-        out = io.StringIO()
-        facts = ["made by ergon", f"sweep of {' '.join(title.split())}"] if title else []
-        facts = facts or ["made by ergon", "a sweep that is not finished"]
-        facts += [f"{name}: {meaning}" for name, meaning in FIGURES.items()]
-        out.writelines(f"# {fact}\n" for fact in facts)
-        csv_table = csv.writer(out, lineterminator="\n")
+        csv_text = io.StringIO()
+        comment_lines = ["made by ergon", f"sweep of {' '.join(title.split())}"] if title else []
+        comment_lines = comment_lines or ["made by ergon", "a sweep that is not finished"]
+        comment_lines += [f"{name}: {meaning}" for name, meaning in FIGURES.items()]
+        csv_text.writelines(f"# {comment_line}\n" for comment_line in comment_lines)
+        csv_table = csv.writer(csv_text, lineterminator="\n")
         csv_table.writerow((*self.targets, *_FIRST_COLUMNS, *FIGURES, *_LAST_COLUMNS))
         for sweep_row in rows:
             figures = ["" if x is None else f"{x:.8g}" for x in map(sweep_row.figures.get, FIGURES)]
@@ -99,7 +99,7 @@ class Table:
             csv_table.writerow(
                 (*sweep_row.values, sweep_row.status, sweep_row.file, *figures, *last_cells)
             )
-        write_text(self.path, out.getvalue(), force=force)
+        write_text(self.path, csv_text.getvalue(), force=force)
 
 
 def _sweep_row(row_fields: Mapping[str, str]) -> SweepRow:

@@ -41,7 +41,7 @@ class Outcome(TypedDict):
     sound: bytes
 
 
-def compute(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome:
+def compute_variant(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome:
     """Render a variant with `options` as RenderOptions; `name` is its sound file, "" for none."""
     with unpack(content) as path:
         try:
@@ -63,23 +63,23 @@ def compute_on_worker(
 
     cluster_worker.check_version(version)
     with cluster_worker.staging_lock:
-        return compute(content, options, name)
+        return compute_variant(content, options, name)
 
 
 def _computed_variant(
-    path: str, render_options: RenderOptions, file_stem: str
+    path: str, render_options: RenderOptions, file_name: str
 ) -> tuple[Figures, bytes]:
     from ergon.rendering.measures import measures
     from ergon.rendering.render import render_array
 
     loaded = scores.read(path, render_options)
-    prepared = prepare(loaded, file_stem or "-", render_options, Report())
+    prepared = prepare(loaded, file_name or "-", render_options, Report())
     stage = prepared.stage
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"), stretches=None)
     start_time, start_cpu = time.perf_counter(), time.process_time()
     with scores.computing(stage, loaded, Report()):
         mix_frames, outcome, _ = render_array(stage, job, lambda _: None)
-    cpu_time, wall = time.process_time() - start_cpu, time.perf_counter() - start_time
+    cpu_seconds, wall_seconds = time.process_time() - start_cpu, time.perf_counter() - start_time
     sound_measures = measures(mix_frames, stage.rate)
     plan_rows = stage.plan.rows() if stage.plan is not None else []
     errors = [row.error_db for row in plan_rows if row.error_db is not None]
@@ -95,24 +95,24 @@ def _computed_variant(
         "pitch_hz": sound_measures.pitch,
         "partial_hz": sound_measures.partial,
         "t60_s": sound_measures.t60,
-        "cpu_s": cpu_time,
-        "x_real_time": len(mix_frames) / stage.rate / wall,
+        "cpu_s": cpu_seconds,
+        "x_real_time": len(mix_frames) / stage.rate / wall_seconds,
         "plan_cost": sum(row.cost for row in plan_rows),
         "error_db": max(errors, default=None),
         "error_cents": max(cents, default=None),
     }
-    return figures, _sound_file_bytes(file_stem, prepared, mix_frames) if file_stem else b""
+    return figures, _sound_file_bytes(file_name, prepared, mix_frames) if file_name else b""
 
 
 def _sound_file_bytes(
-    file_stem: str, prepared: PreparedRender, mix_frames: NDArray[np.float64]
+    file_name: str, prepared: PreparedRender, mix_frames: NDArray[np.float64]
 ) -> bytes:
     """The bytes of the file that `ergon render` writes."""
     from ergon import _core
     from ergon.exchange import sound
 
     job, wave_file = prepared.job, io.BytesIO()
-    writer = sound.writer(file_stem, wave_file, job.format, len(mix_frames), job.stamp)
+    writer = sound.writer(file_name, wave_file, job.format, len(mix_frames), job.stamp)
     bits = job.format.bits
     samples: Any = mix_frames
     if bits == "float":

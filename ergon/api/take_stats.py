@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.scores.gesture.movement import MovementStats
 
-_FRESH_FLAG = 1  # bit in a recording's flags
+_NEW_POSITION_FLAG = 1  # bit in a recording's flags
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,12 +94,12 @@ def _hand_stats(recording: _core.Recording, axis_index: int, cutoff: float) -> H
 
     ticks = recording.ticks()
     n_ticks = len(ticks)
-    is_fresh = recording.flags()[:, axis_index] & _FRESH_FLAG != 0
+    has_new_position = recording.flags()[:, axis_index] & _NEW_POSITION_FLAG != 0
     return HandStats(
         recording.names[axis_index],
         n_ticks,
         int(ticks[-1] - ticks[0]) + 1 - n_ticks if n_ticks else 0,
-        int((~is_fresh).sum()) if is_fresh.any() else None,
+        int((~has_new_position).sum()) if has_new_position.any() else None,
         movement_stats(instants(recording), recording.positions()[:, axis_index], cutoff)
         if n_ticks >= 2
         else None,
@@ -107,19 +107,19 @@ def _hand_stats(recording: _core.Recording, axis_index: int, cutoff: float) -> H
     )
 
 
-def _force_stats(recording: _core.Recording, axis: int) -> ForceStats | None:
+def _force_stats(recording: _core.Recording, axis_index: int) -> ForceStats | None:
     import numpy as np
 
-    x, tick_forces = recording.positions()[:, axis], recording.forces()[:, axis]
-    sent = np.abs(recording.sent()[:, axis].astype(float))
-    if not tick_forces.any() and not sent.any():
+    positions, tick_forces = recording.positions()[:, axis_index], recording.forces()[:, axis_index]
+    sent_forces = np.abs(recording.sent()[:, axis_index].astype(float))
+    if not tick_forces.any() and not sent_forces.any():
         return None
     # The hand gives energy where it moves against the force of the piece.
-    energy = -0.5 * (tick_forces[1:] + tick_forces[:-1]) * np.diff(x)
+    energy_steps = -0.5 * (tick_forces[1:] + tick_forces[:-1]) * np.diff(positions)
     return ForceStats(
         float(np.abs(tick_forces).max()),
         float(np.sqrt(np.mean(tick_forces**2))),
-        float(energy[energy > 0].sum()),
-        float(np.abs(energy[energy < 0]).sum()),
-        float(sent.max()),
+        float(energy_steps[energy_steps > 0].sum()),
+        float(np.abs(energy_steps[energy_steps < 0]).sum()),
+        float(sent_forces.max()),
     )

@@ -255,8 +255,8 @@ def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> li
         return part_values
     values_by_name: dict[str, list[TunableValue]] = {}
     for part_value in part_values:
-        full = tunable_part.target(part_value)
-        value_words = [part_value.field, tunable_part.field_name(part_value), full]
+        full_name = tunable_part.target(part_value)
+        value_words = [part_value.field, tunable_part.field_name(part_value), full_name]
         value_words += [word.removeprefix(f"{tunable_part.name}.") for word in value_words[1:]]
         for name in dict.fromkeys(value_words):
             values_by_name.setdefault(name, []).append(part_value)
@@ -267,8 +267,12 @@ def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> li
             value_words = [
                 word for word, field in _FIELD_BY_WORD.items() if field in values_by_name
             ]
-            close = nearest(target_word, [*values_by_name, *value_words])
-            hint = f"did you mean '{close}'?" if close else f"there are {', '.join(values_by_name)}"
+            nearest_name = nearest(target_word, [*values_by_name, *value_words])
+            hint = (
+                f"did you mean '{nearest_name}'?"
+                if nearest_name
+                else f"there are {', '.join(values_by_name)}"
+            )
             raise OptionError(
                 "by", f"{tunable_part.name} has no value '{target_word}' above 0; {hint}"
             )
@@ -326,7 +330,7 @@ class _Search:
     ) -> None:
         import numpy as np
 
-        self.part, self.wanted = part, target_frequencies
+        self.part, self.target_frequencies = part, target_frequencies
         self.values: list[TunableValue] = []
         self.log_targets = np.log(list(target_frequencies.values()))
         self.rank = 0
@@ -366,7 +370,9 @@ class _Search:
             if largest_step <= 1e-15:
                 break
             log_step *= min(1.0, _LOG_STEP_MAX / largest_step)
-            accepted_step = self._better(logs, initial_logs, log_step, float(residuals @ residuals))
+            accepted_step = self._improved_step(
+                logs, initial_logs, log_step, float(residuals @ residuals)
+            )
             if accepted_step is None:
                 break
             logs, search_state = accepted_step
@@ -377,7 +383,7 @@ class _Search:
             for value, log_value, initial_log in zip(self.values, logs, initial_logs, strict=True)
         ]
 
-    def _better(
+    def _improved_step(
         self,
         logs: NDArray[np.float64],
         initial_logs: NDArray[np.float64],
@@ -420,25 +426,29 @@ class _Search:
 
         network = self.part.network(values)
         elements = network.elements([self.part.name])
-        n_mats, last_mode = len(elements.mats), max(self.wanted)
+        n_mats, last_mode = len(elements.mats), max(self.target_frequencies)
         n_modes = last_mode + 2
         while True:
             try:
                 part_modes = network.part_modes(self.part.name, count=n_modes)
             except _core.EngineError as error:
                 raise OptionError("targets", str(error)) from None
-            swings = np.flatnonzero(
+            oscillating_indices = np.flatnonzero(
                 (part_modes.poles.imag > 0) & ~stretches_no_spring(part_modes.shapes, elements)
             )
-            if len(swings) >= last_mode or n_modes >= n_mats:
+            if len(oscillating_indices) >= last_mode or n_modes >= n_mats:
                 break
             n_modes = min(n_mats, 2 * n_modes)
-        if len(swings) < last_mode:
-            has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
-            reason = f"mode {last_mode} is wanted, but {self.part.name} has {has}"
+        if len(oscillating_indices) < last_mode:
+            mode_count_text = (
+                f"{len(oscillating_indices)} modes that swing"
+                if len(oscillating_indices) != 1
+                else "1 mode that swings"
+            )
+            reason = f"mode {last_mode} is wanted, but {self.part.name} has {mode_count_text}"
             raise OptionError("targets", reason)
-        rows = swings[np.array(list(self.wanted)) - 1]
-        return part_modes.poles[rows], part_modes.shapes[rows], elements
+        mode_indices = oscillating_indices[np.array(list(self.target_frequencies)) - 1]
+        return part_modes.poles[mode_indices], part_modes.shapes[mode_indices], elements
 
     def _slopes(self, state: _State, logs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivatives of ln f by the logarithm of each value (n_targets, n_values)."""

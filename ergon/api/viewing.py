@@ -62,16 +62,16 @@ def sound_beside(motion: Path, report: Report) -> Path | None:
     from ergon.exchange import sound
 
     sound_path = next(
-        (path for kind in _SOUND_SUFFIXES if (path := motion.with_suffix(kind)).is_file()), None
+        (path for suffix in _SOUND_SUFFIXES if (path := motion.with_suffix(suffix)).is_file()), None
     )
     if sound_path is None:
         return None
     motion_digest = parse_json(_core.read_motion(motion).manifest).get("score_sha256")
     try:
-        score_name = sound.read_info(sound_path).score
+        score_digest = sound.read_info(sound_path).score
     except (NotWaveError, OSError):
-        score_name = None
-    if score_name is None or score_name != motion_digest:
+        score_digest = None
+    if score_digest is None or score_digest != motion_digest:
         report.say(f"{sound_path} is not the sound of {motion}, so it is not played")
         return None
     return sound_path
@@ -121,7 +121,7 @@ def flac_file(path: Path, folder: Path) -> Path:
     return flac_path
 
 
-def _odd_and_even_means(path: Path, wave_info: WaveInfo, folded_path: Path) -> None:
+def _odd_and_even_means(path: Path, wave_info: WaveInfo, target_path: Path) -> None:
     """The means of odd and of even channels; one channel alone stays one."""
     import numpy as np
 
@@ -129,11 +129,16 @@ def _odd_and_even_means(path: Path, wave_info: WaveInfo, folded_path: Path) -> N
     from ergon.exchange import sound
     from ergon.exchange.safe import open_for_writing
 
-    channels = min(wave_info.format.n_channels, EARS)
-    format = WaveFormat(wave_info.format.rate, channels, 16)
-    with open_for_writing(str(folded_path), binary=True, force=True, inputs=(path,)) as file:
-        writer = sound.writer(str(folded_path), file, format, wave_info.n_frames, Stamp(path.stem))
+    n_channels = min(wave_info.format.n_channels, EARS)
+    wave_format = WaveFormat(wave_info.format.rate, n_channels, 16)
+    with open_for_writing(str(target_path), binary=True, force=True, inputs=(path,)) as file:
+        writer = sound.writer(
+            str(target_path), file, wave_format, wave_info.n_frames, Stamp(path.stem)
+        )
         for block in sound.read_blocks(path):
-            sides = [block[:, side::channels].mean(axis=1) for side in range(channels)]
-            writer.write(_core.pcm(np.ascontiguousarray(np.stack(sides, axis=1)), 1.0, 16))
+            channel_means = [
+                block[:, channel_index::n_channels].mean(axis=1)
+                for channel_index in range(n_channels)
+            ]
+            writer.write(_core.pcm(np.ascontiguousarray(np.stack(channel_means, axis=1)), 1.0, 16))
         writer.close()

@@ -55,7 +55,7 @@ def work_pieces(
     simulation: Simulation, rows: Sequence[PlanRow], rate: float
 ) -> tuple[WorkPiece, ...]:
     """The islands that other processes can compute, with the names of the parts in them."""
-    pieces = []
+    shared_pieces = []
     remaining_rows = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
     for island in simulation.storable():
         cost = 1e-9 * rate * island.cost
@@ -66,8 +66,8 @@ def work_pieces(
             remaining_cost -= row.cost
             part_names.update(dict.fromkeys(row.parts))
         if is_expensive(island):
-            pieces.append(WorkPiece(tuple(part_names), cost))
-    return tuple(pieces)
+            shared_pieces.append(WorkPiece(tuple(part_names), cost))
+    return tuple(shared_pieces)
 
 
 def share_out(pieces: Sequence[WorkPiece], total_cost: float, count: int) -> Shares:

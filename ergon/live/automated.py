@@ -138,8 +138,8 @@ def _values_along(
                     math.log(_largest_ratio(values_before, values_now)) / math.log(CHECK_RATIO)
                 ),
             )
-            for step in range(1, n_steps):
-                yield _interpolated(values_before, values_now, step / n_steps), False
+            for step_number in range(1, n_steps):
+                yield _interpolated(values_before, values_now, step_number / n_steps), False
         begin_instant, values_before = end_instant, values_now
     yield values_before, True
 
@@ -161,11 +161,11 @@ def _largest_ratio(
 
 
 def _interpolated(
-    first_rows: Sequence[Sequence[float]], second_rows: Sequence[Sequence[float]], share: float
+    first_rows: Sequence[Sequence[float]], second_rows: Sequence[Sequence[float]], fraction: float
 ) -> list[tuple[float, ...]]:
     return [
         tuple(
-            first_value + (second_value - first_value) * share
+            first_value + (second_value - first_value) * fraction
             for first_value, second_value in zip(first_row, second_row, strict=True)
         )
         for first_row, second_row in zip(first_rows, second_rows, strict=True)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # The name of a device in the user's file, with an optional axis, such as tgr0.3.
 _DEVICE_NAME = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
 PAGE_KINDS = ("page", "keys")  # keys that a page plays, by a pointer or by letters
-LED_KINDS = (*PAGE_KINDS, "midi", "osc", "gamepad")  # keys that are played without a device
+POINTER_KINDS = (*PAGE_KINDS, "midi", "osc", "gamepad")  # keys that are played without a device
 _BYTES_MAX = 1 << 18  # a list of devices is small; what is larger is another file
 
 
@@ -33,15 +33,15 @@ class BoardError(ErgonError):
 class Board:
     """A device, its axes as (axis, player), and the calibrations of axes by their numbers.
 
-    `name` is its name in the user's list, if it was given by name. `lead` leads the finger on a key
-    without a device, once it is open.
+    `name` is its name in the user's list, if it was given by name. `pointer` pulls the finger on a
+    key without a device, once it is open.
     """
 
     url: str
     axes: tuple[tuple[int, str], ...]
     calibrations: Mapping[int, AxisCalibration] = field(default_factory=dict)
     name: str = ""
-    lead: _core.Lead | None = None
+    pointer: _core.Lead | None = None
 
     @property
     def display_name(self) -> str:
@@ -59,7 +59,7 @@ class Board:
         this process or by a pseudo-terminal.
         """
         address = self.url.partition("?")[0].partition(":")[2]
-        return self.kind not in ("emul", *LED_KINDS) and not address.startswith("/dev/pts/")
+        return self.kind not in ("emul", *POINTER_KINDS) and not address.startswith("/dev/pts/")
 
     @property
     def is_emulated(self) -> bool:

@@ -76,8 +76,12 @@ def board_identity(url: str) -> str | None:
     address_kind, _, address = target.partition(":")
     if address_kind in ("firefader", "frame"):
         return _core.serial_identity(address)
-    ids = [option[3:] for option in url_options.split("&") if option.startswith("id=")]
-    return f"haply:{ids[-1]}" if address_kind == "haply" and ids and ids[-1] else None
+    haply_ids = [option[3:] for option in url_options.split("&") if option.startswith("id=")]
+    return (
+        f"haply:{haply_ids[-1]}"
+        if address_kind == "haply" and haply_ids and haply_ids[-1]
+        else None
+    )
 
 
 def axis_key(url: str, number: int) -> str:
@@ -93,7 +97,7 @@ def _device_address(url: str) -> str:
     return url_target + ("?" + "&".join(target_options) if target_options else "")
 
 
-def known_axes(url: str) -> dict[int, AxisCalibration]:
+def stored_calibrations(url: str) -> dict[int, AxisCalibration]:
     """The known calibrations of a device's axes, by their numbers.
 
     Raises BoardError.
@@ -198,7 +202,7 @@ def find_direction(
         device.close()
 
 
-def confirmed_axes(
+def confirm_axes(
     url: str, axes_before: Mapping[int, AxisCalibration | None]
 ) -> dict[int, AxisCalibration]:
     """Push the axes `axes_before` together by small forces; return those that move in the expected
@@ -246,8 +250,11 @@ def store_axis(url: str, axis_number: int, stored_axis: AxisCalibration) -> Path
     text_after = _with_table(config_text, table_lines)
     # However the user's file is formatted, everything else in it must stay the same.
     try:
-        expected = {**config_before, _TABLE: {**_axis_table(config_before), axis_name: axis_row}}
-        is_unchanged = parse_toml(text_after.encode()) == expected
+        expected_config = {
+            **config_before,
+            _TABLE: {**_axis_table(config_before), axis_name: axis_row},
+        }
+        is_unchanged = parse_toml(text_after.encode()) == expected_config
     except MalformedTextError:
         is_unchanged = False
     if not is_unchanged:

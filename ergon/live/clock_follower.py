@@ -106,9 +106,9 @@ class ClockFollower:
             self._clocks.extend(self._stray_clocks)
             self._stray_clocks.clear()
 
-    def is_receiving(self, now: float) -> bool:
+    def is_receiving(self, instant_now: float) -> bool:
         """Whether clocks are coming."""
-        return now - self._last_instant <= _SILENCE_MAX
+        return instant_now - self._last_instant <= _SILENCE_MAX
 
     def estimate(self) -> BeatEstimate | None:
         """The line through the latest clocks, without those that came late; None if there are too

@@ -60,11 +60,11 @@ class PerformanceViewer:
         # Sorted by start: there may be a million, and those in progress are found by bisection.
         self._gestures: list[StagedGesture] = sorted(stage.gestures, key=lambda g: g.start)
 
-    def view(self, status: _core.Status, recording: str | None = None) -> PerformanceView:
-        """The view of `status`; `recording` says why hands cannot be recorded at present."""
+    def view(self, status: _core.Status, recording_trouble: str | None = None) -> PerformanceView:
+        """The view of `status`; `recording_trouble` says why hands cannot be recorded now."""
         stage = self._stage
         elapsed_seconds = status.frame / stage.rate
-        tempo = stage.piece.tempo_map
+        tempo_map = stage.piece.tempo_map
         key_views = tuple(
             HandView(
                 hand.player,
@@ -81,7 +81,7 @@ class PerformanceViewer:
         )
         peak = max(status.peaks, default=0.0)
         return PerformanceView(
-            position_text=tempo.written(tempo.beats(elapsed_seconds)),
+            position_text=tempo_map.written(tempo_map.beats(elapsed_seconds)),
             gestures=tuple(self._latest_gestures(elapsed_seconds)),
             keys=key_views,
             load=status.load,
@@ -89,7 +89,7 @@ class PerformanceViewer:
             gap_count=gap_count(status),
             peak_db=decibels_of(peak),
             troubles=troubles(
-                status, [key.player for key in key_views], recording, is_endless=False
+                status, [key.player for key in key_views], recording_trouble, is_endless=False
             ),
             is_panicked=status.panicked,
         )
@@ -141,10 +141,10 @@ def _key_line(hand_view: HandView) -> str:
     )
 
 
-def meter_of(position: float, low: float, high: float) -> str:
+def meter_of(position: float, low_end: float, high_end: float) -> str:
     """A text meter that shows x between two ends."""
-    share = (position - low) / (high - low) if high > low else 0.5
-    marked_cell = min(max(round(share * (_METER_WIDTH - 1)), 0), _METER_WIDTH - 1)
+    fraction = (position - low_end) / (high_end - low_end) if high_end > low_end else 0.5
+    marked_cell = min(max(round(fraction * (_METER_WIDTH - 1)), 0), _METER_WIDTH - 1)
     middle = (_METER_WIDTH - 1) // 2
     cells = ["·"] * _METER_WIDTH
     cells[middle] = "+"

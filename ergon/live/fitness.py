@@ -157,13 +157,13 @@ def measure_wakeups(checkup: Checkup, noun: str = "wake-up") -> Finding:
     return Finding(noun, wakeup_sentence, advice, numbers)
 
 
-def measure_sound(spec: str) -> Finding:
+def measure_sound(output_spec: str) -> Finding:
     """The audio server and its latency."""
     import numpy as np
 
     rate = 44100
     try:
-        audio_out = _core.AudioOut(spec, rate, 2)
+        audio_out = _core.AudioOut(output_spec, rate, 2)
         audio_out.set_prefill(FRAMES_AHEAD)
         audio_out.play(np.zeros((rate // 2, 2), dtype=np.float32))
         audio_out.finish(5.0)
@@ -290,15 +290,15 @@ def histogram(durations: NDArray[np.float64]) -> dict[str, object]:
     """
     import numpy as np
 
-    bins = np.zeros(24, dtype=int)
+    bin_counts = np.zeros(24, dtype=int)
     microseconds = np.maximum(np.floor(1e6 * durations + 1e-6), 0.0).astype(int)
     bin_indices = np.array([int(duration).bit_length() for duration in microseconds], dtype=int)
-    np.add.at(bins, np.minimum(bin_indices, len(bins) - 1), 1)
+    np.add.at(bin_counts, np.minimum(bin_indices, len(bin_counts) - 1), 1)
     probabilities = (("p50_s", 0.5), ("p99_s", 0.99), ("p999_s", 0.999), ("max_s", 1.0))
     quantiles: dict[str, object] = {
         name: quantile(durations, probability) for name, probability in probabilities
     }
-    return {**quantiles, "histogram_us": bins.tolist()}
+    return {**quantiles, "histogram_us": bin_counts.tolist()}
 
 
 def duration_text(seconds: float) -> str:

@@ -39,7 +39,7 @@ _GLIDE_FRAMES_MAX = 20  # frames within a glide that are checked, at most
 _CACHE_MAX = 256  # answers
 
 # The force limit of a hand for a response of the piece; None: the hand has no key.
-HandLimitOf = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
+HandLimitFinder = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,12 +119,15 @@ class ForceBoundsFinder:
     """Finds the force that real hands may get from a piece before it takes over.
 
     The answer for each distinct network that a key reaches is computed once and kept.
-    `lever_ratios` has the factor between key and scene for each hand of the engine; `real` are the
-    numbers of hands that have a real key.
+    `lever_ratios` has the factor between key and scene for each hand of the engine; `real_hands`
+    are the numbers of hands that have a real key.
     """
 
     def __init__(
-        self, hand_limit_of: HandLimitOf, lever_ratios: Sequence[float], real_hands: Sequence[int]
+        self,
+        hand_limit_of: HandLimitFinder,
+        lever_ratios: Sequence[float],
+        real_hands: Sequence[int],
     ) -> None:
         """Use `hand_limit_of`, which gives the force limit of a hand for a response."""
         self._hand_limit = hand_limit_of
@@ -138,20 +141,20 @@ class ForceBoundsFinder:
     def force_bounds(
         self,
         stage: Stage,
-        start: int,
+        start_frame: int,
         glides: Sequence[Glide] = (),
         bounds_before: Sequence[HandForceBounds] = (),
     ) -> tuple[HandForceBounds, ...]:
-        """The force that each real hand may get from a stage from frame `start` on.
+        """The force that each real hand may get from a stage from frame `start_frame` on.
 
         `bounds_before` is the same for the stage that it takes over from. Raises EngineError.
         """
         if not self._real_hands:
             return ()
-        stretches = _stretches(stage, start, glides)
+        stretches = _stretches(stage, start_frame, glides)
         glided_bounds = tuple(bounds_before) if len(stretches) > 1 else ()
         hands = [hand for hand in stage.live_hands if hand.index in self._real_hands]
-        automation_values = [_value_combinations(stage, hand, hands, start) for hand in hands]
+        automation_values = [_value_combinations(stage, hand, hands, start_frame) for hand in hands]
         query = stretches, glided_bounds, automation_values
         if (
             self._last_query
@@ -272,13 +275,13 @@ def _with_automation(
         automated_moments = []
         for value_set in automated_values:
             mats = {mat for mat, *_ in value_set.cel_values}
-            other_cels = (tie for tie in moment.cel_values if tie[0] not in mats)
+            other_cel_values = (cel for cel in moment.cel_values if cel[0] not in mats)
             links = {link for link, _ in value_set.link_factors}
             other_factors = (factor for factor in moment.link_factors if factor[0] not in links)
             automated_moments.append(
                 replace(
                     moment,
-                    cel_values=(*other_cels, *value_set.cel_values),
+                    cel_values=(*other_cel_values, *value_set.cel_values),
                     link_factors=(*other_factors, *value_set.link_factors),
                 )
             )
@@ -343,22 +346,22 @@ def _glide_frames(stage: Stage, glide: Glide, start_frame: int) -> Iterator[int]
     if last_frame - max(first_frame, start_frame) <= SHORT_CHANGE * stage.rate:
         return
     number_pairs = [
-        (a, b)
-        for a, b in zip(glide.initial_values, glide.final_values, strict=True)
-        if a > 0 and b > 0
+        (before, after)
+        for before, after in zip(glide.initial_values, glide.final_values, strict=True)
+        if before > 0 and after > 0
     ]
-    first_number, second_number = max(
+    number_before, number_after = max(
         number_pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0)
     )
     n_frames = min(
         _GLIDE_FRAMES_MAX,
-        math.ceil(abs(math.log(second_number / first_number)) / math.log(CHECK_RATIO)),
+        math.ceil(abs(math.log(number_after / number_before)) / math.log(CHECK_RATIO)),
     )
-    for step in range(1, n_frames):
-        share = ((second_number / first_number) ** (step / n_frames) - 1.0) / (
-            second_number / first_number - 1.0
+    for step_number in range(1, n_frames):
+        glide_fraction = ((number_after / number_before) ** (step_number / n_frames) - 1.0) / (
+            number_after / number_before - 1.0
         )
-        frame = first_frame + round(share * (last_frame - first_frame))
+        frame = first_frame + round(glide_fraction * (last_frame - first_frame))
         if frame > start_frame:
             yield frame
 
@@ -370,22 +373,24 @@ def _glide_values(
     cel_values, link_factors = [], []
     for glide in glides:
         first_frame, last_frame = _grid_frame(stage, glide.start), _grid_frame(stage, glide.stop)
-        glide_share = min(1.0, max(0.0, (glide_frame - first_frame) / (last_frame - first_frame)))
-        if glide_share == 1.0 and glide.network_value is None:
+        glide_fraction = min(
+            1.0, max(0.0, (glide_frame - first_frame) / (last_frame - first_frame))
+        )
+        if glide_fraction == 1.0 and glide.network_value is None:
             continue
         module_key = glide.part, glide.module
         if len(glide.initial_values) == 3:
             # 1/M, K/M and Z/M glide linearly, because a frame uses K and Z per mass.
             (k, z, m), (to_k, to_z, to_m) = glide.initial_values, glide.final_values
-            glide_mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * glide_share)
+            glide_mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * glide_fraction)
             k, z = (
-                glide_mass * (a / m + (b / to_m - a / m) * glide_share)
+                glide_mass * (a / m + (b / to_m - a / m) * glide_fraction)
                 for a, b in ((k, to_k), (z, to_z))
             )
             cel_values.append((stage.built_network.assembly.mats[module_key], k, z, glide_mass))
         elif len(glide.initial_values) == 2:
             factor_max = max(
-                body_factor + (1.0 - body_factor) * glide_share
+                body_factor + (1.0 - body_factor) * glide_fraction
                 for body_factor in glide.body_factors
             )
             link_factors += [
@@ -394,7 +399,7 @@ def _glide_values(
             ]
         else:
             first_ratio, last_ratio = glide.factors
-            factor = first_ratio + (last_ratio - first_ratio) * glide_share
+            factor = first_ratio + (last_ratio - first_ratio) * glide_fraction
             link_factors += [
                 (link, factor) for link in stage.built_network.assembly.links[module_key]
             ]

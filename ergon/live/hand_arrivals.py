@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from .boards import PAGE_KINDS
 from .fitness import TICK_SECONDS, Finding, duration_text
-from .led_address import LedAddress, parse_led_address
+from .pointer_address import PointerAddress, parse_pointer_address
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -19,15 +19,15 @@ _USUAL_SHARE = 0.999  # share of positions in time with the advised delay
 _DELAY_RATIO_MAX = 2.0  # a delay so many times the needed one is longer than useful
 
 
-def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
+def describe_arrivals(board: Board, pointer: _core.Lead) -> Finding:
     """What came for a key: rate, jitter, time on the way, and the delay of the path that fits."""
-    address = parse_led_address(board.url)
-    tally = lead.tally
+    address = parse_pointer_address(board.url)
+    tally = pointer.tally
     n_positions = int(tally["taken"])
     gaps, wait_times, needed_delays = zip(
-        *(lead.arrival_times(probability) for probability in (0.5, 0.99, 1.0)), strict=True
+        *(pointer.arrival_times(probability) for probability in (0.5, 0.99, 1.0)), strict=True
     )
-    _, _, needed_delay = lead.arrival_times(_USUAL_SHARE)
+    _, _, needed_delay = pointer.arrival_times(_USUAL_SHARE)
     arrival_figures: dict[str, object] = {
         "url": board.url,
         "taken": n_positions,
@@ -73,7 +73,7 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
     )
 
 
-def _advice(address: LedAddress, needed_delay: float, n_refused: int) -> str:
+def _advice(address: PointerAddress, needed_delay: float, n_refused: int) -> str:
     """What to do; empty where the delay of the path is as long as it has to be."""
     rounded_delay = 1e-3 * -(-needed_delay // 1e-3)  # rounded up to a millisecond
     advice = []

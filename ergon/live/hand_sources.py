@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .boards import LED_KINDS
-from .led_address import OSC_PORT
-from .led_gamepad import gamepads
+from .boards import POINTER_KINDS
 from .midi_ports import MidiError, input_names
+from .pointer_address import OSC_PORT
+from .pointer_gamepad import gamepads
 
 # The meaning of each use.
 USES = {
@@ -21,7 +21,7 @@ _USES_BY_KIND = {"midi": ("input", "hand"), "osc": ("input", "hand")}
 def uses_of(url: str) -> tuple[str, ...]:
     """What a device could be, by its URL: words of `USES`."""
     kind = url.partition(":")[0]
-    return _USES_BY_KIND.get(kind, ("hand",) if kind in LED_KINDS else ("force",))
+    return _USES_BY_KIND.get(kind, ("hand",) if kind in POINTER_KINDS else ("force",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,5 +52,5 @@ def hand_sources() -> list[HandSource]:
         midi_names = input_names()
     except MidiError as error:
         return [*sources, HandSource("midi", "midi:cc2", str(error))]
-    urls = [(f"midi:cc2?in={name}", name) for name in midi_names]
-    return [*sources, *(HandSource("midi", url, name) for url, name in urls)]
+    urls_and_names = [(f"midi:cc2?in={name}", name) for name in midi_names]
+    return [*sources, *(HandSource("midi", url, name) for url, name in urls_and_names)]

@@ -21,7 +21,7 @@ _DELAYS_KEPT = 48  # messages
 _PAUSE_MAX = 1.0  # [s] between two messages, after which the estimate begins anew
 
 # Called with the bytes of each message and the instant at which it came [s, time.monotonic].
-Receive = Callable[[bytes, float], None]
+MessageReceiver = Callable[[bytes, float], None]
 
 
 class MidiError(ErgonError):
@@ -35,7 +35,7 @@ class InputPort(Protocol):
     def name(self) -> str:
         """The name that the system gives it."""
 
-    def listen(self, receive: Receive) -> None:
+    def listen(self, receive: MessageReceiver) -> None:
         """Pass every message to `receive`, from any thread."""
 
     def close(self) -> None:
@@ -50,10 +50,10 @@ class ProcessPort:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """Stamp messages by `clock` [s]."""
         self._clock = clock
-        self._receive: Receive | None = None
+        self._receive: MessageReceiver | None = None
         self.sent: list[tuple[float, bytes]] = []
 
-    def listen(self, receive: Receive) -> None:
+    def listen(self, receive: MessageReceiver) -> None:
         """Pass every message to `receive`."""
         self._receive = receive
 
@@ -108,7 +108,7 @@ class SystemInput:
         self._port, self.name = _open_port(rtmidi, rtmidi.MidiIn, port_name, "input")
         self._port.ignore_types(sysex=True, timing=False, active_sense=True)
 
-    def listen(self, receive: Receive) -> None:
+    def listen(self, receive: MessageReceiver) -> None:
         """Pass every message to `receive`, from a thread of RtMidi."""
 
         stamps = ArrivalStamps()

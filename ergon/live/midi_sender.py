@@ -25,16 +25,16 @@ from ergon.live.midi_ports import MidiError, SystemOutput
 
 ECHO = "echo"  # a port that writes what it sends to the standard output, with the instant
 _PRIORITY = 70  # below the physics thread, above JACK's clients
-_STOP = bytes([Transport.STOP.value])
+_STOP_MESSAGE = bytes([Transport.STOP.value])
 _CLOSE_TIMEOUT = 2.0  # [s] for the process to end
 
 
 class TimedSender:
     """An output port whose messages wait in another process until they are due."""
 
-    def __init__(self, port: str) -> None:
-        """Start the process, which opens the output `port`. Raises MidiError."""
-        command = [sys.executable, "-m", "ergon.live.midi_sender", port]
+    def __init__(self, port_name: str) -> None:
+        """Start the process, which opens the output `port_name`. Raises MidiError."""
+        command = [sys.executable, "-m", "ergon.live.midi_sender", port_name]
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(
             command, stdin=pipe, stdout=pipe, start_new_session=True, bufsize=0
@@ -43,10 +43,12 @@ class TimedSender:
         assert self._process.stdout is not None
         self._stdin: IO[bytes] = self._process.stdin
         self._stdout: IO[bytes] = self._process.stdout
-        state, _, reply = self._stdout.readline().decode(errors="replace").strip().partition(" ")
-        if state != "ready":
+        first_word, _, reply = (
+            self._stdout.readline().decode(errors="replace").strip().partition(" ")
+        )
+        if first_word != "ready":
             self.close()
-            raise MidiError(reply or f"the process that sends MIDI to '{port}' did not start")
+            raise MidiError(reply or f"the process that sends MIDI to '{port_name}' did not start")
         self.name = reply
 
     def send_at(self, data: bytes, instant: float) -> None:
@@ -72,7 +74,7 @@ class TimedSender:
         self._stdout.close()
 
 
-def _run(input_descriptor: int, send: Callable[[bytes], None]) -> None:
+def _send_due_messages(input_descriptor: int, send: Callable[[bytes], None]) -> None:
     """Send the messages that are read from a descriptor, each when it is due, until the descriptor
     ends.
     """
@@ -89,10 +91,10 @@ def _run(input_descriptor: int, send: Callable[[bytes], None]) -> None:
                 return
             *lines, unfinished_line = (unfinished_line + bytes_read).split(b"\n")
             for line in lines:
-                due, _, hex_text = line.partition(b" ")
+                due_nanoseconds, _, hex_text = line.partition(b" ")
                 heapq.heappush(
                     waiting_messages,
-                    (int(due), next(message_numbers), bytes.fromhex(hex_text.decode())),
+                    (int(due_nanoseconds), next(message_numbers), bytes.fromhex(hex_text.decode())),
                 )
         while waiting_messages and waiting_messages[0][0] <= time.monotonic_ns():
             send(heapq.heappop(waiting_messages)[2])
@@ -102,22 +104,22 @@ def _echo(data: bytes) -> None:
     os.write(1, b"%d %s\n" % (time.monotonic_ns(), data.hex().encode()))
 
 
-def main(port: str) -> None:
+def main(port_name: str) -> None:
     """Run as the process that sends."""
     try:
-        output = None if port == ECHO else SystemOutput(port)
+        output = None if port_name == ECHO else SystemOutput(port_name)
     except MidiError as error:
         print(f"error {error}", flush=True)
         return
     with contextlib.suppress(AttributeError, OSError):  # not granted: like any other program
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
     gc.disable()
-    print(f"ready {port if output is None else output.name}", flush=True)
+    print(f"ready {port_name if output is None else output.name}", flush=True)
     send = _echo if output is None else output.send
     with contextlib.suppress(KeyboardInterrupt):
-        _run(0, send)
+        _send_due_messages(0, send)
     with contextlib.suppress(OSError):
-        send(_STOP)
+        send(_STOP_MESSAGE)
     if output is not None:
         output.close()
 

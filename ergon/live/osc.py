@@ -45,7 +45,7 @@ _ANSWERS_PER_SECOND = 10  # a second: a flood of mistakes gets no flood of answe
 _REFUSALS_PER_SECOND = 2  # to strangers; other senders keep their answers
 KEY_PATTERN = re.compile(r"[A-Za-z0-9_-]{16,64}")
 KEY_VARIABLE = "ERGON_OSC_KEY"
-_UNKNOWN_MAX = 1000  # unknown addresses that are remembered, each reported once
+_UNKNOWN_ADDRESSES_MAX = 1000  # unknown addresses that are remembered, each reported once
 _ADDRESS_SHOWN_MAX = 80  # characters of an unknown address in a report
 
 
@@ -70,7 +70,7 @@ class OscServer:
         self,
         receive_address: HostPort | None,
         send_address: HostPort | None,
-        command: Command = refuse_command,
+        run_command: Command = refuse_command,
         key: str = "",
     ) -> None:
         """Open the sockets; a sender that writes the `key` before an address is the user.
@@ -83,11 +83,13 @@ class OscServer:
         self._key = key
         self._sender_check = SenderCheck()
         self._has_hands: Callable[[], bool] = lambda: False
-        self._command = command
+        self._run_command = run_command
         self._inbound = (
-            None if receive_address is None else _open_socket(receive_address, bound=True)
+            None if receive_address is None else _open_socket(receive_address, is_bound=True)
         )
-        self._outbound = None if send_address is None else _open_socket(send_address, bound=False)
+        self._outbound = (
+            None if send_address is None else _open_socket(send_address, is_bound=False)
+        )
         self.address = None if self._inbound is None else self._inbound[0].getsockname()[:2]
         self.is_stop_requested = False  # somebody asked for the end
         self.n_malformed = 0  # datagrams that were no OSC
@@ -97,7 +99,7 @@ class OscServer:
         self._reported_refusals: set[str] = set()
         self._answer_limit = _RateLimit(_ANSWERS_PER_SECOND)
         self._refusal_limit = _RateLimit(_REFUSALS_PER_SECOND)
-        self._sender: tuple[object, ...] = ()
+        self._current_sender: tuple[object, ...] = ()
         self._handlers: HandlerTable = {}
         self._event_sender: OscSender | None = None
         self._input_values: InputValues | None = None
@@ -105,9 +107,9 @@ class OscServer:
         self._thread: threading.Thread | None = None
 
     def begin(
-        self, performance: _core.Performance, stage: Stage, gain: float, start: int = 0
+        self, performance: _core.Performance, stage: Stage, gain: float, start_frame: int = 0
     ) -> None:
-        """Serve a performance that began at frame `start` with a `gain` (ratio)."""
+        """Serve a performance that began at frame `start_frame` with a `gain` (ratio)."""
 
         def stop() -> None:
             self.is_stop_requested = True
@@ -118,11 +120,11 @@ class OscServer:
 
         input_values = InputValues(set_input)
         handlers = request_handlers(
-            performance, stage, gain, stop, input_values.handler_of, self._command
+            performance, stage, gain, stop, input_values.handler_of, self._run_command
         )
         self.serve(
             handlers,
-            lambda send: OscSender(performance, stage, start, send),
+            lambda send: OscSender(performance, stage, start_frame, send),
             input_values,
             lambda: bool(performance.status().hands),
         )
@@ -134,8 +136,8 @@ class OscServer:
         input_values: InputValues,
         has_hands: Callable[[], bool],
     ) -> None:
-        """Serve requests by a table of addresses, pass values to inputs, and send a teller's
-        messages. `has_hands`: whether forces act on live hands.
+        """Serve requests by a table of addresses, pass values to inputs, and send the messages of
+        the sender that `make_sender` makes. `has_hands`: whether forces act on live hands.
         """
         self._handlers, self._input_values, self._has_hands = handlers, input_values, has_hands
         self._event_sender = make_sender(self._send) if self._outbound else None
@@ -147,7 +149,7 @@ class OscServer:
         """A function that answers the present request, now or later, with an address and a
         sentence.
         """
-        return partial(self._answer, self._sender)
+        return partial(self._answer, self._current_sender)
 
     def stop_serving(self) -> None:
         """End serving a performance; events that wait are still sent."""
@@ -182,22 +184,24 @@ class OscServer:
                 self._send_messages()
                 if self._input_values is not None:
                     with contextlib.suppress(_core.EngineError):
-                        self._input_values.send_due()
+                        self._input_values.send_due_values()
 
     def _send_messages(self) -> None:
         if self._event_sender is not None:
             with contextlib.suppress(_core.EngineError):  # the performance is closed already
                 self._event_sender.send_new(time.time)
 
-    def _send(self, address: str, arguments: Sequence[object], when: float | None = None) -> None:
+    def _send(
+        self, address: str, arguments: Sequence[object], instant: float | None = None
+    ) -> None:
         if self._outbound is not None:
-            self._send_datagram(*self._outbound, encode_message(address, arguments, when))
+            self._send_datagram(*self._outbound, encode_message(address, arguments, instant))
 
     def _send_datagram(
-        self, sender: socket.socket, target_address: tuple[object, ...], datagram: bytes
+        self, sending_socket: socket.socket, target_address: tuple[object, ...], datagram: bytes
     ) -> None:
         try:
-            sender.sendto(datagram, target_address)
+            sending_socket.sendto(datagram, target_address)
         except OSError:
             self.n_unsent += 1
 
@@ -206,21 +210,21 @@ class OscServer:
         if self._inbound is None:
             self._end_event.wait(max(0.0, timeout_seconds))
             return
-        listener = self._inbound[0]
-        if not select.select([listener], [], [], max(0.0, timeout_seconds))[0]:
+        listening_socket = self._inbound[0]
+        if not select.select([listening_socket], [], [], max(0.0, timeout_seconds))[0]:
             return
-        received = []
+        datagrams = []
         is_empty = False
         for _ in range(_DATAGRAMS_AT_ONCE):
             try:
-                received.append(listener.recvfrom(DATAGRAM_BYTES_MAX + 1))
+                datagrams.append(listening_socket.recvfrom(DATAGRAM_BYTES_MAX + 1))
             except BlockingIOError:
                 is_empty = True
                 break
             except OSError:
                 self.n_malformed += 1  # too long, where the system says so
-        self._sender_check.look_up_senders(sender for _, sender in received)
-        for datagram, sender in received:
+        self._sender_check.look_up_senders(sender for _, sender in datagrams)
+        for datagram, sender in datagrams:
             self._handle(datagram, sender)
         if is_empty:
             self._sender_check.count_empty_queue()
@@ -233,13 +237,13 @@ class OscServer:
         except MalformedDatagramError:
             self.n_malformed += 1
             return
-        self._sender = sender
+        self._current_sender = sender
         sender_access = self._sender_check.access(sender)
         for written_address, message_arguments in messages:
             address = self._without_key(written_address)
             if address is None:
                 address = written_address
-                if refusal := self._refusal(sender_access, address):
+                if refusal := self._refusal_reason(sender_access, address):
                     self._refuse(sender, refusal)
                     continue
             handler = self._handlers.get(address)
@@ -259,7 +263,7 @@ class OscServer:
         is_same_key = self._key and hmac.compare_digest(key.encode(), self._key.encode())
         return slash + address_rest if is_same_key else None
 
-    def _refusal(self, sender_access: SenderAccess, address: str) -> str:
+    def _refusal_reason(self, sender_access: SenderAccess, address: str) -> str:
         """Why a request without the key is refused; empty if it is heard."""
         if sender_access.is_user:
             return ""
@@ -277,22 +281,22 @@ class OscServer:
         if refusal not in self._reported_refusals:
             self._reported_refusals.add(refusal)
             self._remarks.append(f"osc: {refusal}")
-        if self._inbound is not None and self._refusal_limit.allow():
+        if self._inbound is not None and self._refusal_limit.may_send():
             self._send_datagram(self._inbound[0], sender, encode_message("/ergon/error", [refusal]))
 
     def _report_unknown(self, address: str) -> None:
         """Report an unknown address once; the number of reports a second is limited."""
         if (
             address in self._unknown_addresses
-            or len(self._unknown_addresses) >= _UNKNOWN_MAX
-            or not self._answer_limit.allow()
+            or len(self._unknown_addresses) >= _UNKNOWN_ADDRESSES_MAX
+            or not self._answer_limit.may_send()
         ):
             return
         self._unknown_addresses.add(address)
         self._remarks.append(f"osc: no address {_printable(address)}")
 
     def _answer(self, sender: tuple[object, ...], address: str, sentence: str) -> None:
-        if self._inbound is not None and self._answer_limit.allow():
+        if self._inbound is not None and self._answer_limit.may_send():
             self._send_datagram(self._inbound[0], sender, encode_message(address, [sentence]))
 
 
@@ -302,7 +306,7 @@ class _RateLimit:
     def __init__(self, n_per_second: int) -> None:
         self._instants: deque[float] = deque(maxlen=n_per_second)
 
-    def allow(self) -> bool:
+    def may_send(self) -> bool:
         """Whether another one may be sent now."""
         now = time.monotonic()
         if len(self._instants) == self._instants.maxlen and now - self._instants[0] < 1.0:
@@ -316,7 +320,9 @@ def _printable(address: str) -> str:
     return ascii(address[:_ADDRESS_SHOWN_MAX])[1:-1]
 
 
-def _open_socket(osc_address: HostPort, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
+def _open_socket(
+    osc_address: HostPort, *, is_bound: bool
+) -> tuple[socket.socket, tuple[object, ...]]:
     """A datagram socket, and the address that `osc_address` names."""
     open_socket = None
     try:
@@ -325,11 +331,11 @@ def _open_socket(osc_address: HostPort, *, bound: bool) -> tuple[socket.socket, 
         )[0]
         open_socket = socket.socket(family, socket_kind, protocol)
         open_socket.setblocking(False)
-        if bound:
+        if is_bound:
             open_socket.bind(address)
     except (OSError, UnicodeError) as error:
         if open_socket is not None:
             open_socket.close()
-        failure_text = "cannot listen at" if bound else "cannot send to"
+        failure_text = "cannot listen at" if is_bound else "cannot send to"
         raise OscError(f"{failure_text} {osc_address[0]}:{osc_address[1]}: {error}") from None
     return open_socket, address

@@ -50,10 +50,10 @@ def request_handlers(
     stage: Stage,
     gain: float,
     stop_playing: Callable[[], None],
-    handler_of: Callable[[str], Handler],
-    command: Command = refuse_command,
+    input_handler: Callable[[str], Handler],
+    run_command: Command = refuse_command,
 ) -> dict[str, Handler]:
-    """Address → handler of its arguments. `gain` is the ratio of 0 dB; `handler_of`
+    """Address → handler of its arguments. `gain` is the ratio of 0 dB; `input_handler`
     gives the handler of an input by its name.
     """
     part_names = stage.listening.parts()
@@ -68,7 +68,7 @@ def request_handlers(
     instruments_by_player = exclusive_instruments(stage.piece, part_names)
     input_names = (name for name, take in stage.piece.takes.items() if take.is_from_osc)
     return {
-        "/ergon/cmd": text_handler(command),
+        "/ergon/cmd": text_handler(run_command),
         "/ergon/panic": button_handler(performance.panic),
         "/ergon/release": button_handler(performance.release),
         "/ergon/stop": button_handler(stop_playing),
@@ -85,7 +85,7 @@ def request_handlers(
             else _shared_key_handler(player)
             for player, instrument_names in instruments_by_player.items()
         },
-        **{f"/ergon/input/{name}": handler_of(name) for name in input_names},
+        **{f"/ergon/input/{name}": input_handler(name) for name in input_names},
     }
 
 
@@ -111,8 +111,8 @@ def _reachable_instruments(piece: Piece, key_name: str) -> set[str]:
     """Instruments that links connect with a key, without passing through another key."""
     neighbours: dict[str, set[str]] = {}
     for joined_parts in _joined_parts(piece):
-        for end in joined_parts:
-            neighbours.setdefault(end, set()).update(joined_parts)
+        for joined_part in joined_parts:
+            neighbours.setdefault(joined_part, set()).update(joined_parts)
     instruments: set[str] = set()
     parts_to_visit = [key_name]
     while parts_to_visit:

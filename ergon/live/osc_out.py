@@ -28,9 +28,9 @@ _JUMP_MIN = 0.02  # [s]; a larger change is a new time line: server restarted, c
 class HearingClock:
     """The instants at which frames are heard, from what the sound server reports."""
 
-    def __init__(self, rate: float, start: int) -> None:
-        """Begin with frame `start`, at `rate` frames a second."""
-        self._rate, self._start = rate, start
+    def __init__(self, rate: float, start_frame: int) -> None:
+        """Begin with frame `start_frame`, at `rate` frames a second."""
+        self._rate, self._start_frame = rate, start_frame
         self._reports: deque[tuple[float, float]] = deque()
         self._n_dropped = 0
         self._stream_state: tuple[int, int, bool] | None = None
@@ -55,7 +55,7 @@ class HearingClock:
         if not self._reports:
             return None
         zero_instant = min(zero_instant for _, zero_instant in self._reports)
-        return zero_instant + (frame - self._start - self._n_dropped) / self._rate
+        return zero_instant + (frame - self._start_frame - self._n_dropped) / self._rate
 
 
 class OscSender:
@@ -65,25 +65,25 @@ class OscSender:
         self,
         performance: _core.Performance,
         stage: Stage,
-        start: int,
+        start_frame: int,
         send: Send,
         events: SessionEventSource | None = None,
     ) -> None:
-        """Begin at `start`, the first frame that is played. `events` are those of a session, whose
-        stages follow one another; without them, the events of `stage` are sent.
+        """Begin at `start_frame`, the first frame that is played. `events` are those of a session,
+        whose stages follow one another; without them, the events of `stage` are sent.
         """
         self._performance, self._stage, self._send = performance, stage, send
-        self._hearing_clock = HearingClock(stage.rate, start)
+        self._hearing_clock = HearingClock(stage.rate, start_frame)
         self._hand_addresses = [f"/ergon/hand/{hand.player}" for hand in stage.live_hands]
-        self._session = events
+        self._session_events = events
         piece_events = (
-            _PieceEvents(_piece_beats(stage), start),
-            _PieceEvents(_gesture_events(stage), start),
+            _PieceEvents(_piece_beats(stage), start_frame),
+            _PieceEvents(_gesture_events(stage), start_frame),
         )
         self._events: Sequence[_EventSource] = piece_events if events is None else (events,)
         self._late_and_gaps: tuple[int, int] | None = None
-        self._troubles: tuple[str, ...] = ()
-        self._hands_due = self._levels_due = -math.inf
+        self._sent_troubles: tuple[str, ...] = ()
+        self._hands_due_instant = self._levels_due_instant = -math.inf
 
     def send_new(self, clock: Callable[[], float]) -> None:
         """Send what is new; `clock` gives the seconds since 1970. Raises EngineError once it has
@@ -95,33 +95,35 @@ class OscSender:
         # Sound is heard later than it is computed; how much later is unknown until the first block
         # has gone out.
         if status.sounding is not None or not status.paced:
-            for events in self._events:
-                for frame, address, arguments in events.pop_before(status.frame):
+            for event_source in self._events:
+                for frame, address, arguments in event_source.pop_before(status.frame):
                     self._send(address, arguments, self._hearing_clock.instant_of(frame) or 0.0)
         self._send_status(status, instant_now)
 
     def _send_status(self, status: _core.Status, instant_now: float) -> None:
         # A clock that is set back must not stop the messages.
-        if not self._hands_due - HAND_PERIOD <= instant_now < self._hands_due:
-            self._hands_due = instant_now + HAND_PERIOD
+        if not self._hands_due_instant - HAND_PERIOD <= instant_now < self._hands_due_instant:
+            self._hands_due_instant = instant_now + HAND_PERIOD
             for address, hand in zip(self._hand_addresses, status.hands, strict=False):
                 self._send(address, (hand.position, hand.force))
-        if not self._levels_due - _LEVEL_PERIOD <= instant_now < self._levels_due:
-            self._levels_due = instant_now + _LEVEL_PERIOD
+        if not self._levels_due_instant - _LEVEL_PERIOD <= instant_now < self._levels_due_instant:
+            self._levels_due_instant = instant_now + _LEVEL_PERIOD
             levels = [20.0 * math.log10(max(peak, SILENT_PEAK)) for peak in status.peaks]
             self._send("/ergon/level", levels)
         late_and_gaps = status.late, gap_count(status)
         if late_and_gaps != self._late_and_gaps:
             self._late_and_gaps = late_and_gaps
             self._send("/ergon/late", late_and_gaps)
-        recording = self._performance.recording_trouble()
+        recording_trouble = self._performance.recording_trouble()
         players = [hand.player for hand in self._stage.live_hands]
-        status_troubles = troubles(status, players, recording, is_endless=self._session is not None)
-        if self._session is not None:
-            status_troubles = (*self._session.troubles(), *status_troubles)
+        status_troubles = troubles(
+            status, players, recording_trouble, is_endless=self._session_events is not None
+        )
+        if self._session_events is not None:
+            status_troubles = (*self._session_events.troubles(), *status_troubles)
         status_troubles = ("PANIC", *status_troubles) if status.panicked else status_troubles
-        if status_troubles != self._troubles:
-            self._troubles = status_troubles
+        if status_troubles != self._sent_troubles:
+            self._sent_troubles = status_troubles
             self._send("/ergon/trouble", status_troubles)
 
 
@@ -143,10 +145,10 @@ class SessionEventSource(_EventSource, Protocol):
 
 
 class _PieceEvents:
-    """Events in the order of their frames, from `start` on."""
+    """Events in the order of their frames, from `start_frame` on."""
 
-    def __init__(self, events: Iterator[OscEvent], start: int) -> None:
-        self._events = (event for event in events if event[0] >= start)
+    def __init__(self, events: Iterator[OscEvent], start_frame: int) -> None:
+        self._events = (event for event in events if event[0] >= start_frame)
         self._next_event = next(self._events, None)
 
     def pop_before(self, frame: int) -> Iterator[OscEvent]:
@@ -164,14 +166,14 @@ def _piece_beats(stage: Stage) -> Iterator[OscEvent]:
         yield beat_event
 
 
-def beat_events(tempo: TempoMap, rate: float, bar_number: int) -> Iterator[OscEvent]:
+def beat_events(tempo_map: TempoMap, rate: float, bar_number: int) -> Iterator[OscEvent]:
     """Every beat from a bar on, without end, with (bar, beat, bpm)."""
     while True:
-        start, length = tempo.bars.bar(bar_number)
-        for bar_beat in range(math.ceil(length)):
-            position = start + bar_beat
-            frame = frame_of(tempo.seconds(position), rate)
-            yield frame, "/ergon/beat", (bar_number, bar_beat + 1, float(tempo.bpm(position)))
+        bar_start, bar_length = tempo_map.bars.bar(bar_number)
+        for bar_beat in range(math.ceil(bar_length)):
+            beat = bar_start + bar_beat
+            frame = frame_of(tempo_map.seconds(beat), rate)
+            yield frame, "/ergon/beat", (bar_number, bar_beat + 1, float(tempo_map.bpm(beat)))
         bar_number += 1
 
 

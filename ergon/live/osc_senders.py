@@ -2,7 +2,7 @@
 
 A datagram does not say whose it is, but Linux lists each socket with its port and its owner. That
 tells the sender of a datagram from this machine as long as its socket is open, and as long as no
-other program can have its port. So no sender can be notified if
+other program can have its port. So no sender can be identified if
 
 * the socket is closed already;
 * the socket lets others share its port (SO_REUSEADDR): another user may have sent from it, and have
@@ -55,7 +55,7 @@ class _Socket(NamedTuple):
 
     address: Address
     port: int
-    user: int
+    user_id: int
     inode: int
 
 
@@ -67,7 +67,7 @@ class _KnownSender:
 
     inodes: frozenset[int]
     is_shared: bool
-    trusted_from: int
+    trusted_count: int
 
 
 class SenderCheck:
@@ -86,7 +86,7 @@ class SenderCheck:
     def look_up_senders(self, senders: Iterable[tuple[object, ...]]) -> None:
         """Look the sockets of a batch of senders up, after its datagrams were read."""
         ports = {port for address, port in map(_address_and_port, senders) if address.is_loopback}
-        self._sockets = _sockets(self._tables, ports) if ports else []
+        self._sockets = _find_sockets(self._tables, ports) if ports else []
 
     def count_empty_queue(self) -> None:
         """After the verdicts on a batch: at its end no datagram waited any more."""
@@ -111,7 +111,7 @@ class SenderCheck:
         ]
         if not senders:
             return _refusal("its socket is closed already, so its user cannot be identified")
-        if any(row.user not in (_ROOT, os.geteuid()) for row in senders):
+        if any(row.user_id not in (_ROOT, os.geteuid()) for row in senders):
             return _refusal("it belongs to another user")
         inodes = frozenset(row.inode for row in senders)
         known_sender = self._known_senders.get((address, port))
@@ -119,14 +119,14 @@ class SenderCheck:
             # A socket that is noted now is older than what comes after the queue was empty twice:
             # the first time may have been before it was noted.
             is_calm = self._clock() - self._stranger_instant >= _CAUTION_SECONDS
-            trusted_from = 0 if is_calm else self._empty_count + 2
-            known_sender = _KnownSender(inodes, _is_shareable(address, port), trusted_from)
+            trusted_count = 0 if is_calm else self._empty_count + 2
+            known_sender = _KnownSender(inodes, _is_shareable(address, port), trusted_count)
             if len(self._known_senders) >= _KNOWN_SENDERS_MAX:
                 self._known_senders.clear()
             self._known_senders[address, port] = known_sender
         if known_sender.is_shared:
             return _refusal("its port can be shared, so its user cannot be identified")
-        if self._empty_count < known_sender.trusted_from:
+        if self._empty_count < known_sender.trusted_count:
             return _refusal("it is new while strangers send; what it sends from now on is heard")
         return USER_ACCESS
 
@@ -142,7 +142,7 @@ def _unmapped(address: Address) -> Address:
     return address if ipv4_address is None else ipv4_address
 
 
-def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
+def _find_sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
     """The sockets that have one of the ports; None where the system has no such tables."""
     port_suffixes = tuple(f":{port:04X}" for port in ports)
     sockets, has_tables = [], False
@@ -156,12 +156,12 @@ def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
             columns = row.split()
             if columns[1].endswith(port_suffixes):
                 address_digits, _, port = columns[1].partition(":")
-                address = _address(address_digits)
+                address = _parse_address(address_digits)
                 sockets.append(_Socket(address, int(port, 16), int(columns[7]), int(columns[9])))
     return sockets if has_tables else None
 
 
-def _address(digits: str) -> Address:
+def _parse_address(digits: str) -> Address:
     """An address of the tables, which are words of 32 bits in the machine's order of bytes."""
     words = [int(digits[offset : offset + 8], 16) for offset in range(0, len(digits), 8)]
     return _unmapped(ipaddress.ip_address(struct.pack(f"={len(words)}I", *words)))

@@ -36,9 +36,9 @@ class InputValues:
 
     def _set_value(self, name: str, value: float) -> None:
         self._waiting_values[name] = value
-        self.send_due()
+        self.send_due_values()
 
-    def send_due(self) -> None:
+    def send_due_values(self) -> None:
         """Pass on as many values as the rate allows, that of the input first that has waited
         longest.
         """

@@ -33,7 +33,7 @@ DEFAULT_TICK_FRAMES = 64
 # [N/m, N·s/m].
 GUIDANCE_MAX = (120.0, 1.0)
 # Natural frequency of a driven key on the spring that brings it back to its written path [Hz].
-DRIFT_RETURN = 1.0
+DRIFT_RETURN_HZ = 1.0
 _BARS_MAX = 100_000
 
 
@@ -46,8 +46,8 @@ class PlaybackConfig:
     limit: float = 1.0
     highpass: float | None = None
     reference: float | None = None
-    start: int = 0
-    end: int | None = None  # the frame of the piece at which it stops before its end
+    start_frame: int = 0
+    end_frame: int | None = None  # the frame of the piece at which it stops before its end
     boards: Sequence[Board] = ()
     guides: Mapping[str, float] = field(default_factory=dict)  # player → K [N/m]
     driven_players: Collection[str] = ()  # players whose real keys their parts move
@@ -61,7 +61,7 @@ class PlaybackConfig:
     fold: _core.Fold | None = None  # folds the mix to the channels of the output
     pages: Pages | None = None
     is_endless: bool = False
-    loose: bool = False  # every hand has a guide, which is off at first
+    has_loose_guides: bool = False  # every hand has a guide, which is off at first
 
 
 def tick_frames(stage: Stage) -> int:
@@ -79,12 +79,17 @@ def perform(
     """
     import numpy as np
 
-    tick_size = tick_frames(stage)
+    frames_per_tick = tick_frames(stage)
     simulation = stage.simulation
     start_snapshot = simulation.snapshot()
     mixer = stage.mixer(highpass=config.highpass, reference=config.reference)
     _warm_up(
-        simulation, mixer, stage.n_channels, config, config.start // tick_size * tick_size, progress
+        simulation,
+        mixer,
+        stage.n_channels,
+        config,
+        config.start_frame // frames_per_tick * frames_per_tick,
+        progress,
     )
     hand_numbers = {hand.player: hand.index for hand in stage.live_hands}
     board_players = {player for board in config.boards for _, player in board.axes}
@@ -98,7 +103,7 @@ def perform(
             if hand in real_hands
             else np.zeros(0),
             stage.piece.keys[hand.key].measured_constants,
-            _written_forces(stage, config, hand, tick_size),
+            _written_forces(stage, config, hand, frames_per_tick),
         )
         for hand in stage.live_hands
     ]
@@ -117,18 +122,20 @@ def perform(
         header_json = json.dumps({**config.header, "sent": "wire"}, ensure_ascii=False)
         record_target = _core.RecordTarget(config.record, axes, header_json)
     fades_from = None
-    if stage.fade_start is not None and not config.is_endless and config.end is None:
-        fades_from = max(0, stage.fade_start - config.start // tick_size * tick_size)
+    if stage.fade_start is not None and not config.is_endless and config.end_frame is None:
+        fades_from = max(
+            0, stage.fade_start - config.start_frame // frames_per_tick * frames_per_tick
+        )
     try:
         window = config.pages and config.pages.make_window(stage, simulation)
         performance = _core.Performance(
             simulation,
             mixer,
-            tick_frames=tick_size,
+            tick_frames=frames_per_tick,
             audio=config.audio,
             gain=config.gain,
             limit=config.limit,
-            n_frames=None if config.is_endless else config.end or stage.n_frames,
+            n_frames=None if config.is_endless else config.end_frame or stage.n_frames,
             fades_from=fades_from,
             hands=hands,
             boards=boards,
@@ -153,11 +160,11 @@ def perform(
 
 def bar_frames(stage: Stage, start_frame: int, stop_frame: int) -> list[int]:
     """Frames from `start_frame` to before `stop_frame` at which a bar begins."""
-    tempo = stage.piece.tempo_map
-    first_bar, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start_frame / stage.rate)))
+    tempo_map = stage.piece.tempo_map
+    first_bar, _ = tempo_map.bars.bar_beat(max(0.0, tempo_map.beats(start_frame / stage.rate)))
     bar_starts: list[int] = []
     for bar in range(first_bar, first_bar + _BARS_MAX):
-        bar_frame = int(tempo.seconds(tempo.bars.start(bar)) * stage.rate + 0.5)
+        bar_frame = int(tempo_map.seconds(tempo_map.bars.start(bar)) * stage.rate + 0.5)
         if bar_frame >= stop_frame:
             break
         if bar_frame >= start_frame:
@@ -173,7 +180,7 @@ def _written_forces(
     """
     import numpy as np
 
-    if hand.player not in config.driven_players or config.loose:
+    if hand.player not in config.driven_players or config.has_loose_guides:
         return np.zeros(0)
     from ergon.scores.staging.driving import written_forces
 
@@ -188,13 +195,13 @@ def _guidance_spring(
         from ergon.scores.staging.driving import moving_mass
 
         # Critically damped: it brings back what drifts, and a hand wins against it.
-        mass, angular_frequency = moving_mass(guided_key), 2.0 * math.pi * DRIFT_RETURN
+        mass, angular_frequency = moving_mass(guided_key), 2.0 * math.pi * DRIFT_RETURN_HZ
         return _core.GuidanceSpring(
             mass * angular_frequency * angular_frequency,
             2.0 * mass * angular_frequency,
-            config.loose,
+            config.has_loose_guides,
         )
-    if config.loose:
+    if config.has_loose_guides:
         return _core.GuidanceSpring(*GUIDANCE_MAX, True)
     stiffness = config.guides.get(player)
     return None if stiffness is None else _core.GuidanceSpring(stiffness, GUIDANCE_MAX[1], False)

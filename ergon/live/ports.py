@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ergon import _core
 
-BY_ID = Path("/dev/serial/by-id")
+SERIAL_LINKS_FOLDER = Path("/dev/serial/by-id")
 # USB vendor → name of the board or chip, and the kinds of device that are built with it.
 _VENDORS: dict[int, tuple[str, tuple[str, ...]]] = {
     0x2341: ("Arduino", ("firefader", "frame")),
@@ -30,10 +30,10 @@ class Port:
 
 def ports() -> list[Port]:
     """All serial ports; opens none."""
-    return [_port(port.path, port.usb) for port in _core.serial_ports()]
+    return [_describe_port(port.path, port.usb) for port in _core.serial_ports()]
 
 
-def _port(path: str, usb: _core.UsbBoard | None) -> Port:
+def _describe_port(path: str, usb: _core.UsbBoard | None) -> Port:
     if usb is None:
         return Port(path, "", ())
     vendor_name, kinds = _VENDORS.get(usb.vendor, ("", ()))
@@ -46,7 +46,7 @@ def _port(path: str, usb: _core.UsbBoard | None) -> Port:
 def _stable_path(path: str) -> str:
     """A path that does not depend on the order in which boards are plugged in."""
     try:
-        device_links = sorted(BY_ID.iterdir())
+        device_links = sorted(SERIAL_LINKS_FOLDER.iterdir())
     except OSError:
         return path
     matching_links = (str(link) for link in device_links if link.resolve() == Path(path).resolve())

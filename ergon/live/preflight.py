@@ -43,13 +43,13 @@ def preflight_frames(stage: Stage) -> int:
 def find_gain(
     stage: Stage,
     target_level: Level,
-    frozen: Sequence[VerifiedStem],
+    frozen_stems: Sequence[VerifiedStem],
     progress: Callable[[int], None],
 ) -> PreflightGain:
     """The gain that brings the mix to the peak or loudness of `target_level`; the stage itself does
     not advance.
 
-    Stand-ins play for real hands; `frozen` parts are included. `progress` is called with the
+    Stand-ins play for real hands; `frozen_stems` parts are included. `progress` is called with the
     number of frames done.
     """
     import numpy as np
@@ -61,7 +61,7 @@ def find_gain(
     start_snapshot = simulation.snapshot()
     frame_count = 0
     for computed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
-        for stem in frozen:
+        for stem in frozen_stems:
             stem.join(computed_frames, frame_count)
         mix = np.zeros((len(computed_frames), stage.n_channels))
         mixer.process(computed_frames, mix)

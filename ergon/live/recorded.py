@@ -60,7 +60,7 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
     except NotRecordingError as error:
         raise RecordingMismatchError(f"{path}: {error}") from None
     tick_positions[: int(recording.ticks()[0])] = np.nan
-    hands = {}
+    positions_by_player = {}
     for axis_index, (player, key_name) in enumerate(recording.axes):
         if player not in piece.players or piece.players[player].key != key_name:
             raise RecordingMismatchError(
@@ -71,10 +71,12 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
             raise RecordingMismatchError(
                 f"{path}: its ticks last {recording.frames} frames, the score's {tick_frames}"
             )
-        hands[player] = np.ascontiguousarray(tick_positions[:, axis_index])
+        positions_by_player[player] = np.ascontiguousarray(tick_positions[:, axis_index])
     description = read_description(recording)
     return HandRecording(
-        hands, _recorded_level(description), tuple(_warnings(recording, description, piece))
+        positions_by_player,
+        _recorded_level(description),
+        tuple(_warnings(recording, description, piece)),
     )
 
 
@@ -83,7 +85,7 @@ def _recorded_level(description: dict[str, Any]) -> Level:
     level_fields = description.get("level")
     level_fields = level_fields if isinstance(level_fields, dict) else {}
 
-    def number(name: str) -> float | None:
+    def level_number(name: str) -> float | None:
         level_value = level_fields.get(name)
         return (
             float(level_value)
@@ -92,7 +94,11 @@ def _recorded_level(description: dict[str, Any]) -> Level:
         )
 
     return Level(
-        None, number("limit"), number("highpass"), number("gain") or 1.0, number("reference")
+        None,
+        level_number("limit"),
+        level_number("highpass"),
+        level_number("gain") or 1.0,
+        level_number("reference"),
     )
 
 

@@ -41,15 +41,15 @@ class RepeatedNotices:
         self._counts_by_key: dict[str, _NoticeCount] = {}
 
     def add_notice(
-        self, frame: int, kind: str, sentence: str, seconds: float = 0.0
+        self, frame: int, event_kind: str, sentence: str, seconds: float = 0.0
     ) -> list[tuple[int, str]]:
         """The lines to show now for a notice of an event: itself, or nothing if it is counted.
 
         `seconds` is how long the physics thread was stopped, 0 for other kinds.
         """
-        if kind not in REPEATING:
+        if event_kind not in REPEATING:
             return [(frame, sentence)]
-        count_key = kind if seconds else sentence
+        count_key = event_kind if seconds else sentence
         notice_count = self._counts_by_key.get(count_key)
         if notice_count is None or (
             not notice_count.count and frame >= notice_count.line_frame + self._pause_frames

@@ -53,7 +53,9 @@ class Rumble:
         """Let the motors tell of a force [N]; to be called some 20 times a second."""
         if not self.is_available:
             return
-        strong, weak = (round(_MOTOR_MAX * part) for part in self._envelope.step(key_force))
+        strong, weak = (
+            round(_MOTOR_MAX * motor_ratio) for motor_ratio in self._envelope.step(key_force)
+        )
         if (strong, weak) == (0, 0) == self._last_motors:
             return
         self._last_motors = (strong, weak)

@@ -27,8 +27,8 @@ def measure_tick_rates(url: str, test_seconds: float) -> Iterator[Finding]:
     The device gets no force. Raises EngineError where it is not there.
     """
     best_finding = None
-    for frames in TICK_FRAMES:
-        rate = _AUDIO_RATE / frames
+    for tick_frames in TICK_FRAMES:
+        rate = _AUDIO_RATE / tick_frames
         device = _core.Device(url)
         try:
             cpu_start = time.process_time()
@@ -45,12 +45,14 @@ def measure_tick_rates(url: str, test_seconds: float) -> Iterator[Finding]:
 
 def _tick_finding(url: str, rate: float, checkup: Checkup, cpu_seconds: float) -> Finding:
     """What ticks of `rate` [Hz] cost; `cpu_seconds` [s] is the processor's time for all of them."""
-    period, round_trips = 1.0 / rate, checkup.round_trips()
+    tick_duration, round_trips = 1.0 / rate, checkup.round_trips()
     n_requests = len(round_trips) + checkup.unanswered
-    n_late_wakes = int((checkup.lateness() > _LATE_SHARE * period).sum())
-    n_slow_trips = int((round_trips > _LATE_SHARE * period).sum()) + checkup.unanswered
+    n_late_wakes = int((checkup.lateness() > _LATE_SHARE * tick_duration).sum())
+    n_slow_trips = int((round_trips > _LATE_SHARE * tick_duration).sum()) + checkup.unanswered
     load = cpu_seconds / checkup.seconds if checkup.seconds else 0.0
-    median_delay, p99_delay = (period + quantile(round_trips, part) for part in (0.5, 0.99))
+    median_delay, p99_delay = (
+        tick_duration + quantile(round_trips, probability) for probability in (0.5, 0.99)
+    )
     is_fit = n_requests > 0 and max(n_late_wakes, n_slow_trips) <= _LATE_MAX * n_requests
     tick_sentence = (
         f"{url}: {rate:,.0f} Hz: {duration_text(median_delay)} from a position to its force, p99 "

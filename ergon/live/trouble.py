@@ -15,25 +15,25 @@ def gap_count(status: _core.Status) -> int:
 
 
 def troubles(
-    status: _core.Status, players: Sequence[str], recording: str | None, *, is_endless: bool
+    status: _core.Status, players: Sequence[str], recording_trouble: str | None, *, is_endless: bool
 ) -> tuple[str, ...]:
     """The present troubles and those that have occurred, the gravest first.
 
-    `recording` says why hands cannot be recorded at present. A performance that `is_endless`
-    should not end by itself.
+    `recording_trouble` says why hands cannot be recorded at present. A performance that
+    `is_endless` should not end by itself.
     """
-    return tuple(_trouble_sentences(status, players, recording, is_endless))
+    return tuple(_trouble_sentences(status, players, recording_trouble, is_endless))
 
 
 def _trouble_sentences(
-    status: _core.Status, players: Sequence[str], recording: str | None, is_endless: bool
+    status: _core.Status, players: Sequence[str], recording_trouble: str | None, is_endless: bool
 ) -> Iterator[str]:
     if status.done and is_endless:
         yield "ENGINE ENDED"
     elif not status.alive and status.ticks and not status.done:
         yield "NO SOUND OUTPUT"
-    if recording:
-        yield f"HANDS NOT RECORDED ({recording})"
+    if recording_trouble:
+        yield f"HANDS NOT RECORDED ({recording_trouble})"
     for player, hand in zip(players, status.hands, strict=False):
         if hand.hot:
             yield f"{player} MOTOR HOT"

@@ -7,15 +7,14 @@ from typing import Any
 
 from ergon.instruments.transpose import CENTS_SHAPE
 from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import quantities, value_kinds
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language.commands import NOW, Now, Sync
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.values import (
     ANY_NAME,
-    NUMBER,
+    NUMBER_PATTERN,
     Completion,
     CompletionContext,
     Value,
@@ -36,7 +35,7 @@ def unit_completions(
     unit_words = [unit for unit in unit_names if unit.isascii()]
 
     def complete_units(context: CompletionContext) -> Iterator[Completion]:
-        number_match = NUMBER.match(context.typed)
+        number_match = NUMBER_PATTERN.match(context.typed_text)
         if number_match is None:
             yield Completion(example, quantity_name)
         else:
@@ -60,24 +59,24 @@ def quantity_value(
 
 
 DIMENSIONS = {
-    k.MASS: q.MASS,
-    k.MASS_OR_NUMBER: q.MASS_OR_NUMBER,
-    k.STIFFNESS: q.STIFFNESS,
-    k.DAMPING: q.DAMPING,
-    k.POSITION: q.POSITION,
-    k.HARDENING: q.HARDENING,
-    k.PITCH: q.FREQUENCY,
-    k.DURATION: q.DURATION,
-    k.FORCE: q.FORCE,
-    k.PAUSE: q.INSTANT,
-    k.CONSTANT: q.CONSTANT,
-    CENTS_SHAPE: q.Dimension("interval", {"cents": 0, "st": 2}, "2st"),
+    value_kinds.MASS: quantities.MASS,
+    value_kinds.MASS_OR_NUMBER: quantities.MASS_OR_NUMBER,
+    value_kinds.STIFFNESS: quantities.STIFFNESS,
+    value_kinds.DAMPING: quantities.DAMPING,
+    value_kinds.POSITION: quantities.POSITION,
+    value_kinds.HARDENING: quantities.HARDENING,
+    value_kinds.PITCH: quantities.FREQUENCY,
+    value_kinds.DURATION: quantities.DURATION,
+    value_kinds.FORCE: quantities.FORCE,
+    value_kinds.PAUSE: quantities.INSTANT,
+    value_kinds.CONSTANT: quantities.CONSTANT,
+    CENTS_SHAPE: quantities.Dimension("interval", {"cents": 0, "st": 2}, "2st"),
 }
 
 
 def dimension_value(shape: Text) -> Value:
     """A quantity with the units of its dimension."""
-    dimension = DIMENSIONS.get(shape, q.NUMBER)
+    dimension = DIMENSIONS.get(shape, quantities.NUMBER)
     return quantity_value(shape, dimension.example, dimension.units)
 
 
@@ -85,19 +84,19 @@ def _read_level(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
     if slot_text in scope.instruments or slot_text in scope.players or slot_text in scope.strikes:
         message = f"a level is missing: gain {slot_text} -6dB"
         raise TextError(message, offset=len(slot_text))
-    return k.GAIN.parse(slot_text)
+    return value_kinds.GAIN.parse(slot_text)
 
 
 def _read_gain(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> float:
     gain_ratio: float = _read_level(slot_text, scope, earlier_values)
     if gain_ratio > GAIN_MAX:
-        message = f"{slot_text.strip()} is above the highest level, {q.LOUDEST_DB:g}dB"
+        message = f"{slot_text.strip()} is above the highest level, {quantities.LOUDEST_DB:g}dB"
         raise TextError(message, length=len(slot_text))
     return gain_ratio
 
 
 _LENGTH_UNITS = ("bar", "beats", "s", "ms")
-GAIN_MAX = 10.0 ** (q.LOUDEST_DB / 20.0) * (1.0 + 1e-9)  # 24dB itself is taken
+GAIN_MAX = 10.0 ** (quantities.LOUDEST_DB / 20.0) * (1.0 + 1e-9)  # 24dB itself is taken
 
 
 def _read_length(slot_text: str, *_: Any) -> Length:
@@ -182,19 +181,19 @@ GRID_VALUE = Value(
 _BPM_OFFERS = {0: (Completion("72", "bpm"),), 1: (Completion("->", "to another tempo"),)}
 BPM_VALUE = Value(
     "a tempo, such as 72 or 60 -> 84",
-    lambda text, *_: k.BPM.parse(text),
-    lambda context: _BPM_OFFERS.get(len(context.before), ()),
+    lambda text, *_: value_kinds.BPM.parse(text),
+    lambda context: _BPM_OFFERS.get(len(context.earlier_words), ()),
 )
-STIFFNESS_VALUE = dimension_value(k.STIFFNESS)
-DAMPING_VALUE = dimension_value(k.DAMPING)
-DURATION_VALUE = quantity_value(k.DURATION, "3s", q.DURATION.units)
+STIFFNESS_VALUE = dimension_value(value_kinds.STIFFNESS)
+DAMPING_VALUE = dimension_value(value_kinds.DAMPING)
+DURATION_VALUE = quantity_value(value_kinds.DURATION, "3s", quantities.DURATION.units)
 _LEVEL_OFFERS = unit_completions("-6dB", ("dB",), "a level")
 LEVEL_VALUE = Value("a level, such as -6dB or x0.5", _read_level, _LEVEL_OFFERS)
 GAIN_VALUE = Value("a level, such as -6dB or x0.5", _read_gain, _LEVEL_OFFERS)
-METER_VALUE = quantity_value(k.METER, "3/4", ())
-TIMES_VALUE = quantity_value(k.TIMES, "8", ())
-COUNT_VALUE = quantity_value(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
-SEED_VALUE = quantity_value(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
+METER_VALUE = quantity_value(value_kinds.METER, "3/4", ())
+TIMES_VALUE = quantity_value(value_kinds.TIMES, "8", ())
+COUNT_VALUE = quantity_value(value_kinds.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
+SEED_VALUE = quantity_value(value_kinds.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
 
 
 # --- parameters --------------------------------------------------------------------------------
@@ -229,7 +228,7 @@ def _read_change(
 
 
 def _change_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.typed.startswith("x"):
+    if not context.typed_text.startswith("x"):
         yield from dimension_value(context.scope.targets[context.fields["target"]]).completions(
             context
         )
@@ -238,7 +237,7 @@ def _change_completions(context: CompletionContext) -> Iterator[Completion]:
 
 def _target_completions(context: CompletionContext) -> Iterator[Completion]:
     """The completions up to the next dot: a part, then its modules, then their parameters."""
-    typed_text = context.typed
+    typed_text = context.typed_text
     for target_path, shape in context.scope.targets.items():
         if target_path.startswith(typed_text):
             dot_index = target_path.find(".", len(typed_text))

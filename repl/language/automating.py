@@ -7,12 +7,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import BlockCommand, When, Word
 from ergon.repl.language.forms import OFF_SLOT, Slot, form
 from ergon.repl.language.midi import source_word_count
@@ -71,7 +70,7 @@ def _split_options(
 ) -> tuple[str, int, dict[str, str]]:
     """The text before the options, where it ends, and the options, each of them checked."""
     try:
-        values_text, placed_options = parse_strikes(line_text, option_examples)
+        value_words, placed_options = parse_strikes(line_text, option_examples)
     except TextError as error:
         faulty_word = line_text[error.offset : error.offset + error.length]
         if faulty_word in option_examples:
@@ -87,7 +86,7 @@ def _split_options(
         except TextError as error:
             error.offset += option_word.offset
             raise
-    values_end = values_text[-1].offset + len(values_text[-1].text) if values_text else 0
+    values_end = value_words[-1].offset + len(value_words[-1].text) if value_words else 0
     return (
         line_text[:values_end],
         values_end,
@@ -131,36 +130,36 @@ def _read_set(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -
 
 def _read_lfo(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
-    range_text, range_offset, placed_options = _split_options(slot_text, scope, _LFO_OPTIONS)
+    range_text, range_end, placed_options = _split_options(slot_text, scope, _LFO_OPTIONS)
     parse_range(range_text, _amount_reader(scope, earlier_values))
     if "period" not in placed_options:
         message = "the length of one swing is missing: period 4bar"
-        raise TextError(message, offset=range_offset, length=max(1, len(slot_text) - range_offset))
+        raise TextError(message, offset=range_end, length=max(1, len(slot_text) - range_end))
     return {"range": range_text, **placed_options}
 
 
 def _option_completions(option_examples: Mapping[str, str], first_example: str = "") -> Any:
-    def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
-        if not context.before:
+    def complete_options(context: values.CompletionContext) -> Iterator[values.Completion]:
+        if not context.earlier_words:
             shape = context.scope.targets[context.fields["target"]]
             value_completions = (
-                (v.Completion(first_example, "its ends"),)
+                (values.Completion(first_example, "its ends"),)
                 if first_example
                 else amounts.dimension_value(shape).completions(context)
             )
             yield from value_completions
             return
-        last_word = context.before[-1]
+        last_word = context.earlier_words[-1]
         if last_word in option_examples:
-            yield v.Completion(
+            yield values.Completion(
                 option_examples[last_word].split()[0], AUTOMATION_RECORD.by_name[last_word].doc
             )
             return
         for name in option_examples:
-            if name not in context.before:
-                yield v.Completion(name, AUTOMATION_RECORD.by_name[name].doc)
+            if name not in context.earlier_words:
+                yield values.Completion(name, AUTOMATION_RECORD.by_name[name].doc)
 
-    return offers
+    return complete_options
 
 
 def _read_source(text: str, *_: object) -> str:
@@ -168,12 +167,12 @@ def _read_source(text: str, *_: object) -> str:
     return " ".join(text.split())
 
 
-def _source_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
-    if context.before[-1:] == ("cc",):
-        yield v.Completion("1/33", "a controller, or two")
+def _source_completions(context: values.CompletionContext) -> Iterator[values.Completion]:
+    if context.earlier_words[-1:] == ("cc",):
+        yield values.Completion("1/33", "a controller, or two")
         return
     for word, hint in SOURCES.items():
-        yield v.Completion(word.partition(" ")[0], hint)
+        yield values.Completion(word.partition(" ")[0], hint)
 
 
 def _read_range_ends(text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> str:
@@ -181,9 +180,9 @@ def _read_range_ends(text: str, scope: Scope, earlier_values: Mapping[str, Any])
     return text
 
 
-def _midi_file_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _midi_file_completions(context: values.CompletionContext) -> Iterator[values.Completion]:
     for path in files_in(context.scope.folder, MIDI_SUFFIXES):
-        yield v.Completion(path.name, "a MIDI file")
+        yield values.Completion(path.name, "a MIDI file")
 
 
 def follow_file(
@@ -207,32 +206,34 @@ def follow_file(
     return Automate(target, "set", fields, when=when, words=words)
 
 
-MIDI_FILE = v.Value(
-    "the name of a MIDI file, such as tune.mid", v.FILE_VALUE.read, _midi_file_completions
+MIDI_FILE = values.Value(
+    "the name of a MIDI file, such as tune.mid", values.FILE_VALUE.read, _midi_file_completions
 )
-FILE_SOURCE = v.Value(
+FILE_SOURCE = values.Value(
     "what moves in the file, such as cc 1",
     _read_source,
     _source_completions,
-    count=source_word_count,
+    word_count=source_word_count,
     first_words=("cc", "bend", "pressure"),
 )
-FILE_RANGE = v.Value(
+FILE_RANGE = values.Value(
     "two values or factors, such as 1..5",
     _read_range_ends,
-    lambda _: [v.Completion("0.8..1.2", "ends")],
+    lambda _: [values.Completion("0.8..1.2", "ends")],
 )
-CHANNEL_VALUE = amounts.quantity_value(k.integer(1, 16, "1"), "1", (), "a channel from 1 to 16")
+CHANNEL_VALUE = amounts.quantity_value(
+    value_kinds.integer(1, 16, "1"), "1", (), "a channel from 1 to 16"
+)
 FILE_START = amounts.quantity_value(
-    k.RATIO, "32", (), "quarter notes of the file that are left out"
+    value_kinds.RATIO, "32", (), "quarter notes of the file that are left out"
 )
-AUTOMATED_TARGET = v.Value(
+AUTOMATED_TARGET = values.Value(
     "a parameter, such as bell.m.f", _read_target, amounts.TARGET_VALUE.completions
 )
-AUTOMATION_VALUES = v.Value(
+AUTOMATION_VALUES = values.Value(
     "values and the length of a step", _read_set, _option_completions(_SET_OPTIONS)
 )
-LFO_VALUE = v.Value(
+LFO_VALUE = values.Value(
     "a range and a period", _read_lfo, _option_completions(_LFO_OPTIONS, "0.8..1.2")
 )
 

@@ -43,14 +43,14 @@ def with_values(block_lines: Iterable[str], value_words: Sequence[str]) -> list[
     block sets, or `n=16`. Raises TextError.
     """
     block_lines = [*block_lines]
-    values_by_name = defaults(block_lines)
+    values_by_name = default_values(block_lines)
     value_names = [*values_by_name]
     for word_index, value_word in enumerate(value_words):
         value_name, equals_sign, value_text = value_word.partition("=")
         if not equals_sign:
             if word_index >= len(value_names):
                 message = (
-                    f"the block takes {_value_count(len(value_names))}, and "
+                    f"the block takes {_value_count_text(len(value_names))}, and "
                     f"{quote(value_word)} is one "
                     "more"
                 )
@@ -72,7 +72,7 @@ def with_values(block_lines: Iterable[str], value_words: Sequence[str]) -> list[
     ]
 
 
-def defaults(block_lines: Iterable[str]) -> dict[str, str]:
+def default_values(block_lines: Iterable[str]) -> dict[str, str]:
     """The values that the lines of a block set, in their order. Raises TextError."""
     values_by_name = dict(
         name_and_value
@@ -91,15 +91,15 @@ def has_tick(block_lines: Iterable[str]) -> bool:
     )
 
 
-def variants(block_line: str, values_by_name: Mapping[str, str]) -> Iterator[str]:
+def line_variants(block_line: str, values_by_name: Mapping[str, str]) -> Iterator[str]:
     """A line as it is in successive runs, with all of the words in its brackets. Raises
     TextError.
     """
     choice_counts = [
         len((match[2] or "").split()) for match in _REFERENCE_PATTERN.finditer(block_line)
     ]
-    for tick in range(min(max(choice_counts, default=1) or 1, _MAX_TICKS)):
-        yield _filled_line(block_line, {**values_by_name, TICK_NAME: str(tick)})
+    for run_number in range(min(max(choice_counts, default=1) or 1, _MAX_TICKS)):
+        yield _filled_line(block_line, {**values_by_name, TICK_NAME: str(run_number)})
 
 
 def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
@@ -128,5 +128,5 @@ def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
     return _REFERENCE_PATTERN.sub(chosen_value, line_text)
 
 
-def _value_count(count: int) -> str:
+def _value_count_text(count: int) -> str:
     return "no value" if not count else f"{count} value{'s' if count > 1 else ''}"

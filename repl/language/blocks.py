@@ -8,8 +8,7 @@ from typing import Any
 
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.block_values import check_setting
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import Slot, Words, form
@@ -54,13 +53,15 @@ class StopBlock(Command):
 _CONDITION_WORDS = ("bar", "beat", "and")
 
 
-def _block_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+def _read_block_name(
+    slot_text: str, scope: Scope, _: Mapping[str, Any]
+) -> tuple[str, tuple[str, ...]]:
     """A block's name and the lines that set its values, with the colon after them."""
     if not slot_text.endswith(":"):
         message = f"a ':' is missing: def {slot_text}: and then its lines"
         raise TextError(message, length=len(slot_text), suggestion=f"{slot_text}:")
     block_word, *setting_words = slot_text[:-1].split()
-    block_name = v.check_new_name(block_word)
+    block_name = values.check_new_name(block_word)
     if block_name in _CONDITION_WORDS:
         message = f"{quote(block_name)} is a word of conditions: give the block another name"
         raise TextError(message, length=len(block_name))
@@ -88,7 +89,7 @@ def _count_to_colon(words: Sequence[str]) -> int:
     return next((number for number, word in enumerate(words, 1) if word.endswith(":")), 1)
 
 
-def _block_lines(slot_text: str, *_: Any) -> tuple[str, ...]:
+def _read_block_lines(slot_text: str, *_: Any) -> tuple[str, ...]:
     block_lines = tuple(line.text.strip() for line in submitted_lines(slot_text))
     if len(block_lines) > BLOCK_LINES_MAX:
         message = f"this block has {len(block_lines)} lines; {BLOCK_LINES_MAX} are the most"
@@ -111,32 +112,32 @@ def _parse_rule(rule_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Con
 
 
 def _rule_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield from (Completion(text, "a condition") for text in ("bar", "beat"))
-    elif context.before[-2:-1] == ("%",):
+    elif context.earlier_words[-2:-1] == ("%",):
         yield Completion("==", "as in when bar % 4 == 3 fill")
-    elif context.before[-1].isdigit():
+    elif context.earlier_words[-1].isdigit():
         yield Completion("and", "a further condition")
-        yield from v.name_completions(context.scope.blocks)
+        yield from values.name_completions(context.scope.blocks)
     else:
-        last_word = context.before[-1]
+        last_word = context.earlier_words[-1]
         next_words = {"bar": ("%", "=="), "beat": ("==", "%"), "and": ("bar", "beat")}.get(
             last_word, ()
         )
         yield from (Completion(text, "as in when bar % 4 == 3 fill") for text in next_words)
 
 
-BLOCK_VALUE = v.name_value("a block", "blocks")
+BLOCK_VALUE = values.name_value("a block", "blocks")
 NEW_BLOCK = Value(
     "a name and ':'",
-    _block_name,
-    lambda context: v.name_completions(context.scope.blocks),
-    count=_count_to_colon,
+    _read_block_name,
+    lambda context: values.name_completions(context.scope.blocks),
+    word_count=_count_to_colon,
 )
 VALUES_VALUE = Value(
     "values, such as 16 or n=16", lambda text, *_: tuple(text.split()), lambda _: ()
 )
-LINES_VALUE = Value("a line, or several below it", _block_lines, lambda _: ())
+LINES_VALUE = Value("a line, or several below it", _read_block_lines, lambda _: ())
 EVERY_VALUE = Value(
     "a length in bars or beats",
     lambda text, *_: parse_every(text),
@@ -145,14 +146,14 @@ EVERY_VALUE = Value(
 RULE_VALUE = Value("a condition and a block", _parse_rule, _rule_completions)
 
 
-def define(
+def define_block(
     name: tuple[str, tuple[str, ...]], lines: tuple[str, ...], *, when: When, words: Words
 ) -> DefineBlock:
     """Define a block; the lines that set its values come first."""
     return DefineBlock(name[0], (*name[1], *lines), when=when, words=words)
 
 
-def run(name: str, values: tuple[str, ...] | None, *, when: When, words: Words) -> RunBlock:
+def run_block(name: str, values: tuple[str, ...] | None, *, when: When, words: Words) -> RunBlock:
     """Run a block with values."""
     return RunBlock(name, values or (), when=when, words=words)
 
@@ -169,11 +170,11 @@ def run_when(rule: tuple[Condition, str], *, when: When, words: Words) -> RunByR
 
 # fmt: off
 DEF_FORM = form("def", "de", "gives one line a name, or those below it up to `end`",
-    "def fill: ada plays lean times 2", define,
+    "def fill: ada plays lean times 2", define_block,
     Slot("name", "NAME [NAME=VALUE …]:", NEW_BLOCK),
     Slot("lines", "LINE …", LINES_VALUE, takes_many=True), takes_time=False)
 RUN_FORM = form("run", "ru", "does all lines of a block; its name alone does the same",
-    "run fill", run, Slot("name", "NAME", BLOCK_VALUE),
+    "run fill", run_block, Slot("name", "NAME", BLOCK_VALUE),
     Slot("values", "VALUE|NAME=VALUE …", VALUES_VALUE, optional=True, takes_many=True))
 EVERY_FORM = form("every", "ev", "runs a block again and again, the first time from here on",
     "fill every 4bar", run_every, Slot("name", "NAME", BLOCK_VALUE),

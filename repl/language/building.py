@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ergon.repl.language import values as v
+from ergon.repl.language import values
 from ergon.repl.language.automating import MIDI_FILE
 from ergon.repl.language.blocks import NEW_BLOCK
 from ergon.repl.language.forms import Form, Slot
@@ -13,12 +13,12 @@ from ergon.repl.language.playing import PLAYING_VALUE
 from ergon.repl.language.verbs import FORMS, forms_of
 
 # Method names for verbs that are not valid Python names.
-VERB_OF_METHOD = {"define": "=", "look": "?", "define_block": "def"}
-FUNCTIONS = {
-    **{form.verb: form.verb for form in FORMS if form.verb not in VERB_OF_METHOD.values()},
-    **VERB_OF_METHOD,
+VERB_BY_METHOD = {"define": "=", "look": "?", "define_block": "def"}
+VERB_BY_FUNCTION = {
+    **{form.verb: form.verb for form in FORMS if form.verb not in VERB_BY_METHOD.values()},
+    **VERB_BY_METHOD,
 }
-WHEN = ("now", "at", "in", "sync")  # the names of a time
+TIME_NAMES = ("now", "at", "in", "sync")  # the names of a time
 
 
 def build_line(verb: str, slot_values: Sequence[object], named_values: Mapping[str, object]) -> str:
@@ -38,7 +38,7 @@ def build_line(verb: str, slot_values: Sequence[object], named_values: Mapping[s
         # A time is accepted only by verbs that take one.
         time_words = {
             name: present_values[name]
-            for name in WHEN
+            for name in TIME_NAMES
             if name in present_values and verb_form.takes_time
         }
         untimed_values = {
@@ -46,7 +46,7 @@ def build_line(verb: str, slot_values: Sequence[object], named_values: Mapping[s
         }
         words = _words_in_order(verb_form, slot_values, untimed_values)
         if words is not None and len(time_words) <= 1:
-            return " ".join([*words, *_play_options(time_words)])
+            return " ".join([*words, *_option_words(time_words)])
     raise TypeError("write it as " + ", or: ".join(form.usage for form in forms_of(verb)))
 
 
@@ -62,7 +62,7 @@ def _words_in_order(
                 value_by_slot[slot_index] = remaining_values.pop(slot_name)
         for slot_name in slot.value.first_words if slot.value is not None else ():
             if slot_name in remaining_values and slot_index not in value_by_slot:
-                value_by_slot[slot_index] = _play_options(
+                value_by_slot[slot_index] = _option_words(
                     {slot_name: remaining_values.pop(slot_name)}
                 )[0]
     open_slots = [
@@ -84,7 +84,7 @@ def _words_in_order(
             return None
         value_by_slot[slot_index] = next(value_iterator)
     option_words = (
-        _play_options(remaining_values)
+        _option_words(remaining_values)
         if any(slot.value is PLAYING_VALUE for slot in verb_form.slots)
         else []
     )
@@ -107,7 +107,7 @@ def _slot_text(form_slot: Slot, slot_value: object) -> str | None:
         return form_slot.keyword if slot_value is True or slot_text == form_slot.keyword else None
     if form_slot.value is NEW_BLOCK:
         return f"{slot_text}:"
-    if form_slot.value in (v.FILE_VALUE, MIDI_FILE, FAMILY_VALUE) and " " in slot_text:
+    if form_slot.value in (values.FILE_VALUE, MIDI_FILE, FAMILY_VALUE) and " " in slot_text:
         slot_text = f'"{slot_text}"'
     return (
         form_slot.keyword + slot_text
@@ -116,7 +116,7 @@ def _slot_text(form_slot: Slot, slot_value: object) -> str | None:
     )
 
 
-def _play_options(named_values: Mapping[str, object]) -> list[str]:
+def _option_words(named_values: Mapping[str, object]) -> list[str]:
     """Options of `plays`; `do` is last, because it takes the rest of a line."""
     option_names = sorted(named_values, key=lambda name: name == "do")
     return [

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import Command, Word
 from ergon.repl.language.values import Value
 
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One place of a form: the field for its value, its name in the help, and its lead word.
+    """One place of a form: the field for its value, its name in the help, and its keyword.
 
     A `keyword` that ends in "=" is one word with its value (`K=40N/m`); a keyword without a value
-    is a word of its own (`off`). `takes_many` takes all words up to the next lead.
+    is a word of its own (`off`). `takes_many` takes all words up to the next keyword.
     """
 
     field: str
@@ -42,7 +41,7 @@ class Form:
     short: str
     effect: str
     example: str
-    make: Callable[..., Command]
+    make_command: Callable[..., Command]
     slots: tuple[Slot, ...] = ()
     takes_time: bool = True  # whether a line may end in `now`, `at C` or `in 2`
     begins_with_subject: bool = False
@@ -64,7 +63,7 @@ def form(
     short: str,
     effect: str,
     example: str,
-    make: Callable[..., Command],
+    make_command: Callable[..., Command],
     *slots: Slot,
     takes_time: bool = True,
     begins_with_subject: bool = False,
@@ -77,12 +76,20 @@ def form(
     habits stay true.
     """
     return Form(
-        verb, short, effect, example, make, slots, takes_time, begins_with_subject, needs_quotes
+        verb,
+        short,
+        effect,
+        example,
+        make_command,
+        slots,
+        takes_time,
+        begins_with_subject,
+        needs_quotes,
     )
 
 
 # Places that several verbs have.
-PLAYER_SLOT = Slot("player", "PLAYER", v.PLAYER_VALUE)
+PLAYER_SLOT = Slot("player", "PLAYER", values.PLAYER_VALUE)
 OVER_SLOT = Slot("over", "LENGTH", amounts.LENGTH_VALUE, "over", optional=True)
 OFF_SLOT = Slot("", "", None, "off")
 LINK_SLOTS = (

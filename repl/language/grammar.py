@@ -14,8 +14,7 @@ from typing import Any
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
-from ergon.repl.language import amounts, verbs
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values, verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.line_verb import split_verb
@@ -37,10 +36,10 @@ _UNIT_BY_WORD = {
 }
 _NUMBER_PATTERN = re.compile(r"[+-]?\d+(\.\d+)?(/\d+)?")
 _TIME_COMPLETIONS = (
-    v.Completion("now", "at the next tick"),
-    v.Completion("at", "at a position or a mark"),
-    v.Completion("in", "so much later"),
-    v.Completion("sync", "where another voice begins again"),
+    values.Completion("now", "at the next tick"),
+    values.Completion("at", "at a position or a mark"),
+    values.Completion("in", "so much later"),
+    values.Completion("sync", "where another voice begins again"),
 )
 
 
@@ -49,7 +48,7 @@ class Hints:
     """Completions for the word of which `typed` is the beginning."""
 
     typed: str
-    completions: list[v.Completion] = field(default_factory=list)
+    completions: list[values.Completion] = field(default_factory=list)
 
 
 def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
@@ -69,7 +68,7 @@ def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> 
     for form in _possible_forms(verb, verb_words):
         form_reader = _FormReader(form, typed_line, list(verb_words), line_end, scope, hints)
         try:
-            command = form_reader.command()
+            command = form_reader.read()
         except TextError as error:
             errors.append(error)
         else:
@@ -117,11 +116,11 @@ def _split_word(word: Word, length: int) -> tuple[Word, Word]:
 
 def _add_first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None:
     if not line_words:
-        hints.completions.extend(v.name_completions(scope.players))
+        hints.completions.extend(values.name_completions(scope.players))
         for verb in verbs.VERBS:
-            hints.completions.append(v.Completion(verb, verbs.forms_of(verb)[0].effect))
-        hints.completions.extend(v.name_completions(scope.gestures))
-        hints.completions.extend(v.name_completions(scope.blocks))
+            hints.completions.append(values.Completion(verb, verbs.forms_of(verb)[0].effect))
+        hints.completions.extend(values.name_completions(scope.gestures))
+        hints.completions.extend(values.name_completions(scope.blocks))
         return
     first_text = line_words[0].text
     if first_text in scope.players:
@@ -129,13 +128,15 @@ def _add_first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None
         verb_effects = (
             (verb_form.verb, verb_form.effect)
             for verb_form in subject_forms
-            if verb_form.slots[0].value in (v.PLAYER_VALUE, v.TRANSFORMED_PLAYER)
+            if verb_form.slots[0].value in (values.PLAYER_VALUE, values.TRANSFORMED_PLAYER)
         )
-        hints.completions.extend(v.Completion(*verb_and_effect) for verb_and_effect in verb_effects)
+        hints.completions.extend(
+            values.Completion(*verb_and_effect) for verb_and_effect in verb_effects
+        )
     elif first_text in scope.blocks:
-        hints.completions.append(v.Completion("every", verbs.forms_of("every")[0].effect))
+        hints.completions.append(values.Completion("every", verbs.forms_of("every")[0].effect))
     elif first_text in scope.gestures:
-        hints.completions.append(v.Completion("=", "defines it anew"))
+        hints.completions.append(values.Completion("=", "defines it anew"))
 
 
 # --- its places ----------------------------------------------------------------------------------
@@ -164,9 +165,9 @@ class _FormReader:
         }
         self.written_words: dict[str, Word] = {}
         self.when: When = None
-        self.has_when = False  # whether the words include a time; nothing is offered after it
+        self.has_time = False  # whether the words include a time; nothing is offered after it
 
-    def command(self) -> Command | None:
+    def read(self) -> Command | None:
         """The command; None where hints are wanted. Raises TextError."""
         self._read_time()
         option_slots = [slot for slot in self.form.slots if slot.keyword and slot.optional]
@@ -174,14 +175,14 @@ class _FormReader:
         for number, slot in enumerate(fixed_slots):
             if not self._read_slot(slot, fixed_slots[number + 1 :], option_slots):
                 return None
-        while (option := self._next_option(option_slots)) is not None:
-            option_slots.remove(option)
-            self._read_option(option)
+        while (option_slot := self._next_option(option_slots)) is not None:
+            option_slots.remove(option_slot)
+            self._read_option(option_slot)
         if self.hints is not None:
             self._offer_options(option_slots)
             return None
-        self._check_end(option_slots)
-        return self.form.make(**self.fields, when=self.when, words=self.written_words)
+        self._refuse_extra_words(option_slots)
+        return self.form.make_command(**self.fields, when=self.when, words=self.written_words)
 
     def _read_time(self) -> None:
         """Take the time `now`, `at C` or `in 2` from the end of the words."""
@@ -191,11 +192,11 @@ class _FormReader:
         keyword = self.words[-2].text if len(self.words) > 1 else ""
         if last_word.text == "now":
             self.when = NOW
-            self.has_when, self.written_words["when"] = True, last_word
+            self.has_time, self.written_words["when"] = True, last_word
             del self.words[-1:]
         elif keyword in _TIME_KEYWORDS:
             self.when = self._read_word(_TIME_KEYWORDS[keyword], last_word)
-            self.has_when, self.written_words["when"] = True, last_word
+            self.has_time, self.written_words["when"] = True, last_word
             del self.words[-2:]
         elif last_word.text in _TIME_KEYWORDS:
             self._offer_value(_TIME_KEYWORDS[last_word.text])
@@ -210,14 +211,14 @@ class _FormReader:
         self, form_slot: Slot, later_slots: list[Slot], option_slots: list[Slot]
     ) -> bool:
         """Read a place that has a fixed order; False if that word is still being typed."""
-        n_needed = sum(
+        n_needed_words = sum(
             (slot.value is not None) + bool(slot.keyword)
             for slot in later_slots
             if not slot.optional
         )
         if form_slot.optional and self.words:
             is_typing = self.hints is not None
-            if len(self.words) + is_typing <= n_needed:
+            if len(self.words) + is_typing <= n_needed_words:
                 return True
         if form_slot.keyword:
             if not self.words:
@@ -232,13 +233,13 @@ class _FormReader:
         if form_slot.takes_many:
             return self._read_many(form_slot, option_slots)
         word_texts = [word.text for word in self.words]
-        n_words = form_slot.value.count(word_texts)
+        n_words = form_slot.value.word_count(word_texts)
         if len(word_texts) < n_words:
             self._offer_value(form_slot.value, tuple(word_texts))
             self.words = []
             return form_slot.optional or self._refuse_missing(form_slot)
         words, self.words = self.words[:n_words], self.words[n_words:]
-        self._store(form_slot, self._joined_words(words))
+        self._store_value(form_slot, self._joined_words(words))
         return True
 
     def _joined_words(self, words: list[Word]) -> Word:
@@ -248,9 +249,9 @@ class _FormReader:
         return Word(text, start, end)
 
     def _read_many(self, form_slot: Slot, option_slots: list[Slot]) -> bool:
-        """Read all words up to the next lead as one value."""
+        """Read all words up to the next keyword as one value."""
         keywords = [option.keyword for option in option_slots]
-        stop = next(
+        stop_index = next(
             (
                 word_index
                 for word_index, line_word in enumerate(self.words)
@@ -258,17 +259,17 @@ class _FormReader:
             ),
             len(self.words),
         )
-        slot_words, self.words = self.words[:stop], self.words[stop:]
+        slot_words, self.words = self.words[:stop_index], self.words[stop_index:]
         if self.hints is not None and not self.words and form_slot.value is not None:
             self._offer_value(form_slot.value, tuple(word.text for word in slot_words))
         if not slot_words:
             return form_slot.optional or self._refuse_missing(form_slot)
-        self._store(form_slot, self._joined_words(slot_words))
-        self.has_when |= any(word.text in _TIME_KEYWORDS for word in slot_words)
+        self._store_value(form_slot, self._joined_words(slot_words))
+        self.has_time |= any(word.text in _TIME_KEYWORDS for word in slot_words)
         return True
 
     def _next_option(self, option_slots: list[Slot]) -> Slot | None:
-        """The option whose lead is the next word; that lead is removed."""
+        """The option whose keyword is the next word; that keyword is removed."""
         if not self.words:
             return None
         next_word = self.words[0]
@@ -288,14 +289,14 @@ class _FormReader:
                 self._offer_value(option_slot.value)
             description = option_slot.value.description
             raise TextError(f"'{option_slot.keyword}' needs {description}", offset=self.line_end)
-        self._store(option_slot, self.words.pop(0))
+        self._store_value(option_slot, self.words.pop(0))
 
-    def _store(self, slot: Slot, word: Word) -> None:
+    def _store_value(self, slot: Slot, word: Word) -> None:
         assert slot.value is not None
         self.fields[slot.field] = self._read_word(slot.value, word)
         self.written_words[slot.field] = word
 
-    def _read_word(self, slot_value: v.Value, line_word: Word) -> Any:
+    def _read_word(self, slot_value: values.Value, line_word: Word) -> Any:
         try:
             return slot_value.read(line_word.text, self.scope, self.fields)
         except TextError as error:
@@ -313,14 +314,14 @@ class _FormReader:
             else ""
         )
         example = self.form.example
-        if missing_slot.value is v.PLAYER_OR_ALL and self.scope.players:
+        if missing_slot.value is values.PLAYER_OR_ALL and self.scope.players:
             verb = example.split()[0]
             names = [f"{verb} {name}" for name in (*list(self.scope.players)[:4], "all")]
             example = f"{', '.join(names[:-1])} or {names[-1]}"
         error_offset = self.words[0].start if self.words else self.line_end
         raise TextError(f"{missing_text} is missing: {example}", offset=error_offset)
 
-    def _check_end(self, option_slots: list[Slot]) -> None:
+    def _refuse_extra_words(self, option_slots: list[Slot]) -> None:
         if not self.words:
             return
         first_word = self.words[0]
@@ -371,27 +372,29 @@ class _FormReader:
 
     # --- completions ------------------------------------------------------------------------------
 
-    def _offer_value(self, slot_value: v.Value, earlier_words: tuple[str, ...] = ()) -> None:
-        if self.hints is not None and not self.has_when:
-            context = v.CompletionContext(self.hints.typed, earlier_words, self.scope, self.fields)
+    def _offer_value(self, slot_value: values.Value, earlier_words: tuple[str, ...] = ()) -> None:
+        if self.hints is not None and not self.has_time:
+            context = values.CompletionContext(
+                self.hints.typed, earlier_words, self.scope, self.fields
+            )
             self.hints.completions.extend(slot_value.completions(context))
 
     def _offer_keyword(self, slot: Slot) -> None:
-        if self.hints is not None and not self.has_when:
+        if self.hints is not None and not self.has_time:
             self.hints.completions.append(
-                v.Completion(
+                values.Completion(
                     slot.keyword, slot.value.description if slot.value else self.form.effect
                 )
             )
 
     def _offer_options(self, option_slots: list[Slot]) -> None:
         """Offer what may still follow when all required places are filled."""
-        if self.hints is None or self.words or self.has_when:
+        if self.hints is None or self.words or self.has_time:
             return
-        for option in option_slots:
-            self._offer_keyword(option)
-            if option.keyword[-1] == "=" and self.hints.typed.startswith(option.keyword):
-                self._offer_joined(option)
+        for option_slot in option_slots:
+            self._offer_keyword(option_slot)
+            if option_slot.keyword[-1] == "=" and self.hints.typed.startswith(option_slot.keyword):
+                self._offer_joined(option_slot)
         if self.form.takes_time:
             self.hints.completions.extend(_TIME_COMPLETIONS)
 
@@ -399,8 +402,8 @@ class _FormReader:
         assert self.hints is not None
         assert option_slot.value is not None
         typed_value = self.hints.typed[len(option_slot.keyword) :]
-        context = v.CompletionContext(typed_value, (), self.scope, self.fields)
+        context = values.CompletionContext(typed_value, (), self.scope, self.fields)
         completions = option_slot.value.completions(context)
         self.hints.completions.extend(
-            v.Completion(option_slot.keyword + text, hint) for text, hint in completions
+            values.Completion(option_slot.keyword + text, hint) for text, hint in completions
         )

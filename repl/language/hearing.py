@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from ergon.notation.tables.notes import check_note, word_of
 from ergon.notation.tables.strengths import DYNAMICS, MEZZO_FORTE, Level, is_level, level
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import values as v
+from ergon.repl.language import values
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope, playable_instruments
@@ -64,9 +64,9 @@ def _read_stroke(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
             if stroke_level is not None:
                 message = "a stroke has one level, behind its notes"
                 raise TextError(f"{message}: hear {target_path} f", length=len(later_word.text))
-            note = _note_part(later_word.text)
-            if note is not None:
-                note_words.append(note)
+            note_word = _note_word(later_word.text)
+            if note_word is not None:
+                note_words.append(note_word)
             elif is_level(later_word.text):
                 stroke_level = level(later_word.text)
                 _check_level(stroke_level, later_word.text, target_path, scope)
@@ -83,34 +83,36 @@ def _read_stroke(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
 
 def is_stroke_word(text: str) -> bool:
     """Whether a word is one of those behind what is struck: a note or a level."""
-    return _note_part(text) is not None or is_level(text)
+    return _note_word(text) is not None or is_level(text)
 
 
-def _note_part(text: str) -> str | None:
+def _note_word(text: str) -> str | None:
     return word_of(text[:1].upper() + text[1:])
 
 
 def _target_path(target_text: str, scope: Scope) -> str:
     """The path of what is struck, as a line may play it. Raises TextError."""
-    family, _slash, path = target_text.rpartition("/")
+    family, slash, path = target_text.rpartition("/")
     part_name = path.partition(".")[0]
     if part_name in playable_instruments(scope) and (
-        not _slash or part_name in scope.families.get(family, ())
+        not slash or part_name in scope.families.get(family, ())
     ):
         return path
-    families = [family] if _slash else [*scope.families]
+    families = [family] if slash else [*scope.families]
     families_of_part = [
         family_name for family_name in families if part_name in scope.families.get(family_name, ())
     ]
     if families_of_part:
-        error = v.missing_family_error(part_name, families_of_part[0], f"hear {path}")
+        error = values.missing_family_error(part_name, families_of_part[0], f"hear {path}")
         error.length = len(target_text)
         raise error
     if family in scope.families:
-        raise v.unknown_name_error(part_name, f"an instrument of {family}", scope.families[family])
-    if _slash:
-        raise v.unknown_name_error(family, "a family of instruments", scope.families)
-    raise v.unknown_name_error(target_text, "an instrument", playable_instruments(scope))
+        raise values.unknown_name_error(
+            part_name, f"an instrument of {family}", scope.families[family]
+        )
+    if slash:
+        raise values.unknown_name_error(family, "a family of instruments", scope.families)
+    raise values.unknown_name_error(target_text, "an instrument", playable_instruments(scope))
 
 
 def _check_level(level: Level, level_text: str, target_path: str, scope: Scope) -> None:
@@ -136,9 +138,9 @@ def _check_level(level: Level, level_text: str, target_path: str, scope: Scope) 
 
 
 def _completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
-        yield from v.struck_completions(context)
-    elif not is_level(context.before[-1]):
+    if not context.earlier_words:
+        yield from values.struck_completions(context)
+    elif not is_level(context.earlier_words[-1]):
         yield from (Completion(word, "how strongly") for word in DYNAMICS)
 
 

@@ -9,7 +9,7 @@ from ergon.repl.language import verbs
 from ergon.repl.language.lines import MAX_LINE, comment_start
 from ergon.repl.language.parse import first_error
 from ergon.repl.language.scope import Scope
-from ergon.repl.language.values import RESERVED
+from ergon.repl.language.values import RESERVED_WORDS
 from ergon.scores.gesture.points import CURVES
 
 Token = tuple[int, int, str]  # start, end, kind
@@ -36,9 +36,11 @@ def highlighted_tokens(submitted_text: str, scope: Scope) -> list[Token]:
     lexical_tokens = list(_lexical_tokens(submitted_text, scope))
     error = first_error(submitted_text, scope)
     if error is not None and submitted_text[error.offset : error.offset + error.length].strip():
-        start, end = error.offset, error.offset + error.length
-        lexical_tokens = [token for token in lexical_tokens if token[1] <= start or token[0] >= end]
-        lexical_tokens.append((start, end, "unknown"))
+        error_start, error_end = error.offset, error.offset + error.length
+        lexical_tokens = [
+            token for token in lexical_tokens if token[1] <= error_start or token[0] >= error_end
+        ]
+        lexical_tokens.append((error_start, error_end, "unknown"))
     return sorted(lexical_tokens)
 
 
@@ -47,17 +49,17 @@ def _lexical_tokens(text: str, scope: Scope) -> Iterator[Token]:
     for text_line in text.split("\n"):
         code_end = comment_start(text_line)
         word_matches = list(_WORD_PATTERN.finditer(text_line, 0, code_end))
-        verb = _verb_index(word_matches, scope)
+        verb_index = _verb_index(word_matches, scope)
         for word_index, word_match in enumerate(word_matches):
-            if word_index == verb:
+            if word_index == verb_index:
                 yield line_offset + word_match.start(), line_offset + word_match.end(), "verb"
-            elif verb == 0 and word_matches[0].group() == "py":
+            elif verb_index == 0 and word_matches[0].group() == "py":
                 break
             else:
-                for start, word_stop, token_kind in _token_kinds(word_match.group(), scope):
+                for word_start, word_end, token_kind in _word_tokens(word_match.group(), scope):
                     yield (
-                        line_offset + word_match.start() + start,
-                        line_offset + word_match.start() + word_stop,
+                        line_offset + word_match.start() + word_start,
+                        line_offset + word_match.start() + word_end,
                         token_kind,
                     )
         if code_end < len(text_line):
@@ -80,12 +82,12 @@ def _verb_index(word_matches: list[re.Match[str]], scope: Scope) -> int:
     return 0 if len(verbs.verbs_matching(first_word, verbs.VERBS)) == 1 else -1
 
 
-def _token_kinds(line_word: str, scope: Scope) -> Iterator[Token]:
+def _word_tokens(line_word: str, scope: Scope) -> Iterator[Token]:
     if line_word in CURVES:
         yield 0, len(line_word), "curve"
-    elif any(line_word in getattr(scope, part) for part in _SCOPE_FIELDS):
+    elif any(line_word in getattr(scope, section_name) for section_name in _SCOPE_FIELDS):
         yield 0, len(line_word), "name"
-    elif line_word in RESERVED:
+    elif line_word in RESERVED_WORDS:
         yield 0, len(line_word), "option"
     else:
         for word_match in _NUMBER_PATTERN.finditer(line_word):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import BlockCommand, Command
 from ergon.repl.language.forms import Slot, form
 
@@ -74,9 +73,9 @@ class Meters(Command):
 
 
 # fmt: off
-_SOUNDING = Slot("name", "NAME", v.LEVELLED_VALUE)
-_SOUNDING_OR_ALL = Slot("name", "NAME", v.LEVELLED_VALUE, optional=True)
-_STRIKES = Slot("name", "STRIKES", v.STRIKES_VALUE)
+_SOUNDING = Slot("name", "NAME", values.LEVELLED_VALUE)
+_SOUNDING_OR_ALL = Slot("name", "NAME", values.LEVELLED_VALUE, optional=True)
+_STRIKES = Slot("name", "STRIKES", values.STRIKES_VALUE)
 GAIN_FORM = form("gain", "ga", "sets the level of an instrument, a player or everything",
     "gain bell -6dB", Gain,
     _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", amounts.GAIN_VALUE))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.shapes import MAX_NAME, NAME
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import values as v
+from ergon.repl.language import values
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import SHOWN_SLOT, Slot, Words, form
 from ergon.repl.language.scope import SCORE_SUFFIXES, Scope, scores_in, unused_family
@@ -50,12 +50,12 @@ class ListScenes(Command):
     """List the scores beside this one, which can be played as scenes."""
 
 
-def use(family: tuple[str, str], *, when: When, words: Words) -> Use:
+def bring_family(family: tuple[str, str], *, when: When, words: Words) -> Use:
     """Bring in a family, from its name and its file."""
     return Use(*family, when=when, words=words)
 
 
-def voices(*, when: When, words: Words) -> Show:
+def list_voices(*, when: When, words: Words) -> Show:
     """List who plays what."""
     return Show(None, when=when, words=words)
 
@@ -85,12 +85,12 @@ def _read_family(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[st
     )
     if path.suffix not in SCORE_SUFFIXES:
         family_noun = "a family of the library, or a file such as drums.yaml"
-        raise v.unknown_name_error(slot_text, family_noun, library())
+        raise values.unknown_name_error(slot_text, family_noun, library())
     if not NAME.fullmatch(path.stem) or len(path.stem) > MAX_NAME:
         message = f"{quote(path.stem)} is not a name, and the file gives the family its name: "
         message += "use letters, digits, '-' and '_'"
         raise TextError(message, length=len(slot_text))
-    return path.stem, str(k.PATH.parse(str(path)))
+    return path.stem, str(value_kinds.PATH.parse(str(path)))
 
 
 def _family_offers(context: CompletionContext) -> Iterator[Completion]:
@@ -102,7 +102,7 @@ def _family_offers(context: CompletionContext) -> Iterator[Completion]:
 
 def _read_listed_family(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text not in scope.families:
-        raise v.unknown_name_error(text, "a family of instruments", scope.families)
+        raise values.unknown_name_error(text, "a family of instruments", scope.families)
     return text
 
 
@@ -118,11 +118,11 @@ LISTED_VALUE = Value(
 
 # fmt: off
 USE_FORM = form("use", "us", "brings in a family, so that its instruments can be played",
-    "use skins", use, Slot("family", "FAMILY|FILE", FAMILY_VALUE))
+    "use skins", bring_family, Slot("family", "FAMILY|FILE", FAMILY_VALUE))
 SHOW_FORM = form("show", "sh", "lists who plays what, or shows where a name is defined",
     "show ada", Show, SHOWN_SLOT, takes_time=False)
 VOICES_FORM = form("voices", "vo", "lists who plays what, and what is muted", "voices",
-    voices, takes_time=False)
+    list_voices, takes_time=False)
 INSTRUMENTS_FORM = form("instruments", "ins", "lists the instruments of the score or of a family",
     "instruments skins", ListInstruments,
     Slot("family", "FAMILY", LISTED_VALUE, optional=True), takes_time=False)

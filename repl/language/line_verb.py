@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import is_misspelt, is_one_slip, nearest
-from ergon.repl.language import hearing, verbs
-from ergon.repl.language import values as v
+from ergon.repl.language import hearing, values, verbs
 from ergon.repl.language.commands import Word
 from ergon.repl.language.scope import Scope, playable_instruments, unused_family
 from ergon.scores.pattern.cycle_table import FORM_BY_WORD as TRANSFORMS
@@ -25,10 +24,10 @@ def split_verb(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     subject_verbs = verbs.verbs_matching(second_word, verbs.SUBJECT_VERBS) if second_word else ()
     is_player = first_word in scope.players
     is_instrument = first_word in playable_instruments(scope)
-    is_played = first_word in scope.gestures or first_word in scope.takes or is_instrument
+    is_playable = first_word in scope.gestures or first_word in scope.takes or is_instrument
     is_name = first_word not in verbs.VERBS or is_instrument  # an instrument may be called `pan`
     has_subject_verb = second_word in verbs.SUBJECT_VERBS and is_name
-    has_subject_verb = has_subject_verb and not (second_word == "every" and is_played)
+    has_subject_verb = has_subject_verb and not (second_word == "every" and is_playable)
     if subject_verbs and (is_player or has_subject_verb):
         return subject_verbs[0], [line_words[0], *line_words[2:]]
     if is_name and _is_stroke(line_words, scope):
@@ -59,7 +58,7 @@ def _check_family(instrument_word: Word, second_word: str, scope: Scope) -> None
         and not is_name
         and not verbs.verbs_matching(instrument_name, verbs.VERBS)
     ):
-        error = v.missing_family_error(instrument_name, family)
+        error = values.missing_family_error(instrument_name, family)
         error.offset = instrument_word.start
         raise error
 
@@ -123,7 +122,7 @@ def _unknown_verb_error(
         return TextError(
             _instrument_line_advice(line_words, scope), offset=word_start, length=len(first_word)
         )
-    known_words = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
+    known_words = (*verbs.VERBS, *list(scope.players)[: values.MAX_COMPARED_NAMES])
     nearest_verb = verbs.VERB_BY_SYNONYM.get(first_word) or nearest(first_word, known_words)
     is_synonym = first_word in verbs.VERB_BY_SYNONYM
     if (

@@ -109,9 +109,9 @@ def is_complete(submitted_text: str) -> bool:
 
 def split_words(line: Line) -> list[Word]:
     """The words of a line; text between double quotes is one word."""
-    start = line.start
+    line_start = line.start
     return [
-        Word(word_match.group(), start + word_match.start(), start + word_match.end())
+        Word(word_match.group(), line_start + word_match.start(), line_start + word_match.end())
         for word_match in _WORD_PATTERN.finditer(line.text)
     ]
 

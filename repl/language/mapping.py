@@ -42,7 +42,7 @@ class MapControl(Command):
         return f"map {self.name} {target_text} {low_end}..{high_end}"
 
 
-EVEN = "even"  # the curve of a map whose strengths follow the velocity as it is
+EVEN_CURVE = "even"  # the curve of a map whose strengths follow the velocity as it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class MapNotes(Command):
     target: str
     impulse: tuple[float, float] | None
     gesture: str | None = None
-    curve: str = EVEN
+    curve: str = EVEN_CURVE
 
     @property
     def name(self) -> str:
@@ -74,7 +74,7 @@ class MapNotes(Command):
         if self.impulse is not None:
             softest, loudest = self.impulse
             impulse = f"{softest!r}Ns..{loudest!r}Ns"
-        curve = None if self.curve == EVEN else f"curve {self.curve}"
+        curve = None if self.curve == EVEN_CURVE else f"curve {self.curve}"
         return " ".join(filter(None, ("map", self.name, self.target, self.gesture, impulse, curve)))
 
 

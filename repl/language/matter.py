@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import TextError
-from ergon.repl.language import amounts
-from ergon.repl.language import structure as s
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, structure, values
 from ergon.repl.language.commands import BlockCommand, Command, When
 from ergon.repl.language.forms import LINK_SLOTS, OVER_SLOT, Slot, Words, form
 
@@ -115,8 +113,8 @@ def couple(
 ) -> Couple:
     """Couple two keys by a REF with K, Z or both. Raises TextError."""
     if stiffness is None and viscosity is None:
-        end = words["b"].end
-        raise TextError("a coupling needs K, Z or both: couple k1 k2 K=40N/m", offset=end)
+        line_end = words["b"].end
+        raise TextError("a coupling needs K, Z or both: couple k1 k2 K=40N/m", offset=line_end)
     return Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
 
 
@@ -132,33 +130,33 @@ def build(
 
 
 # fmt: off
-_KEYS = Slot("a", "KEY", v.KEY_VALUE), Slot("b", "KEY", v.OTHER_KEY)
+_KEY_SLOTS = Slot("a", "KEY", values.KEY_VALUE), Slot("b", "KEY", values.OTHER_KEY)
 SET_FORM = form("set", "set", "a physical parameter glides to a value, or by a factor",
     "set bell.m.K x1.5 over 2bar", set_parameter,
     Slot("target", "PATH", amounts.TARGET_VALUE), Slot("change", "VALUE|xFACTOR",
     amounts.CHANGE_VALUE),
     OVER_SLOT)
 COUPLE_FORM = form("couple", "c", "joins two keys by a spring and a damper",
-    "couple k1 k2 K=40N/m", couple, *_KEYS, *LINK_SLOTS)
+    "couple k1 k2 K=40N/m", couple, *_KEY_SLOTS, *LINK_SLOTS)
 BUILD_FORM = form("=", "=", "adds an instrument like another, or from a file",
     "bell2 = bell/bell transpose 7st", build,
-    Slot("name", "NAME", s.PART_NAME),
-    Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE_VALUE,
+    Slot("name", "NAME", structure.PART_NAME),
+    Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", structure.BASE_VALUE,
     takes_many=True), begins_with_subject=True)
 LINK_FORM = form("link", "li", "joins two modules, or a key and a module, by a link",
     "link k1 bell.m BUT K=4kN/m", Link,
-    Slot("a", "MODULE", s.LINK_END), Slot("b", "MODULE", s.OTHER_END),
-    Slot("kind", "KIND", s.LINK_KIND),
-    Slot("fields", "FIELD=VALUE …", s.LINK_FIELDS, takes_many=True))
+    Slot("a", "MODULE", structure.LINK_END), Slot("b", "MODULE", structure.OTHER_END),
+    Slot("kind", "KIND", structure.LINK_KIND),
+    Slot("fields", "FIELD=VALUE …", structure.LINK_FIELDS, takes_many=True))
 TAKES_FORM = form("takes", "t", "the player takes a key; who and what is new is added",
     "mia takes k3 like k1", Takes,
-    Slot("player", "NAME", s.PLAYER_NAME), Slot("key", "KEY", s.KEY_NAME),
-    Slot("like", "KEY", v.KEY_VALUE, "like", optional=True), begins_with_subject=True)
+    Slot("player", "NAME", structure.PLAYER_NAME), Slot("key", "KEY", structure.KEY_NAME),
+    Slot("like", "KEY", values.KEY_VALUE, "like", optional=True), begins_with_subject=True)
 REMOVE_FORM = form("remove", "rem", "removes what has a name, and what belongs to it alone",
-    "remove bell", Remove, Slot("name", "NAME", s.REMOVABLE_VALUE))
+    "remove bell", Remove, Slot("name", "NAME", structure.REMOVABLE_VALUE))
 RENAME_FORM = form("rename", "ren", "gives what has a name another name",
     "rename lean tilt", Rename,
-    Slot("old", "NAME", s.RENAMED_VALUE), Slot("name", "NAME", v.NEW_NAME))
+    Slot("old", "NAME", structure.RENAMED_VALUE), Slot("name", "NAME", values.NEW_NAME))
 UNCOUPLE_FORM = form("uncouple", "unc", "removes what joins two keys",
-    "uncouple k1 k2", Uncouple, *_KEYS)
+    "uncouple k1 k2", Uncouple, *_KEY_SLOTS)
 # fmt: on

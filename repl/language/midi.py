@@ -7,18 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ergon.notation.clock.tempo import parse_bpm
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import quantities, value_kinds
 from ergon.notation.tables.strengths import level
 from ergon.notation.tables.velocities import LAWS
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import When
 from ergon.repl.language.forms import OFF_SLOT, PLAYER_SLOT, Slot, Words, form
 from ergon.repl.language.mapping import (
     BPM_UNIT,
-    EVEN,
+    EVEN_CURVE,
     LEARN,
     Learn,
     MapControl,
@@ -48,7 +46,7 @@ def _read_source(source_text: str, *_: Any) -> str:
     if source_name not in ("cc", *source_names) or (
         source_name == "bend" and source_name != source_text
     ):
-        raise v.unknown_name_error(source_text, "what moves", ("cc 21", *source_names))
+        raise values.unknown_name_error(source_text, "what moves", ("cc 21", *source_names))
     return str(parse_source(source_text))
 
 
@@ -74,7 +72,7 @@ def source_word_count(line_words: Sequence[str]) -> int:
 
 
 def _source_offers(context: CompletionContext) -> Iterator[Completion]:
-    if context.before[-1:] == ("cc",):
+    if context.earlier_words[-1:] == ("cc",):
         yield Completion("21", "a controller, 0 to 127")
         return
     for source, hint in SOURCES.items():
@@ -85,7 +83,7 @@ SOURCE_VALUE = Value(
     "what moves (cc 21, bend, pressure or learn)",
     _read_source,
     _source_offers,
-    count=source_word_count,
+    word_count=source_word_count,
     first_words=("cc", "bend", "pressure", LEARN),
 )
 
@@ -101,14 +99,16 @@ def _range_ends(slot_text: str, example: str) -> tuple[str, str]:
     return low_end, high_end or low_end
 
 
-def _read_range(slot_text: str, scope: Scope, slots: Mapping[str, Any]) -> tuple[float, float, str]:
-    shape = scope.targets[slots["target"]]
-    dimension = amounts.DIMENSIONS.get(shape, q.NUMBER)
-    low, high = (
+def _read_range(
+    slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]
+) -> tuple[float, float, str]:
+    shape = scope.targets[earlier_values["target"]]
+    dimension = amounts.DIMENSIONS.get(shape, quantities.NUMBER)
+    low_value, high_value = (
         float(shape.parse(end)) for end in _range_ends(slot_text, f"{dimension.example}..…")
     )
     # A constant of a law is in SI units, whatever its dimension.
-    return low, high, "" if shape is k.CONSTANT else dimension.si
+    return low_value, high_value, "" if shape is value_kinds.CONSTANT else dimension.si
 
 
 def _range_completions(context: CompletionContext) -> Iterator[Completion]:
@@ -117,11 +117,13 @@ def _range_completions(context: CompletionContext) -> Iterator[Completion]:
 
 
 def _read_levels(range_text: str, *_: Any) -> tuple[float, float]:
-    low_level, high_level = (k.LEVEL.parse(end) for end in _range_ends(range_text, "-40dB..0dB"))
-    if max(low_level, high_level) > q.LOUDEST_DB:
-        message = f"{quote(range_text)} goes above the highest level, {q.LOUDEST_DB:g}dB"
+    low_level, high_level = (
+        value_kinds.LEVEL.parse(end) for end in _range_ends(range_text, "-40dB..0dB")
+    )
+    if max(low_level, high_level) > quantities.LOUDEST_DB:
+        message = f"{quote(range_text)} goes above the highest level, {quantities.LOUDEST_DB:g}dB"
         allowed_range = "..".join(
-            f"{min(end, q.LOUDEST_DB):g}dB" for end in (low_level, high_level)
+            f"{min(end, quantities.LOUDEST_DB):g}dB" for end in (low_level, high_level)
         )
         raise TextError(message, length=len(range_text), suggestion=allowed_range)
     return low_level, high_level
@@ -145,7 +147,7 @@ LEVELS_VALUE = Value(
 TEMPOS_VALUE = Value(
     "two tempos, such as 60..180",
     _read_tempos,
-    lambda context: () if context.typed else (Completion("60..180", "two tempos"),),
+    lambda context: () if context.typed_text else (Completion("60..180", "two tempos"),),
 )
 
 
@@ -154,14 +156,14 @@ def map_control(
 ) -> MapControl | Learn:
     """Map a controller to a parameter."""
     low, high, unit = range
-    return _learned_source(MapControl(source, target, (low, high), unit, when=when, words=words))
+    return _map_or_learn(MapControl(source, target, (low, high), unit, when=when, words=words))
 
 
 def map_tempo(
     source: str, range: tuple[float, float], *, when: When, words: Words
 ) -> MapControl | Learn:
     """Map a controller to the tempo."""
-    return _learned_source(MapControl(source, None, range, BPM_UNIT, when=when, words=words))
+    return _map_or_learn(MapControl(source, None, range, BPM_UNIT, when=when, words=words))
 
 
 def map_gain(
@@ -173,7 +175,7 @@ def map_gain(
     words: Words,
 ) -> MapControl | Learn:
     """Map a controller to a level."""
-    return _learned_source(MapControl(source, None, range, "dB", sounding, when=when, words=words))
+    return _map_or_learn(MapControl(source, None, range, "dB", sounding, when=when, words=words))
 
 
 def unmap_control(source: str, *, when: When, words: Words) -> Unmap | Learn:
@@ -183,7 +185,7 @@ def unmap_control(source: str, *, when: When, words: Words) -> Unmap | Learn:
     return Unmap(source, when=when, words=words)
 
 
-def _learned_source(control_map: MapControl) -> MapControl | Learn:
+def _map_or_learn(control_map: MapControl) -> MapControl | Learn:
     return (
         Learn(control_map, when=control_map.when, words=control_map.words)
         if control_map.source == LEARN
@@ -202,8 +204,8 @@ def _read_notes(slot_text: str, *_: Any) -> tuple[int, int]:
 
 
 def _read_impulses(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (_parse_impulse(end) for end in _range_ends(text, "1mNs..20mNs"))
-    return low, high
+    softest, loudest = (_parse_impulse(end) for end in _range_ends(text, "1mNs..20mNs"))
+    return softest, loudest
 
 
 def _parse_impulse(impulse_text: str) -> float:
@@ -229,7 +231,7 @@ def _read_played_instrument(instrument_text: str, scope: Scope, _: Mapping[str, 
     if instrument_text in scope.blocks:
         return instrument_text
     if part_name not in playable_instruments(scope):
-        raise v.unknown_instrument_error(
+        raise values.unknown_instrument_error(
             instrument_text,
             "an instrument or a block",
             (*playable_instruments(scope), *scope.blocks),
@@ -245,7 +247,7 @@ def _read_played_instrument(instrument_text: str, scope: Scope, _: Mapping[str, 
 
 def _read_curve(text: str, *_: Any) -> str:
     if text not in LAWS:
-        raise v.unknown_name_error(text, "a curve", LAWS)
+        raise values.unknown_name_error(text, "a curve", LAWS)
     return text
 
 
@@ -257,12 +259,12 @@ NOTES_VALUE = Value(
 STRUCK_VALUE = Value(
     "a module, such as bell.m",
     _read_struck,
-    lambda context: v.complete_to_dot(context.typed, v.module_names(context.scope)),
+    lambda context: values.complete_to_dot(context.typed_text, values.module_names(context.scope)),
 )
 PLAYED_BY_NOTES = Value(
     "an instrument that says how it is played, or a block",
     _read_played_instrument,
-    lambda context: v.name_completions(
+    lambda context: values.name_completions(
         {**dict.fromkeys(context.scope.acts, "instrument"), **context.scope.blocks}
     ),
 )
@@ -274,7 +276,7 @@ IMPULSES_VALUE = Value(
 CURVE_VALUE = Value(
     "a curve (square, root or even)",
     _read_curve,
-    lambda _: v.name_completions(dict.fromkeys(LAWS, "how strengths follow the velocity")),
+    lambda _: values.name_completions(dict.fromkeys(LAWS, "how strengths follow the velocity")),
 )
 
 
@@ -288,7 +290,7 @@ def map_notes(
     words: Words,
 ) -> MapNotes:
     """Map notes to strikes; without impulses, to an instrument that says how it is played."""
-    return MapNotes(*notes, target, impulse, None, curve or EVEN, when=when, words=words)
+    return MapNotes(*notes, target, impulse, None, curve or EVEN_CURVE, when=when, words=words)
 
 
 def map_gesture(
@@ -323,7 +325,7 @@ MAP_PARAMETER_FORM = form("map", "map", "a MIDI controller moves a parameter",
     Slot("range", "VALUE..VALUE", RANGE_VALUE))
 MAP_GAIN_FORM = form("map", "map", "a MIDI controller moves a level, in dB",
     "map cc 7 gain bell -40dB..0dB", map_gain,
-    _SOURCE_SLOT, Slot("sounding", "NAME", v.SOUNDING_VALUE, "gain"),
+    _SOURCE_SLOT, Slot("sounding", "NAME", values.SOUNDING_VALUE, "gain"),
     Slot("range", "LEVEL..LEVEL", LEVELS_VALUE))
 MAP_MASTER_FORM = form("map", "map", "a MIDI controller moves the level of everything",
     "map cc 8 gain -40dB..0dB", map_gain,
@@ -334,7 +336,7 @@ MAP_TEMPO_FORM = form("map", "map", "a MIDI controller sets the tempo",
     _SOURCE_SLOT, Slot("range", "BPM..BPM", TEMPOS_VALUE, "tempo"))
 MAP_GESTURE_FORM = form("map", "map", "MIDI notes let a player play a gesture",
     "map note D2 ada knock", map_gesture,
-    _NOTES_SLOT, PLAYER_SLOT, Slot("gesture", "GESTURE", v.PLAYED_VALUE))
+    _NOTES_SLOT, PLAYER_SLOT, Slot("gesture", "GESTURE", values.PLAYED_VALUE))
 MAP_STRIKES_FORM = form("map", "map", "MIDI notes strike modules, by their velocity",
     "map note C3..C5 bell.m 1mNs..20mNs", map_notes,
     _NOTES_SLOT, Slot("target", "MODULE", STRUCK_VALUE),

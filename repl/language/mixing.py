@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.clock.positions import Length
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import amounts
-from ergon.repl.language import structure as s
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, structure, values
 from ergon.repl.language.commands import BlockCommand, Command, When
 from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope
@@ -74,7 +72,7 @@ class Fade(Command):
     over: Length
 
 
-_ROUTE_FIELDS = {field.name: field for field in ROOM_RECORD.fields if field.name != "to"}
+_ROOM_FIELD_BY_NAME = {field.name: field for field in ROOM_RECORD.fields if field.name != "to"}
 _MASTER_NAME = "master"
 _SEND_EXAMPLE = "send hall -12dB"
 
@@ -93,7 +91,7 @@ def route(
     return Route(name, channels, gain, pan, send, when=when, words=words)
 
 
-def filtered(
+def set_filter(
     name: str, kind: str, fields: Mapping[str, str], *, when: When, words: Words
 ) -> Filter:
     """Set a filter or the delay of an instrument, or remove it."""
@@ -106,28 +104,30 @@ def fade(name: str, way: str, over: Length, *, when: When, words: Words) -> Fade
 
 
 def _read_send(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
-    room, *level_words = slot_text.split()
-    if room not in scope.rooms:
-        raise v.unknown_name_error(room, "a room; `room hall t60=2s` adds one", scope.rooms)
+    room_name, *level_words = slot_text.split()
+    if room_name not in scope.rooms:
+        raise values.unknown_name_error(
+            room_name, "a room; `room hall t60=2s` adds one", scope.rooms
+        )
     if len(level_words) != 1:
         raise TextError(f"a send needs a room and a level: {_SEND_EXAMPLE}", offset=len(slot_text))
     try:
-        k.GAIN.parse(level_words[0])
+        value_kinds.GAIN.parse(level_words[0])
     except TextError as error:
-        error.offset += slot_text.index(level_words[0], len(room))
+        error.offset += slot_text.index(level_words[0], len(room_name))
         raise
-    return room, level_words[0]
+    return room_name, level_words[0]
 
 
 def _send_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
-        return v.name_completions(context.scope.rooms)
-    return iter((Completion("-12dB", "a level"),) if len(context.before) == 1 else ())
+    if not context.earlier_words:
+        return values.name_completions(context.scope.rooms)
+    return iter((Completion("-12dB", "a level"),) if len(context.earlier_words) == 1 else ())
 
 
 def _read_filter_kind(text: str, *_: Any) -> str:
     if text not in _FILTER_SHAPES:
-        raise v.unknown_name_error(text, "a filter of a route", tuple(_FILTER_SHAPES))
+        raise values.unknown_name_error(text, "a filter of a route", tuple(_FILTER_SHAPES))
     return text
 
 
@@ -147,9 +147,9 @@ def _read_filter_fields(
             length=len(word_matches[-1].group()),
         )
     filter_fields: dict[str, str] = {}
-    for word, (name, shape) in zip(word_matches, field_shapes.items(), strict=False):
-        check_value(shape, word.group(), word.start())
-        filter_fields[name] = word.group()
+    for word_match, (name, shape) in zip(word_matches, field_shapes.items(), strict=False):
+        check_value(shape, word_match.group(), word_match.start())
+        filter_fields[name] = word_match.group()
     if "gain" in field_shapes and "gain" not in filter_fields:
         message = f"a level is missing, such as {_FILTER_EXAMPLES[earlier_values['kind']]}"
         raise TextError(message, offset=len(slot_text))
@@ -157,25 +157,29 @@ def _read_filter_fields(
 
 
 def _filter_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield Completion("off", "without it")
 
 
-def _room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    return text if text in scope.rooms else v.check_new_name(text)
+def _read_room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    return text if text in scope.rooms else values.check_new_name(text)
 
 
-def _room_fields(text: str, *_: Any) -> dict[str, str]:
+def _read_room_fields(text: str, *_: Any) -> dict[str, str]:
     room_fields: dict[str, str] = {}
     for field_name, field_text, field_offset in field_pairs(text):
-        if field_name not in _ROUTE_FIELDS:
-            message = f"a room has no field {quote(field_name)}; it has {', '.join(_ROUTE_FIELDS)}"
+        if field_name not in _ROOM_FIELD_BY_NAME:
+            message = (
+                f"a room has no field {quote(field_name)}; it has {', '.join(_ROOM_FIELD_BY_NAME)}"
+            )
             raise TextError(message, offset=field_offset, length=len(field_name))
         if field_name in room_fields:
             raise TextError(
                 f"{quote(field_name)} is written twice", offset=field_offset, length=len(field_name)
             )
-        shape = k.DURATION if field_name == "t60" else _ROUTE_FIELDS[field_name].shape
+        shape = (
+            value_kinds.DURATION if field_name == "t60" else _ROOM_FIELD_BY_NAME[field_name].shape
+        )
         if isinstance(shape, Text):
             check_value(shape, field_text, field_offset + len(field_name) + 1)
         room_fields[field_name] = field_text
@@ -183,19 +187,19 @@ def _room_fields(text: str, *_: Any) -> dict[str, str]:
 
 
 def _room_completions(_: CompletionContext) -> Iterator[Completion]:
-    return (Completion(f"{name}=", field.doc) for name, field in _ROUTE_FIELDS.items())
+    return (Completion(f"{name}=", field.doc) for name, field in _ROOM_FIELD_BY_NAME.items())
 
 
 def _read_faded_name(faded_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if faded_name != _MASTER_NAME and faded_name not in scope.instruments:
-        raise v.unknown_instrument_error(
+        raise values.unknown_instrument_error(
             faded_name, "an instrument or master", (*scope.instruments, _MASTER_NAME), scope
         )
     return faded_name
 
 
 def _faded_completions(context: CompletionContext) -> Iterator[Completion]:
-    return v.name_completions({**context.scope.instruments, _MASTER_NAME: "everything"})
+    return values.name_completions({**context.scope.instruments, _MASTER_NAME: "everything"})
 
 
 def _read_fade_direction(text: str, *_: Any) -> str:
@@ -204,14 +208,14 @@ def _read_fade_direction(text: str, *_: Any) -> str:
     return text
 
 
-_SHELF_SHAPES: Mapping[str, Text] = {"f": k.HERTZ, "gain": k.GAIN}
+_SHELF_SHAPES: Mapping[str, Text] = {"f": value_kinds.HERTZ, "gain": value_kinds.GAIN}
 # What is written after a filter, in order.
 _FILTER_SHAPES: Mapping[str, Mapping[str, Text]] = {
-    "lowpass": {"": k.HERTZ},
-    "highpass": {"": k.HERTZ},
+    "lowpass": {"": value_kinds.HERTZ},
+    "highpass": {"": value_kinds.HERTZ},
     "lowshelf": _SHELF_SHAPES,
     "highshelf": _SHELF_SHAPES,
-    "delay": {"time": k.DURATION, "feedback": k.GAIN},
+    "delay": {"time": value_kinds.DURATION, "feedback": value_kinds.GAIN},
 }
 _FILTER_EXAMPLES = {
     "lowpass": "2kHz",
@@ -231,13 +235,15 @@ FILTER_FIELDS = Value(
     _filter_completions,
 )
 PAN_VALUE = amounts.quantity_value(
-    k.PAN, "-0.3", (), "a place from -1 (first channel) to 1 (second)"
+    value_kinds.PAN, "-0.3", (), "a place from -1 (first channel) to 1 (second)"
 )
 SEND_VALUE = Value(f"a room and a level, such as {_SEND_EXAMPLE}", _read_send, _send_completions)
 ROOM_NAME = Value(
-    "a name of a room", _room_name, lambda context: v.name_completions(context.scope.rooms)
+    "a name of a room",
+    _read_room_name,
+    lambda context: values.name_completions(context.scope.rooms),
 )
-ROOM_FIELDS = Value("fields, such as t60=2s size=12m", _room_fields, _room_completions)
+ROOM_FIELDS = Value("fields, such as t60=2s size=12m", _read_room_fields, _room_completions)
 FADED_VALUE = Value("an instrument or master", _read_faded_name, _faded_completions)
 FADE_DIRECTION = Value(
     "in or out",
@@ -249,29 +255,29 @@ FADE_DIRECTION = Value(
 # fmt: off
 ROUTE_FORM = form("route", "ro", "an instrument sounds from these channels, and no others",
     "route bell 3 4 gain -6dB pan -0.3", route,
-    Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
-    Slot("channels", "CHANNEL …|nearest", s.CHANNELS_VALUE, takes_many=True),
+    Slot("name", "INSTRUMENT", structure.INSTRUMENT_VALUE),
+    Slot("channels", "CHANNEL …|nearest", structure.CHANNELS_VALUE, takes_many=True),
     Slot("gain", "LEVEL", amounts.LEVEL_VALUE, "gain", optional=True),
     Slot("pan", "PLACE", PAN_VALUE, "pan", optional=True))
 ROUTE_GAIN_FORM = form("route", "ro", "an instrument has this level where it sounds",
-    "route bell gain -6dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    "route bell gain -6dB", route, Slot("name", "INSTRUMENT", structure.INSTRUMENT_VALUE),
     Slot("gain", "LEVEL", amounts.LEVEL_VALUE, "gain"))
 ROUTE_PAN_FORM = form("route", "ro", "an instrument sounds from here between its two channels",
-    "route bell pan -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    "route bell pan -0.3", route, Slot("name", "INSTRUMENT", structure.INSTRUMENT_VALUE),
     Slot("pan", "PLACE", PAN_VALUE, "pan"))
 PAN_FORM = form("pan", "pan", "an instrument sounds from here between its two channels",
-    "pan bell -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    "pan bell -0.3", route, Slot("name", "INSTRUMENT", structure.INSTRUMENT_VALUE),
     Slot("pan", "PLACE", PAN_VALUE))
 MOVE_PAN_FORM = form("pan", "pan", "an instrument moves to here between its two channels",
-    "pan bell 0.8 over 4bar", MovePan, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    "pan bell 0.8 over 4bar", MovePan, Slot("name", "INSTRUMENT", structure.INSTRUMENT_VALUE),
     Slot("pan", "PLACE", PAN_VALUE), Slot("over", "LENGTH", amounts.LENGTH_VALUE, "over"))
 FILTER_FORM = form("filter", "fil", "a filter or a delay on what is heard; off: without",
-    "filter bell lowpass 2kHz", filtered,
-    Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    "filter bell lowpass 2kHz", set_filter,
+    Slot("name", "INSTRUMENT", structure.INSTRUMENT_VALUE),
     Slot("kind", "lowpass|highpass|lowshelf|highshelf|delay", FILTER_KIND),
     Slot("fields", "VALUE [LEVEL]|off", FILTER_FIELDS, takes_many=True))
 SEND_FORM = form("route", "ro", "an instrument sounds in a room too",
-    "route bell send hall -12dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    "route bell send hall -12dB", route, Slot("name", "INSTRUMENT", structure.INSTRUMENT_VALUE),
     Slot("send", "ROOM LEVEL", SEND_VALUE, "send", takes_many=True))
 ROOM_FORM = form("room", "roo", "adds a room that routes send to, or changes one",
     "room hall t60=2s size=12m", Room,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language.block_values import defaults, parse_setting, variants
+from ergon.repl.language.block_values import default_values, line_variants, parse_setting
 from ergon.repl.language.blocks import DefineBlock
 from ergon.repl.language.commands import BlockCommand, Command
 from ergon.repl.language.grammar import read_command
@@ -26,7 +26,7 @@ MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered a
 def parse(submitted_text: str, scope: Scope) -> tuple[Command, ...]:
     """The commands of a submitted text; none for comments and blank lines. Raises Refusal."""
     try:
-        return tuple(_commands_of_lines(submitted_text, scope))
+        return tuple(_read_commands(submitted_text, scope))
     except TextError as error:
         corrected_text = _corrected_text(submitted_text, scope, error)
         message = error.message
@@ -40,14 +40,14 @@ def parse(submitted_text: str, scope: Scope) -> tuple[Command, ...]:
 def first_error(submitted_text: str, scope: Scope) -> TextError | None:
     """The first mistake of a text; None where it is accepted."""
     try:
-        for _ in _commands_of_lines(submitted_text, scope):
+        for _ in _read_commands(submitted_text, scope):
             pass
     except TextError as error:
         return error
     return None
 
 
-def _commands_of_lines(text: str, scope: Scope) -> Iterator[Command]:
+def _read_commands(text: str, scope: Scope) -> Iterator[Command]:
     for line in submitted_lines(text):
         command = read_command(line, scope)
         if command is None:
@@ -78,11 +78,11 @@ def parse_block_line(line_text: str, scope: Scope) -> Command:
 def _check_block(defined_block: DefineBlock, block_scope: Scope) -> None:
     """Refuse a block whose name is a verb, or that has a line which no block may hold."""
     if defined_block.name in VERBS:
-        word = defined_block.words["name"]
+        name_word = defined_block.words["name"]
         message = f"{quote(defined_block.name)} is a verb: give the block another name"
-        raise TextError(message, offset=word.start, length=len(defined_block.name))
+        raise TextError(message, offset=name_word.start, length=len(defined_block.name))
     lines_word = defined_block.words["lines"]
-    values_by_name = defaults(defined_block.lines)
+    values_by_name = default_values(defined_block.lines)
     for block_line in submitted_lines(lines_word.text):
         if parse_setting(block_line.text) is not None:
             continue
@@ -100,7 +100,7 @@ def _check_variants(
 
     A mistake has the place of the whole line: what was filled in has none. Raises TextError.
     """
-    for variant_text in variants(block_line.text, values_by_name):
+    for variant_text in line_variants(block_line.text, values_by_name):
         try:
             command = _block_command(Line(variant_text, 0), 0, scope)
         except TextError as error:
@@ -118,14 +118,14 @@ def _block_command(block_line: Line, block_offset: int, scope: Scope) -> Command
     if command is None or (isinstance(command, BlockCommand) and command.when is None):
         return command
     line_content = block_line.text.strip()
-    content_place = block_offset + block_line.start + block_line.text.index(line_content)
+    content_offset = block_offset + block_line.start + block_line.text.index(line_content)
     refusal_reason = "says when it acts, and the lines of a block act when the block is run"
     if not isinstance(command, BlockCommand):
         refusal_reason = (
             "does not change the music, moves a real hand, or is about files, history or blocks"
         )
     message = f"a block cannot hold {quote(line_content)}: the line {refusal_reason}"
-    raise TextError(message, offset=content_place, length=len(line_content))
+    raise TextError(message, offset=content_offset, length=len(line_content))
 
 
 def _scope_after(scope: Scope, command: Command) -> Scope:

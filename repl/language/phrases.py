@@ -10,8 +10,7 @@ from typing import Any
 from ergon.notation.tables import notes
 from ergon.notation.tables.shapes import MAX_NAME, NAME
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import BlockCommand, When
 from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope, playable_instruments
@@ -71,8 +70,8 @@ def _parse_entry(words: list[tuple[str, int]]) -> Entry:
     entry_fields = {"at": time_text}
     if len(struck_words) > 1 and _IMPULSE_PATTERN.match(struck_words[-1][0]):
         entry_fields["impulse"] = struck_words[-1][0]
-        v.check_word(PHRASE_ENTRY_RECORD, "impulse", *struck_words.pop())
-    v.check_word(PHRASE_ENTRY_RECORD, "at", time_text, time_offset)
+        values.check_word(PHRASE_ENTRY_RECORD, "impulse", *struck_words.pop())
+    values.check_word(PHRASE_ENTRY_RECORD, "at", time_text, time_offset)
     if not 1 <= len(struck_words) <= MAX_CHORD:
         message = "what is struck is missing: write for instance 1/2 E4 G4 1mNs"
         raise TextError(message, offset=time_offset, length=len(time_text))
@@ -83,8 +82,8 @@ def _parse_entry(words: list[tuple[str, int]]) -> Entry:
     return {**entry_fields, "what": " ".join(word for word, _ in struck_words)}
 
 
-def _phrase_name(phrase_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    v.check_new_name(phrase_name)
+def _read_phrase_name(phrase_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    values.check_new_name(phrase_name)
     for name_kind in ("gesture", "take", "player", "instrument", "key"):
         if phrase_name in getattr(scope, f"{name_kind}s"):
             message = (
@@ -127,45 +126,49 @@ def _read_played_phrase(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> M
 
 
 def _completions(context: CompletionContext) -> Iterator[Completion]:
-    last_word = context.before[-1] if context.before else ""
-    if not context.before:
-        yield from v.name_completions(context.scope.phrases)
-    elif context.before[0] not in context.scope.phrases:
+    last_word = context.earlier_words[-1] if context.earlier_words else ""
+    if not context.earlier_words:
+        yield from values.name_completions(context.scope.phrases)
+    elif context.earlier_words[0] not in context.scope.phrases:
         return
-    elif "do" in context.before:
-        yield from v.transform_completions(context)
-        yield from transform_completions(context.before[context.before.index("do") + 1 :])
+    elif "do" in context.earlier_words:
+        yield from values.transform_completions(context)
+        yield from transform_completions(
+            context.earlier_words[context.earlier_words.index("do") + 1 :]
+        )
     elif last_word in _OPTION_EXAMPLES:
         yield Completion(_OPTION_EXAMPLES[last_word], STRIKES_RECORD.by_name[last_word].doc)
     else:
         for name in (*_OPTION_EXAMPLES, "do"):
-            if name not in context.before:
+            if name not in context.earlier_words:
                 yield Completion(name, STRIKES_RECORD.by_name[name].doc)
 
 
 def _entry_completions(context: CompletionContext) -> Iterator[Completion]:
     """What an entry strikes, behind its time; the time of the first entry."""
-    step_words: list[str] = []
-    for word in context.before:
-        step_words = [] if word.endswith(",") else [*step_words, word]
-    if not context.before:
+    entry_words: list[str] = []
+    for word in context.earlier_words:
+        entry_words = [] if word.endswith(",") else [*entry_words, word]
+    if not context.earlier_words:
         yield Completion("0", "when, what, how strongly")
-    elif len(step_words) == 1 or (step_words and not _IMPULSE_PATTERN.match(step_words[-1])):
-        yield from v.struck_completions(context)
+    elif len(entry_words) == 1 or (entry_words and not _IMPULSE_PATTERN.match(entry_words[-1])):
+        yield from values.struck_completions(context)
 
 
 def _read_struck(struck_path: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if not NAME.fullmatch(struck_path.split(".")[0]) or len(struck_path) > 4 * MAX_NAME:
         raise TextError(f"{quote(struck_path)} is not an instrument", length=len(struck_path))
     if struck_path.split(".")[0] not in playable_instruments(scope):
-        raise v.unknown_instrument_error(
+        raise values.unknown_instrument_error(
             struck_path, "an instrument", playable_instruments(scope), scope
         )
     return struck_path
 
 
 NEW_PHRASE = Value(
-    "a name for the phrase", _phrase_name, lambda context: v.name_completions(context.scope.phrases)
+    "a name for the phrase",
+    _read_phrase_name,
+    lambda context: values.name_completions(context.scope.phrases),
 )
 ENTRIES_VALUE = Value(
     "entries, such as 0 C4 1mNs, 1/2 E4 G4",
@@ -175,7 +178,7 @@ ENTRIES_VALUE = Value(
 TO_VALUE = Value(
     "an instrument whose notes are struck",
     _read_struck,
-    lambda context: v.name_completions(playable_instruments(context.scope)),
+    lambda context: values.name_completions(playable_instruments(context.scope)),
 )
 PLAYED_VALUE = Value("a phrase, and how it is repeated", _read_played_phrase, _completions)
 

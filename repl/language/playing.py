@@ -9,8 +9,7 @@ from typing import Any, cast
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import BlockCommand, When, Word
 from ergon.repl.language.forms import PLAYER_SLOT, Slot, form
 from ergon.repl.language.scope import Scope
@@ -61,7 +60,7 @@ class Do(BlockCommand):
 
 
 # Options that a line may not set.
-_SCORE_ONLY = {"rate": "'rate' belongs to the score: leave it out here"}
+_SCORE_ONLY_MESSAGES = {"rate": "'rate' belongs to the score: leave it out here"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,20 +79,22 @@ class ParsedPlay:
 def _read_play(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> ParsedPlay:
     gesture_names: list[play_words.Word] = []
 
-    def check_name(word: str, offset: int) -> str:
+    def collect_name(word: str, offset: int) -> str:
         gesture_names.append(play_words.Word(word, offset))
         return word
 
-    parsed_words = play_words.parse(slot_text, read_name=check_name)
+    parsed_words = play_words.parse(slot_text, read_name=collect_name)
     for played_name in gesture_names or [parsed_words.played]:
-        _with_offset(played_name.offset, v.PLAYED_VALUE, played_name.text, scope)
+        _read_with_offset(played_name.offset, values.PLAYED_VALUE, played_name.text, scope)
     play_options = {}
     for option_name, option_word in parsed_words.options.items():
-        if option_name in _SCORE_ONLY:
+        if option_name in _SCORE_ONLY_MESSAGES:
             raise TextError(
-                _SCORE_ONLY[option_name], offset=option_word.offset, length=len(option_word.text)
+                _SCORE_ONLY_MESSAGES[option_name],
+                offset=option_word.offset,
+                length=len(option_word.text),
             )
-        play_options[option_name] = _with_offset(
+        play_options[option_name] = _read_with_offset(
             option_word.offset, _option_value(option_name), option_word.text, scope
         )
     return ParsedPlay(
@@ -104,7 +105,7 @@ def _read_play(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) 
     )
 
 
-def _with_offset(word_offset: int, option_value: v.Value, text: str, scope: Scope) -> Any:
+def _read_with_offset(word_offset: int, option_value: values.Value, text: str, scope: Scope) -> Any:
     try:
         return option_value.read(text, scope, {})
     except TextError as error:
@@ -112,12 +113,12 @@ def _with_offset(word_offset: int, option_value: v.Value, text: str, scope: Scop
         raise
 
 
-def _value_by_example(option: str) -> v.Value:
+def _value_by_example(option: str) -> values.Value:
     """A value whose completion is its example."""
     shape, example = OPTION_SHAPES[option], play_words.OPTION_EXAMPLES[option] or ""
     assert isinstance(shape, Text), option
-    parse, completion = shape.parse, v.Completion(example, PLAY_RECORD.by_name[option].doc)
-    return v.Value(shape.what, lambda text, *_: parse(text), lambda _: (completion,))
+    parse, completion = shape.parse, values.Completion(example, PLAY_RECORD.by_name[option].doc)
+    return values.Value(shape.what, lambda text, *_: parse(text), lambda _: (completion,))
 
 
 # Values that a line checks or completes better than the table of a part: marks and completions.
@@ -130,7 +131,7 @@ _OPTION_VALUES = {
 }
 
 
-def _option_value(option: str) -> v.Value:
+def _option_value(option: str) -> values.Value:
     if option in _OPTION_VALUES:
         return _OPTION_VALUES[option]
     shape = OPTION_SHAPES[option]
@@ -138,41 +139,44 @@ def _option_value(option: str) -> v.Value:
     return amounts.dimension_value(shape)
 
 
-def _completions(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _completions(context: values.CompletionContext) -> Iterator[values.Completion]:
     """Completions: after an option its values, else options and transformations."""
-    if not context.before:
-        yield from v.PLAYED_VALUE.completions(context)
+    if not context.earlier_words:
+        yield from values.PLAYED_VALUE.completions(context)
         return
-    last_word = context.before[-1]
-    if play_words.OPTION_EXAMPLES.get(last_word) is not None and last_word not in _SCORE_ONLY:
+    last_word = context.earlier_words[-1]
+    if (
+        play_words.OPTION_EXAMPLES.get(last_word) is not None
+        and last_word not in _SCORE_ONLY_MESSAGES
+    ):
         shape = OPTION_SHAPES.get(last_word)
         choices = shape.choices if isinstance(shape, Text) else ()
         if choices:
-            yield from (v.Completion(str(word), f"how '{last_word}' is") for word in choices)
+            yield from (values.Completion(str(word), f"how '{last_word}' is") for word in choices)
         else:
             yield from _option_value(last_word).completions(context)
         return
     if last_word not in ("do", ",") and not GESTURE_ARGUMENT_COUNTS.get(last_word):
         for option, hint in OPTION_HINTS.items():
-            if option not in context.before:
-                yield v.Completion(option, hint)
+            if option not in context.earlier_words:
+                yield values.Completion(option, hint)
     if not any(
         word in (*play_words.OPTION_EXAMPLES, "do", *GESTURE_ARGUMENT_COUNTS)
-        for word in context.before
+        for word in context.earlier_words
     ):
-        yield from v.PLAYED_VALUE.completions(context)
+        yield from values.PLAYED_VALUE.completions(context)
     if last_word.endswith(",") or last_word in ("do", *ARGUMENT_COUNTS):
-        yield from v.play_transform_completions(context)
+        yield from values.play_transform_completions(context)
     else:
-        yield from v.transform_completions(context)
+        yield from values.transform_completions(context)
 
 
 # The options of `plays`, each with a line of help.
-_SCORE_FIELDS = (*_SCORE_ONLY, "at", play_words.NTH_OPTION)
+_SCORE_FIELDS = (*_SCORE_ONLY_MESSAGES, "at", play_words.NTH_OPTION)
 OPTION_HINTS = {
     name: PLAY_RECORD.by_name[name].doc for name in OPTION_SHAPES if name not in _SCORE_FIELDS
 }
-PLAYING_VALUE = v.Value("a gesture or a take", _read_play, _completions)
+PLAYING_VALUE = values.Value("a gesture or a take", _read_play, _completions)
 
 
 def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) -> Plays:
@@ -223,21 +227,21 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
 
 def _part_text(words_by_field: Mapping[str, Word], parsed_play: ParsedPlay) -> str:
     """The text of an entry of a part: what is played and how, without the time."""
-    options = [name for name in parsed_play.parsed_words.options if name != "at"]
-    flag_names = [name for name in options if play_words.OPTION_EXAMPLES.get(name, "") is None]
-    words = {play_words.NTH_OPTION: "every"}
-    values = [
-        f"{words.get(option_name, option_name)} {words_by_field[option_name].text}"
-        for option_name in options
+    option_names = [name for name in parsed_play.parsed_words.options if name != "at"]
+    flag_names = [name for name in option_names if play_words.OPTION_EXAMPLES.get(name, "") is None]
+    word_by_option = {play_words.NTH_OPTION: "every"}
+    option_texts = [
+        f"{word_by_option.get(option_name, option_name)} {words_by_field[option_name].text}"
+        for option_name in option_names
         if option_name not in flag_names
     ]
-    option_texts = [f"do {words_by_field['do'].text}"] if parsed_play.transforms else []
-    return " ".join([parsed_play.played_text, *values, *flag_names, *option_texts])
+    transform_texts = [f"do {words_by_field['do'].text}"] if parsed_play.transforms else []
+    return " ".join([parsed_play.played_text, *option_texts, *flag_names, *transform_texts])
 
 
-def _option_word(word: play_words.Word, play: Word) -> Word:
-    start = play.start + word.offset
-    return Word(word.text, start, start + len(word.text))
+def _option_word(word: play_words.Word, play_word: Word) -> Word:
+    word_start = play_word.start + word.offset
+    return Word(word.text, word_start, word_start + len(word.text))
 
 
 # fmt: off
@@ -247,10 +251,10 @@ PLAYS_FORM = form("plays", "p", "the player plays a gesture, take or pattern fro
     PLAYER_SLOT, Slot("play", _PLAY_FORM, PLAYING_VALUE, takes_many=True), begins_with_subject=True)
 DO_FORM = form("do", "d", "transforms further what the player plays",
     "ada do scale 1.2, mirror", Do,
-    Slot("player", "PLAYER", v.TRANSFORMED_PLAYER),
-    Slot("do", "TRANSFORMATION, …", v.DO_VALUE, takes_many=True), begins_with_subject=True)
+    Slot("player", "PLAYER", values.TRANSFORMED_PLAYER),
+    Slot("do", "TRANSFORMATION, …", values.DO_VALUE, takes_many=True), begins_with_subject=True)
 DEFINE_FORM = form("=", "=", "defines or redefines a gesture, also while it sounds",
     "knock = 0@0 smooth 7@1/8 smooth 0@1/4", Define,
-    Slot("name", "NAME", v.GESTURE_NAME),
-    Slot("notation", "NOTATION", v.NOTATION_VALUE, takes_many=True), begins_with_subject=True)
+    Slot("name", "NAME", values.GESTURE_NAME),
+    Slot("notation", "NOTATION", values.NOTATION_VALUE, takes_many=True), begins_with_subject=True)
 # fmt: on

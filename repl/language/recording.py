@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ergon.repl.language import values as v
+from ergon.repl.language import values
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import LINK_SLOTS, OFF_SLOT, PLAYER_SLOT, Slot, Words, form
 
@@ -50,16 +50,16 @@ def record_audio(file: str | None = None, *, when: When, words: Words) -> Record
 
 # fmt: off
 RECORD_FORM = form("record", "rec", "records a real hand as a take",
-    "record remi as solo", Record, PLAYER_SLOT, Slot("take", "NAME", v.NEW_NAME, "as"))
+    "record remi as solo", Record, PLAYER_SLOT, Slot("take", "NAME", values.NEW_NAME, "as"))
 RECORD_OFF_FORM = form("record", "rec", "ends the recording", "record off", RecordOff, OFF_SLOT)
 GUIDE_FORM = form("guide", "gu", "guides a real hand along what another player plays",
     "guide remi ada K=30N/m", Guide,
-    PLAYER_SLOT, Slot("by", "PLAYER", v.OTHER_PLAYER), *LINK_SLOTS)
+    PLAYER_SLOT, Slot("by", "PLAYER", values.OTHER_PLAYER), *LINK_SLOTS)
 GUIDE_OFF_FORM = form("guide", "gu", "ends the guidance of a hand",
     "guide remi off", Guide, PLAYER_SLOT, OFF_SLOT)
 RECORD_AUDIO_OFF_FORM = form("record", "rec", "ends the file of what is heard", "record audio off",
     record_audio, Slot("", "", None, "audio"), OFF_SLOT, takes_time=False)
 RECORD_AUDIO_FORM = form("record", "rec", "records what is heard in a file",
     "record audio evening.wav", record_audio, Slot("", "", None, "audio"),
-    Slot("file", "FILE", v.FILE_VALUE), takes_time=False)
+    Slot("file", "FILE", values.FILE_VALUE), takes_time=False)
 # fmt: on

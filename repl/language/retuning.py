@@ -11,7 +11,7 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
-from ergon.repl.language import values as v
+from ergon.repl.language import values
 from ergon.repl.language.commands import Command, When, Word
 from ergon.repl.language.forms import OVER_SLOT, Slot, form
 from ergon.repl.language.scope import Scope
@@ -41,21 +41,25 @@ _OFF_WORD = "off"
 
 def _tunable_names(scope: Scope) -> dict[str, str]:
     """What may be tuned: the score, and every instrument as a whole, each with a hint."""
-    names = scope.instruments
-    instruments = [name for name in names if name.rpartition(".")[0] not in names]
-    return {"tuning": "of the score"} | {f"{name}.tuning": names[name] for name in instruments}
+    hint_by_name = scope.instruments
+    instrument_names = [
+        name for name in hint_by_name if name.rpartition(".")[0] not in hint_by_name
+    ]
+    return {"tuning": "of the score"} | {
+        f"{name}.tuning": hint_by_name[name] for name in instrument_names
+    }
 
 
 def _read_target(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     tunable_names = _tunable_names(scope)
     if slot_text not in tunable_names:
-        raise v.unknown_name_error(slot_text, "a tuning", tuple(tunable_names))
+        raise values.unknown_name_error(slot_text, "a tuning", tuple(tunable_names))
     return slot_text
 
 
-def _target_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _target_completions(context: values.CompletionContext) -> Iterator[values.Completion]:
     for target, hint in _tunable_names(context.scope).items():
-        yield v.Completion(target, f"the tuning {hint}" if target == "tuning" else hint)
+        yield values.Completion(target, f"the tuning {hint}" if target == "tuning" else hint)
 
 
 def _read_fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
@@ -79,7 +83,7 @@ def _read_fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dic
             raise TextError(
                 message, offset=name_offset, length=len(field_name), suggestion=suggestion
             )
-        v.check_word(TUNING, field_name, value_text, word_offset)
+        values.check_word(TUNING, field_name, value_text, word_offset)
         tuning_fields[field_name] = value_text
     if len(placed_words) % 2:
         name_offset, field_name = placed_words[-1]
@@ -93,22 +97,22 @@ def _read_fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dic
     return tuning_fields
 
 
-def _completions(context: v.CompletionContext) -> Iterator[v.Completion]:
-    if len(context.before) % 2:
-        if (field_name := context.before[-1]) in _FIELD_EXAMPLES:
-            yield v.Completion(_FIELD_EXAMPLES[field_name], TUNING.by_name[field_name].doc)
+def _completions(context: values.CompletionContext) -> Iterator[values.Completion]:
+    if len(context.earlier_words) % 2:
+        if (field_name := context.earlier_words[-1]) in _FIELD_EXAMPLES:
+            yield values.Completion(_FIELD_EXAMPLES[field_name], TUNING.by_name[field_name].doc)
         return
     for field_name, field in TUNING.by_name.items():
-        if field_name not in context.before:
-            yield v.Completion(field_name, field.doc)
-    if not context.before:
-        yield v.Completion(_OFF_WORD, "the tuning of the score, or equal steps")
+        if field_name not in context.earlier_words:
+            yield values.Completion(field_name, field.doc)
+    if not context.earlier_words:
+        yield values.Completion(_OFF_WORD, "the tuning of the score, or equal steps")
 
 
-TARGET_VALUE = v.Value(
+TARGET_VALUE = values.Value(
     "the tuning of an instrument, or of the score", _read_target, _target_completions
 )
-FIELDS_VALUE = v.Value("a tuning, such as edo 19", _read_fields, _completions)
+FIELDS_VALUE = values.Value("a tuning, such as edo 19", _read_fields, _completions)
 
 
 def retune(

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import values as v
+from ergon.repl.language import values
 from ergon.repl.language.commands import When
 from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope, playable_instruments
@@ -70,7 +70,7 @@ def _read_rhythm(
         if target_word is not None and target_word.text.split(".")[0] not in playable_instruments(
             scope
         ):
-            error = v.unknown_instrument_error(
+            error = values.unknown_instrument_error(
                 target_word.text, "an instrument", playable_instruments(scope), scope
             )
             error.offset = target_word.offset
@@ -100,9 +100,9 @@ def _read_rhythm(
     return strike_fields
 
 
-def _check_words(text: str, target_name: str, scope: Scope, *, has_impulse: bool) -> None:
+def _check_words(rhythm_text: str, target_name: str, scope: Scope, *, has_impulse: bool) -> None:
     """Refuse words that name nothing, and those that need a level. Raises TextError."""
-    for struck_leaf in compiled_rhythm(text, "").leaves:
+    for struck_leaf in compiled_rhythm(rhythm_text, "").leaves:
         struck_name = name_of(struck_leaf)
         if notes_of(struck_name) or struck_name == ANY_WORD:
             if target_name:
@@ -115,7 +115,7 @@ def _check_words(text: str, target_name: str, scope: Scope, *, has_impulse: bool
         part_name = struck_name.split(".")[0]
         error = None
         if part_name not in playable_instruments(scope) and part_name not in scope.keys:
-            error = v.unknown_instrument_error(
+            error = values.unknown_instrument_error(
                 part_name,
                 "an instrument or a key",
                 (*playable_instruments(scope), *scope.keys),
@@ -132,30 +132,32 @@ def _check_words(text: str, target_name: str, scope: Scope, *, has_impulse: bool
 
 
 def _completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield Completion('"', 'a rhythm in quotes, such as "kick*4, ~ snare"')
         return
-    if not context.before[0].startswith('"'):
+    if not context.earlier_words[0].startswith('"'):
         return
-    if "do" in context.before:
-        yield from transform_completions(context.before[context.before.index("do") + 1 :])
-    elif context.before[-1] in _OPTION_EXAMPLES:
-        yield Completion(_OPTION_EXAMPLES[context.before[-1]], "")
+    if "do" in context.earlier_words:
+        yield from transform_completions(
+            context.earlier_words[context.earlier_words.index("do") + 1 :]
+        )
+    elif context.earlier_words[-1] in _OPTION_EXAMPLES:
+        yield Completion(_OPTION_EXAMPLES[context.earlier_words[-1]], "")
     else:
         names = (*_OPTION_EXAMPLES, "do")
-        yield from (Completion(name, "") for name in names if name not in context.before)
+        yield from (Completion(name, "") for name in names if name not in context.earlier_words)
 
 
-def _read_transforms(text: str, scope: Scope, slots: Mapping[str, Any]) -> str:
-    if slots["name"] in scope.players:  # the form before reads it
-        raise TextError(f"{quote(slots['name'])} is a player", length=1)
+def _read_transforms(text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> str:
+    if earlier_values["name"] in scope.players:  # the form before reads it
+        raise TextError(f"{quote(earlier_values['name'])} is a player", length=1)
     return text if text == NO_TRANSFORMS else checked_transforms(text, 0, "x")
 
 
 def _transform_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
+    if not context.earlier_words:
         yield Completion(NO_TRANSFORMS, "ends all transformations")
-    yield from transform_completions(context.before)
+    yield from transform_completions(context.earlier_words)
 
 
 RHYTHM_VALUE = Value('a rhythm in quotes, such as "kick*4"', _read_rhythm, _completions)
@@ -170,7 +172,7 @@ def rhythm(name: str, fields: Mapping[str, str], *, when: When, words: Words) ->
 # fmt: off
 DO_STRIKES_FORM = form("do", "d", "transforms further what strikes play; `none` ends that",
     "rain do every 4 rev, ply 2", DoStrikes,
-    Slot("name", "NAME", v.TRANSFORMED_STRIKES),
+    Slot("name", "NAME", values.TRANSFORMED_STRIKES),
     Slot("do", "TRANSFORMATION, …|none", DO_VALUE, takes_many=True), begins_with_subject=True)
 RHYTHM_FORM = form("=", "=", "plays a rhythm again and again, from here on",
     'd1 = "bell*2 ~ bell" 2mNs', rhythm,

@@ -12,7 +12,7 @@ from ergon.instruments.model import Form, Instrument, Module
 from ergon.instruments.module_kinds import KINDS, POINT_KINDS
 from ergon.instruments.spread import GAP
 from ergon.instruments.transpose import CENTS_SHAPE
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.shapes import Text
 from ergon.scores.edits import families
 from ergon.scores.gesture import space_path
@@ -89,8 +89,8 @@ def files_in(folder: Path | None, suffixes: Container[str]) -> list[Path]:
     if folder is None:
         return []
     try:
-        entries = itertools.islice(folder.iterdir(), _FILES_MAX)
-        return sorted(path for path in entries if path.suffix in suffixes)
+        paths = itertools.islice(folder.iterdir(), _FILES_MAX)
+        return sorted(path for path in paths if path.suffix in suffixes)
     except OSError:
         return []
 
@@ -113,7 +113,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
             **{name: "instrument" for name in piece.instruments},
             **{name: f"instrument of {len(notes)} notes" for name, notes in piece.families.items()},
         },
-        targets=dict(_targets(piece)),
+        targets=dict(_target_shapes(piece)),
         folder=folder,
         available={name: _file_hint(full_name) for name, full_name in unplayed_instruments.items()},
         modules={**_module_names(piece), **_unplayed_modules(piece, unplayed_instruments)},
@@ -125,7 +125,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
             filter(None, map(_path_name, piece.gestures.values())), "path in space"
         ),
         acts=dict(_act_names(piece)),
-        blocks={name: f"block, {_line_count(block)}" for name, block in piece.blocks.items()},
+        blocks={name: f"block, {_line_count_text(block)}" for name, block in piece.blocks.items()},
     )
 
 
@@ -160,9 +160,15 @@ def _file_hint(full_name: str) -> str:
 
 def _module_names(piece: Piece) -> dict[str, list[str]]:
     """The modules with masses of every instrument in the network."""
-    parts = {name: piece.instruments.get(name) for name in piece.instruments}
-    parts |= {name: piece.instruments.get(members[0]) for name, members in piece.families.items()}
-    return {name: _modules_with_masses(part) for name, part in parts.items() if part is not None}
+    instrument_by_name = {name: piece.instruments.get(name) for name in piece.instruments}
+    instrument_by_name |= {
+        name: piece.instruments.get(members[0]) for name, members in piece.families.items()
+    }
+    return {
+        name: _modules_with_masses(instrument)
+        for name, instrument in instrument_by_name.items()
+        if instrument is not None
+    }
 
 
 def _unplayed_modules(piece: Piece, full_name_by_name: Mapping[str, str]) -> dict[str, list[str]]:
@@ -179,7 +185,7 @@ def _modules_with_masses(instrument: Instrument) -> list[str]:
     ]
 
 
-def _line_count(block: Sequence[str]) -> str:
+def _line_count_text(block: Sequence[str]) -> str:
     return f"{len(block)} line{'s' if len(block) > 1 else ''}"
 
 
@@ -190,8 +196,8 @@ def _path_name(gesture: Gesture) -> str:
 
 
 def _gesture_hint(gesture: Gesture) -> str:
-    count = len(gesture.points)
-    return f"gesture, {count} point{'s' if count > 1 else ''}"
+    n_points = len(gesture.points)
+    return f"gesture, {n_points} point{'s' if n_points > 1 else ''}"
 
 
 def _act_names(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
@@ -204,14 +210,14 @@ def _act_names(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
             yield instrument_name, tuple(act.name for act in instrument.acts)
 
 
-def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
+def _target_shapes(piece: Piece) -> Iterator[tuple[str, Text]]:
     """The fields with a quantity of every written module; all members of a module share them."""
     for key in piece.keys.values():
         for part_module in key.modules:
             yield from _field_targets(key.name, part_module, "si")
     for instrument in piece.instruments.values():
         if pitched_module(instrument) is not None:
-            yield f"{instrument.name}.f", k.PITCH
+            yield f"{instrument.name}.f", value_kinds.PITCH
         yield f"{instrument.name}.transpose", CENTS_SHAPE
         for part_module in instrument.modules:
             yield from _field_targets(instrument.name, part_module, instrument.form)
@@ -225,41 +231,44 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
 
 
 def _field_targets(
-    part: str, written_module: Module, module_form: Form
+    part_name: str, written_module: Module, module_form: Form
 ) -> Iterator[tuple[str, Text]]:
-    path = ".".join(filter(None, (part, written_module.name)))
+    module_path = ".".join(filter(None, (part_name, written_module.name)))
     if written_module.kind == "BANK":  # each member has its own
-        yield from ((f"{path}.{name}", FACTOR) for name in GLIDE_PARAMETERS["BANK"])
+        yield from ((f"{module_path}.{name}", FACTOR) for name in GLIDE_PARAMETERS["BANK"])
     for table_field in KINDS[written_module.kind].tables[module_form].fields:
         shape = (
-            k.POSITION if table_field.shape is GAP else table_field.shape
+            value_kinds.POSITION if table_field.shape is GAP else table_field.shape
         )  # one for all of its points
         if (
             isinstance(shape, Text)
             and shape in QUANTITY_SHAPES
             and table_field.name not in _INITIAL_FIELDS
         ):
-            yield f"{path}.{table_field.name}", shape
+            yield f"{module_path}.{table_field.name}", shape
     for name in written_module.fields.get("constants", ()):
-        yield f"{path}.{name}", k.NUMBER if module_form == "ca" else k.CONSTANT
+        yield (
+            f"{module_path}.{name}",
+            value_kinds.NUMBER if module_form == "ca" else value_kinds.CONSTANT,
+        )
 
 
 # Kinds of fields that hold one number, which can glide.
 QUANTITY_SHAPES = frozenset(
     (
-        k.MASS,
-        k.MASS_OR_NUMBER,
-        k.STIFFNESS,
-        k.DAMPING,
-        k.POSITION,
-        k.HARDENING,
-        k.PITCH,
-        k.DURATION,
-        k.NUMBER,
-        k.RATIO,
-        k.POSITIVE,
-        k.UNIT_RATIO,
-        k.EXPONENT,
-        k.CONSTANT,
+        value_kinds.MASS,
+        value_kinds.MASS_OR_NUMBER,
+        value_kinds.STIFFNESS,
+        value_kinds.DAMPING,
+        value_kinds.POSITION,
+        value_kinds.HARDENING,
+        value_kinds.PITCH,
+        value_kinds.DURATION,
+        value_kinds.NUMBER,
+        value_kinds.RATIO,
+        value_kinds.POSITIVE,
+        value_kinds.UNIT_RATIO,
+        value_kinds.EXPONENT,
+        value_kinds.CONSTANT,
     )
 )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import BlockCommand, Command
 from ergon.repl.language.forms import Slot, form
 
@@ -41,7 +40,7 @@ class Release(Command):
 
 # fmt: off
 REST_FORM = form("rest", "res", "the player finishes this gesture and begins no other",
-    "rest ada", Rest, Slot("player", "PLAYER|all", v.PLAYER_OR_ALL))
+    "rest ada", Rest, Slot("player", "PLAYER|all", values.PLAYER_OR_ALL))
 HUSH_FORM = form("hush", "hu", "all hands lift; what sounds rings out", "hush", Hush)
 DAMP_FORM = form("damp", "d", "adds viscosity everywhere until all is silent",
     "damp 3s", Damp, Slot("time", "TIME", amounts.DURATION_VALUE))

@@ -6,12 +6,11 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.shapes import NAME, Text
 from ergon.notation.tables.strengths import is_level
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import BlockCommand, When, Word
 from ergon.repl.language.forms import Slot, form
 from ergon.repl.language.scope import Scope, playable_instruments
@@ -52,11 +51,10 @@ class StrikeModules(BlockCommand):
         return (*self.fields.get("to", "").split(), *words_of(self.fields.get("rhythm", "")))
 
 
-# `OPTIONS` has each option of `strikes` with an example.
-_DEFAULT_IMPULSE = (
-    "1mNs"  # the impulse of notes of an instrument that does not say how it is played
-)
-OPTIONS = {
+# The impulse of notes of an instrument that does not say how it is played.
+_DEFAULT_IMPULSE = "1mNs"
+# An example of each option of `strikes`.
+OPTION_EXAMPLES = {
     "every": "1/2",
     "rate": "0.5Hz",
     "impulse": "2mNs",
@@ -83,11 +81,11 @@ def _read_strikes(
     if first_word in scope.phrases and first_word not in playable_instruments(
         scope
     ):  # leave the line to the next form
-        raise v.unknown_instrument_error(
+        raise values.unknown_instrument_error(
             first_word, "an instrument or a key", (*playable_instruments(scope), *scope.keys), scope
         )
     options_text, transforms_start = split_at_transforms(slot_text)
-    module_words, placed_options = parse_strikes(options_text, OPTIONS)
+    module_words, placed_options = parse_strikes(options_text, OPTION_EXAMPLES)
     module_words, placed_options = split_trailing_level(
         module_words, placed_options, (*playable_instruments(scope), *scope.keys)
     )
@@ -97,7 +95,7 @@ def _read_strikes(
     for module_word in module_words:
         part_name = module_word.text.split(".")[0]
         if part_name not in playable_instruments(scope) and part_name not in scope.keys:
-            error = v.unknown_instrument_error(
+            error = values.unknown_instrument_error(
                 part_name,
                 "an instrument or a key",
                 (*playable_instruments(scope), *scope.keys),
@@ -124,9 +122,13 @@ def _read_strikes(
     }
 
 
-def _transforms_field(text: str, start: int | None) -> dict[str, str]:
-    """The field of the transformations that begin at `start`, if there are any."""
-    return {} if start is None else {"do": checked_transforms(text[start:], start, "x")}
+def _transforms_field(slot_text: str, transforms_start: int | None) -> dict[str, str]:
+    """The field of the transformations that begin at `transforms_start`, if there are any."""
+    return (
+        {}
+        if transforms_start is None
+        else {"do": checked_transforms(slot_text[transforms_start:], transforms_start, "x")}
+    )
 
 
 def split_trailing_level(
@@ -165,28 +167,32 @@ def check_options(options: Mapping[str, PlacedWord], scope: Scope) -> None:
             raise
 
 
-def _completions(context: v.CompletionContext) -> Iterator[v.Completion]:
-    last_word = context.before[-1] if context.before else ""
-    if "do" in context.before:
-        yield from transform_completions(context.before[context.before.index("do") + 1 :])
+def _completions(context: values.CompletionContext) -> Iterator[values.Completion]:
+    last_word = context.earlier_words[-1] if context.earlier_words else ""
+    if "do" in context.earlier_words:
+        yield from transform_completions(
+            context.earlier_words[context.earlier_words.index("do") + 1 :]
+        )
         return
-    if last_word in OPTIONS:
-        yield v.Completion(OPTIONS[last_word].split()[0], STRIKES_RECORD.by_name[last_word].doc)
+    if last_word in OPTION_EXAMPLES:
+        yield values.Completion(
+            OPTION_EXAMPLES[last_word].split()[0], STRIKES_RECORD.by_name[last_word].doc
+        )
         return
-    if context.before and context.before[0] in context.scope.phrases:
+    if context.earlier_words and context.earlier_words[0] in context.scope.phrases:
         return
-    if not any(word in OPTIONS for word in context.before):
-        yield from v.struck_completions(context)
-    if context.before:
-        for name in OPTIONS:
-            if name not in context.before:
-                yield v.Completion(name, STRIKES_RECORD.by_name[name].doc)
-        if any(word in OPTIONS for word in context.before):
-            yield v.Completion("do", STRIKES_RECORD.by_name["do"].doc)
+    if not any(word in OPTION_EXAMPLES for word in context.earlier_words):
+        yield from values.struck_completions(context)
+    if context.earlier_words:
+        for name in OPTION_EXAMPLES:
+            if name not in context.earlier_words:
+                yield values.Completion(name, STRIKES_RECORD.by_name[name].doc)
+        if any(word in OPTION_EXAMPLES for word in context.earlier_words):
+            yield values.Completion("do", STRIKES_RECORD.by_name["do"].doc)
 
 
-def _strikes_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if not NAME.fullmatch(slot_text) or slot_text in v.RESERVED:
+def _read_strikes_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if not NAME.fullmatch(slot_text) or slot_text in values.RESERVED_WORDS:
         message = f"{quote(slot_text)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(slot_text))
     return slot_text
@@ -197,54 +203,56 @@ def _read_notes(
 ) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
     options_text, transforms_start = split_at_transforms(slot_text)
-    words, placed_options = parse_strikes(options_text, OPTIONS)
-    words, placed_options = split_trailing_level(words, placed_options, ())
-    words_end = words[-1].offset + len(words[-1].text) if words else 0
-    parse_values(slot_text[:words_end], amount_reader(k.PITCH.parse, "f"), is_pitch=True)
+    note_words, placed_options = parse_strikes(options_text, OPTION_EXAMPLES)
+    note_words, placed_options = split_trailing_level(note_words, placed_options, ())
+    notes_end = note_words[-1].offset + len(note_words[-1].text) if note_words else 0
+    parse_values(slot_text[:notes_end], amount_reader(value_kinds.PITCH.parse, "f"), is_pitch=True)
     check_options(placed_options, scope)
     if not placed_options.keys() & {"every", "euclid"}:
         message = "the length of a step is missing: every 1"
-        raise TextError(message, offset=words_end, length=max(1, len(options_text) - words_end))
+        raise TextError(message, offset=notes_end, length=max(1, len(options_text) - notes_end))
     written_fields = {name: word.text for name, word in placed_options.items()} | _transforms_field(
         slot_text, transforms_start
     )
-    is_sure = earlier_values["name"].split(".")[0] in scope.acts or written_fields.keys() & {
+    has_impulse = earlier_values["name"].split(".")[0] in scope.acts or written_fields.keys() & {
         "impulse",
         "mass",
     }
-    default_impulse = {} if is_sure else {"impulse": _DEFAULT_IMPULSE}
+    default_impulse = {} if has_impulse else {"impulse": _DEFAULT_IMPULSE}
     return {
         "to": earlier_values["name"],
-        "notes": " ".join(slot_text[:words_end].split()),
+        "notes": " ".join(slot_text[:notes_end].split()),
         **written_fields,
         **default_impulse,
     }
 
 
-def _note_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
-    if context.before:
+def _note_completions(context: values.CompletionContext) -> Iterator[values.Completion]:
+    if context.earlier_words:
         names = playable_instruments(context.scope)
         yield from (
             completion for completion in _completions(context) if completion.text not in names
         )
     else:
-        yield v.Completion("A3", "notes, a scale or a chord such as A3.minor")
+        yield values.Completion("A3", "notes, a scale or a chord such as A3.minor")
 
 
-def _struck_names(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_struck_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text.split(".")[0] not in playable_instruments(scope):
-        raise v.unknown_instrument_error(text, "an instrument", playable_instruments(scope), scope)
+        raise values.unknown_instrument_error(
+            text, "an instrument", playable_instruments(scope), scope
+        )
     return text
 
 
-PLAYED_ON = v.Value(
+PLAYED_ON = values.Value(
     "an instrument or one of its CELs",
-    _struck_names,
-    lambda context: v.name_completions(playable_instruments(context.scope)),
+    _read_struck_name,
+    lambda context: values.name_completions(playable_instruments(context.scope)),
 )
-NOTES_VALUE = v.Value("notes and the length of a step", _read_notes, _note_completions)
-STRIKING_VALUE = v.Value("modules and how they are struck", _read_strikes, _completions)
-NAMED_VALUE = v.Value("a name for the strikes", _strikes_name, lambda context: ())
+NOTES_VALUE = values.Value("notes and the length of a step", _read_notes, _note_completions)
+STRIKING_VALUE = values.Value("modules and how they are struck", _read_strikes, _completions)
+NAMED_VALUE = values.Value("a name for the strikes", _read_strikes_name, lambda context: ())
 
 
 def strikes(

@@ -12,7 +12,7 @@ from ergon.notation.tables.compound import Either
 from ergon.notation.tables.shapes import Shape, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
-from ergon.repl.language import values as v
+from ergon.repl.language import values
 from ergon.repl.language.scope import Scope, playable_instruments
 from ergon.repl.language.values import Completion, CompletionContext, Value
 
@@ -20,40 +20,40 @@ _ABLETON_LINK_HINT = (
     "a link joins two modules; Ableton Link is not part of ergon, because its bindings contain "
     "code under the GPL (docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
-_FILE_AND_NAME = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
+_FILE_AND_NAME_PATTERN = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
 _END_FIELDS = ("to", "between")  # which a link of a line has already
 
 
 def _module_names(scope: Scope) -> dict[str, str]:
     """Keys, and modules of the score."""
-    names_by_key = dict(scope.keys)
+    hint_by_name = dict(scope.keys)
     for target in scope.targets:
-        names_by_key.setdefault(target.rpartition(".")[0], "module")
-    return names_by_key
+        hint_by_name.setdefault(target.rpartition(".")[0], "module")
+    return hint_by_name
 
 
 def _end_names(scope: Scope) -> dict[str, str]:
     """Keys and modules that a link may join."""
-    return {**_module_names(scope), **v.module_names(scope)}
+    return {**_module_names(scope), **values.module_names(scope)}
 
 
 def _read_end(end_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if end_text in ("on", "off"):
         raise TextError(_ABLETON_LINK_HINT, length=len(end_text))
-    part = end_text.partition(".")[0]
+    part_name = end_text.partition(".")[0]
     # Only the part is checked here: the score knows members (`string.12`) and modules from files.
-    if part not in scope.keys and part not in playable_instruments(scope):
-        raise v.unknown_name_error(end_text, "a key or a module", _end_names(scope))
+    if part_name not in scope.keys and part_name not in playable_instruments(scope):
+        raise values.unknown_name_error(end_text, "a key or a module", _end_names(scope))
     return end_text
 
 
 def _end_completions(context: CompletionContext) -> Iterator[Completion]:
-    return v.complete_to_dot(context.typed, _end_names(context.scope))
+    return values.complete_to_dot(context.typed_text, _end_names(context.scope))
 
 
 def _read_kind(text: str, *_: Any) -> str:
     if text not in LINK_KINDS:
-        raise v.unknown_name_error(text, "a kind of link", LINK_KINDS)
+        raise values.unknown_name_error(text, "a kind of link", LINK_KINDS)
     return text
 
 
@@ -116,7 +116,7 @@ def check_value(shape: Text, value_text: str, word_offset: int) -> None:
 
 def _field_completions(context: CompletionContext) -> Iterator[Completion]:
     kind = context.fields.get("kind")
-    if kind in KINDS and "=" not in context.typed:
+    if kind in KINDS and "=" not in context.typed_text:
         for field in KINDS[kind].table.fields:
             if field.name not in _END_FIELDS:
                 yield Completion(f"{field.name}=", field.doc)
@@ -127,16 +127,18 @@ def _read_base(
 ) -> tuple[str, float, dict[str, str]]:
     placed_words = [(word.group(), word.start()) for word in re.finditer(r"\S+", slot_text)]
     base_name, _offset = placed_words[0]
-    if base_name not in playable_instruments(scope) and not _FILE_AND_NAME.fullmatch(base_name):
+    if base_name not in playable_instruments(scope) and not _FILE_AND_NAME_PATTERN.fullmatch(
+        base_name
+    ):
         known_bases = [*playable_instruments(scope), "bell/bell", "gong/plate"]
-        raise v.unknown_name_error(
+        raise values.unknown_name_error(
             base_name, "an instrument or a file and a name such as bell/bell", known_bases
         )
     semitones, changed_fields, word_index = 0.0, dict[str, str](), 1
     while word_index < len(placed_words):
         word_text, word_offset = placed_words[word_index]
         if word_text == "transpose":
-            value_text, value_place = (
+            value_text, value_offset = (
                 placed_words[word_index + 1]
                 if word_index + 1 < len(placed_words)
                 else ("", len(slot_text))
@@ -144,7 +146,7 @@ def _read_base(
             try:
                 interval = parse_interval(value_text)
             except TextError as error:
-                error.offset += value_place
+                error.offset += value_offset
                 raise
             if interval.cents is None:  # a score says it as it is typed
                 changed_fields["transpose"] = value_text
@@ -159,18 +161,18 @@ def _read_base(
 
 
 def _base_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before:
-        yield from v.name_completions(playable_instruments(context.scope))
+    if not context.earlier_words:
+        yield from values.name_completions(playable_instruments(context.scope))
         yield from _file_completions(context)
-    elif context.before[-1] == "transpose":
+    elif context.earlier_words[-1] == "transpose":
         yield Completion("7st", "semitones, -14cents or x1.5")
-    elif "transpose" not in context.before and not {"@", '"'} & {*context.before[0]}:
+    elif "transpose" not in context.earlier_words and not {"@", '"'} & {*context.earlier_words[0]}:
         yield Completion("transpose", "higher or lower, in semitones")
 
 
 def _file_completions(context: CompletionContext) -> Iterator[Completion]:
     """Families; behind the slash, the instruments of one."""
-    family, slash, _ = context.typed.partition("/")
+    family, slash, _ = context.typed_text.partition("/")
     for family_name, members in context.scope.families.items():
         if not slash:
             yield Completion(f"{family_name}/", ", ".join(members) or "no instruments")
@@ -184,17 +186,17 @@ def _read_new_part_name(part_name: str, scope: Scope, _: Mapping[str, Any]) -> s
         if part_name in known_names:
             message = f"{quote(part_name)} is a {name_kind}: give the instrument another name"
             raise TextError(message, length=len(part_name))
-    return v.check_new_name(part_name)
+    return values.check_new_name(part_name)
 
 
-def _known_or_new(section_name: str) -> Value:
-    def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-        return text if text in getattr(scope, section_name) else v.check_new_name(text)
+def _known_or_new_name(section_name: str) -> Value:
+    def read_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+        return text if text in getattr(scope, section_name) else values.check_new_name(text)
 
-    def complete(context: CompletionContext) -> Iterator[Completion]:
-        return v.name_completions(getattr(context.scope, section_name))
+    def complete_name(context: CompletionContext) -> Iterator[Completion]:
+        return values.name_completions(getattr(context.scope, section_name))
 
-    return Value("a name", read, complete)
+    return Value("a name", read_name, complete_name)
 
 
 def _read_channels(slot_text: str, *_: Any) -> tuple[str, ...]:
@@ -209,7 +211,7 @@ def _read_channels(slot_text: str, *_: Any) -> tuple[str, ...]:
 
 
 def _channel_completions(context: CompletionContext) -> Iterator[Completion]:
-    if all(word.isdigit() for word in context.before):
+    if all(word.isdigit() for word in context.earlier_words):
         yield Completion("1", "a channel")
 
 
@@ -233,7 +235,7 @@ def _removable_names(scope: Scope) -> dict[str, str]:
 
 def _read_removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text not in (removable_names := _removable_names(scope)):
-        raise v.unknown_name_error(text, "a name of this score", removable_names)
+        raise values.unknown_name_error(text, "a name of this score", removable_names)
     return text
 
 
@@ -242,23 +244,23 @@ BASE_VALUE = Value(
     "an instrument, or a file and a name such as bell/bell", _read_base, _base_completions
 )
 LINK_END = Value("a key or a module, such as k1 or bell.m", _read_end, _end_completions)
-OTHER_END = v.excluding_earlier(LINK_END, "a")
+OTHER_END = values.excluding_earlier(LINK_END, "a")
 LINK_KIND = Value(
     "a kind of link, such as BUT or REF",
     _read_kind,
     lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINK_KINDS),
 )
 LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _read_fields, _field_completions)
-PLAYER_NAME = _known_or_new("players")
-KEY_NAME = _known_or_new("keys")
-INSTRUMENT_VALUE = v.name_value("an instrument", "instruments", "available")
+PLAYER_NAME = _known_or_new_name("players")
+KEY_NAME = _known_or_new_name("keys")
+INSTRUMENT_VALUE = values.name_value("an instrument", "instruments", "available")
 CHANNELS_VALUE = Value("channels, such as 3 or 3 4", _read_channels, _channel_completions)
 REMOVABLE_VALUE = Value(
     "a name of this score",
     _read_removed,
-    lambda context: v.name_completions(_removable_names(context.scope)),
+    lambda context: values.name_completions(_removable_names(context.scope)),
 )
-RENAMED_VALUE = v.name_value(
+RENAMED_VALUE = values.name_value(
     "a gesture, a phrase, a take, a player, a block, a key or an instrument",
     *("gestures", "paths", "phrases", "takes", "players", "blocks", "keys", "instruments"),
 )

@@ -59,14 +59,14 @@ class Quant(Command):
     grid: Now | Length
 
 
-def tempo(
+def set_tempo(
     bpm: tuple[float, float | None], over: Length | None, *, when: When, words: Words
 ) -> Tempo:
     """Set a tempo, or a ramp, which needs both tempos and a length. Raises TextError."""
     if (bpm[1] is None) != (over is None):
-        word = words["over" if bpm[1] is None else "bpm"]
+        faulty_word = words["over" if bpm[1] is None else "bpm"]
         message = "a ramp needs two tempos and a length: tempo 60 -> 84 over 4bar"
-        raise TextError(message, offset=word.start, length=len(word.text))
+        raise TextError(message, offset=faulty_word.start, length=len(faulty_word.text))
     return Tempo(*bpm, over, when=when, words=words)
 
 
@@ -76,7 +76,7 @@ PLAY_FORM = form("play", "pl", "starts the piece at a position, or where it was 
     Slot("start", "WHERE", amounts.POSITION_VALUE, "from", optional=True), takes_time=False)
 STOP_FORM = form("stop", "st", "stops the piece where it is", "stop", Stop)
 TEMPO_FORM = form("tempo", "te", "sets the tempo, or a ramp from one tempo to another",
-    "tempo 60 -> 84 over 4bar", tempo,
+    "tempo 60 -> 84 over 4bar", set_tempo,
     Slot("bpm", "BPM|BPM -> BPM", amounts.BPM_VALUE, takes_many=True), OVER_SLOT)
 METER_FORM = form("meter", "meter", "sets the meter from the next bar on", "meter 3+2+2/8",
     SetMeter, Slot("meter", "BEATS/UNIT", amounts.METER_VALUE))

@@ -28,7 +28,9 @@ _COMPARISON_BY_SIGN: dict[str, Callable[[int, int], bool]] = {
     ">": lambda a, b: a > b,
     ">=": lambda a, b: a >= b,
 }
-FORM = "bar or beat, perhaps % a number, then == != < <= > or >= and a number; `and` joins several"
+CONDITION_FORM = (
+    "bar or beat, perhaps % a number, then == != < <= > or >= and a number; `and` joins several"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,35 +42,35 @@ class Every:
     length: Length
     text: str = field(compare=False)
 
-    def runs_at_start(self, tempo: TempoMap, beat: float) -> bool:
+    def runs_at_start(self, tempo_map: TempoMap, beat: float) -> bool:
         """Whether the block runs on the beat on which the rule takes effect: it always does."""
         return True
 
     def next_beat(
-        self, tempo: TempoMap, begin: float, after_beat: float, last_beat: float
+        self, tempo_map: TempoMap, begin_beat: float, after_beat: float, last_beat: float
     ) -> float | None:
         """The first beat after `after_beat` and not after `last_beat` on which the block runs."""
         if self.length.bars:
             n_bars = round(self.length.bars)
-            first_bar, beat_in_bar = tempo.bar_beat(begin)
-            bar, _ = tempo.bar_beat(after_beat)
+            first_bar, beat_in_bar = tempo_map.bar_beat(begin_beat)
+            bar, _ = tempo_map.bar_beat(after_beat)
             bar += (first_bar - bar) % n_bars
-            run_beat = tempo.bars.start(bar) + beat_in_bar - 1.0
+            run_beat = tempo_map.bars.start(bar) + beat_in_bar - 1.0
             if run_beat <= after_beat + SAME:
-                run_beat = tempo.bars.start(bar + n_bars) + beat_in_bar - 1.0
+                run_beat = tempo_map.bars.start(bar + n_bars) + beat_in_bar - 1.0
         else:
-            step = self.length.beats
-            count = math.floor((after_beat - begin) / step + SAME) + 1
-            run_beat = begin + count * step
+            interval_beats = self.length.beats
+            run_number = math.floor((after_beat - begin_beat) / interval_beats + SAME) + 1
+            run_beat = begin_beat + run_number * interval_beats
         return run_beat if run_beat <= last_beat + SAME else None
 
-    def run_count(self, tempo: TempoMap, begin: float, before_beat: float) -> int:
+    def run_count(self, tempo_map: TempoMap, begin_beat: float, before_beat: float) -> int:
         """How often the block runs from the beginning of the rule until before a beat."""
         if self.length.bars:
-            first_bar, _ = tempo.bar_beat(begin + SAME)
-            bar, _ = tempo.bar_beat(before_beat + SAME)
+            first_bar, _ = tempo_map.bar_beat(begin_beat + SAME)
+            bar, _ = tempo_map.bar_beat(before_beat + SAME)
             return max(0, -(-(bar - first_bar) // round(self.length.bars)))
-        return max(0, math.ceil((before_beat - begin) / self.length.beats - SAME))
+        return max(0, math.ceil((before_beat - begin_beat) / self.length.beats - SAME))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +84,9 @@ class Clause:
 
     def holds(self, bar: int, beat: int) -> bool:
         """Whether it holds on a beat of a bar; both count from 1."""
-        counted = bar if self.quantity == "bar" else beat
+        counted_number = bar if self.quantity == "bar" else beat
         return _COMPARISON_BY_SIGN[self.comparison](
-            counted % self.modulus if self.modulus else counted, self.number
+            counted_number % self.modulus if self.modulus else counted_number, self.number
         )
 
 
@@ -101,33 +103,33 @@ class Condition:
         """Whether all clauses hold on a beat of a bar; both count from 1."""
         return all(clause.holds(bar, beat) for clause in self.clauses)
 
-    def runs_at_start(self, tempo: TempoMap, beat: float) -> bool:
+    def runs_at_start(self, tempo_map: TempoMap, beat: float) -> bool:
         """Whether the block runs on the beat on which the rule takes effect."""
-        return self.next_beat(tempo, beat, beat - 2.0 * SAME, beat) is not None
+        return self.next_beat(tempo_map, beat, beat - 2.0 * SAME, beat) is not None
 
     def next_beat(
-        self, tempo: TempoMap, begin: float, after_beat: float, last_beat: float
+        self, tempo_map: TempoMap, begin_beat: float, after_beat: float, last_beat: float
     ) -> float | None:
         """The first beat after `after_beat` and not after `last_beat` on which the block runs."""
-        bar_index, _ = tempo.bar_beat(max(0.0, after_beat))
-        last_bar, _ = tempo.bar_beat(last_beat)
+        bar_number, _ = tempo_map.bar_beat(max(0.0, after_beat))
+        last_bar, _ = tempo_map.bar_beat(last_beat)
         has_beat_clause = any(clause.quantity == "beat" for clause in self.clauses)
-        while bar_index <= last_bar:
-            start, candidate_beats = tempo.bars.bar(bar_index)
-            for beat in range(1, candidate_beats + 1 if has_beat_clause else 2):
-                beat_after = start + beat - 1.0
-                if after_beat + SAME < beat_after <= last_beat + SAME and self.holds(
-                    bar_index, beat
+        while bar_number <= last_bar:
+            bar_start, n_beats = tempo_map.bars.bar(bar_number)
+            for beat in range(1, n_beats + 1 if has_beat_clause else 2):
+                run_beat = bar_start + beat - 1.0
+                if after_beat + SAME < run_beat <= last_beat + SAME and self.holds(
+                    bar_number, beat
                 ):
-                    return beat_after
-            bar_index += 1
+                    return run_beat
+            bar_number += 1
         return None
 
-    def run_count(self, tempo: TempoMap, begin: float, before_beat: float) -> int:
+    def run_count(self, tempo_map: TempoMap, begin_beat: float, before_beat: float) -> int:
         """How often the block runs from the beginning of the rule until before a beat."""
-        n_runs, run_beat = 0, begin - 2.0 * SAME
+        n_runs, run_beat = 0, begin_beat - 2.0 * SAME
         last_beat = before_beat - 2.0 * SAME
-        while (next_beat := self.next_beat(tempo, begin, run_beat, last_beat)) is not None:
+        while (next_beat := self.next_beat(tempo_map, begin_beat, run_beat, last_beat)) is not None:
             n_runs, run_beat = n_runs + 1, next_beat
         return n_runs
 
@@ -153,14 +155,14 @@ def parse_condition(condition_text: str) -> Condition:
     """Read `bar % 4 == 3 and beat == 1`. Raises TextError."""
     clauses, word_offset = [], 0
     for clause_text in _AND_PATTERN.split(condition_text.strip()):
-        place = condition_text.index(clause_text, word_offset)
-        clauses.append(_parse_clause(clause_text, place))
-        word_offset = place + len(clause_text)
+        clause_offset = condition_text.index(clause_text, word_offset)
+        clauses.append(_parse_clause(clause_text, clause_offset))
+        word_offset = clause_offset + len(clause_text)
     return Condition(tuple(clauses), f"when {' '.join(condition_text.split())}")
 
 
 def parse_trigger(slot_text: str) -> Trigger:
-    """Words that may follow a name in a line: no gesture or take may have such a name."""
+    """Read `every 4bar` or `when bar % 4 == 3`. Raises TextError."""
     trigger_word, _, trigger_rest = slot_text.partition(" ")
     if trigger_word not in ("every", "when"):
         raise TextError(f"{quote(slot_text)} does not say when a block runs", length=len(slot_text))
@@ -173,7 +175,7 @@ def _parse_clause(clause_text: str, clause_offset: int) -> Clause:
         nearest_clause = re.sub(r"(?<![=!<>])=(?!=)", "==", clause_text)
         nearest_clause = re.sub(r"\s+(?:is|equals)\s+", " == ", nearest_clause)
         raise TextError(
-            f"{quote(clause_text)} is not a condition: {FORM}",
+            f"{quote(clause_text)} is not a condition: {CONDITION_FORM}",
             offset=clause_offset,
             length=max(1, len(clause_text)),
             suggestion=nearest_clause

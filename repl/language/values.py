@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables import value_kinds
 from ergon.notation.tables.fields import Record
 from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
@@ -21,7 +21,7 @@ from ergon.scores.pattern.words import OPTION_EXAMPLES
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that may follow a name in a line, so that no gesture or take may be called so.
-RESERVED = frozenset(
+RESERVED_WORDS = frozenset(
     (
         *OPTION_EXAMPLES,
         *GESTURE_ARGUMENT_COUNTS,
@@ -35,9 +35,9 @@ RESERVED = frozenset(
         "all",
     )
 )
-MAX_COMPARED = 2_000  # names that did-you-mean compares with: about 10 ms
+MAX_COMPARED_NAMES = 2_000  # names that did-you-mean compares with: about 10 ms
 
-NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:/\d*)?")
+NUMBER_PATTERN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:/\d*)?")
 
 
 class Completion(NamedTuple):
@@ -55,8 +55,8 @@ class CompletionContext:
     `fields` are the values of the line so far.
     """
 
-    typed: str
-    before: tuple[str, ...]
+    typed_text: str
+    earlier_words: tuple[str, ...]
     scope: Scope
     fields: Mapping[str, Any]
 
@@ -71,7 +71,7 @@ class Value:
     read: Callable[[str, Scope, Mapping[str, Any]], Any]
     completions: Callable[[CompletionContext], Iterable[Completion]]
     # How many of the words that follow it takes; the first words of one that may take several.
-    count: Callable[[Sequence[str]], int] = lambda _: 1
+    word_count: Callable[[Sequence[str]], int] = lambda _: 1
     first_words: tuple[str, ...] = ()
 
 
@@ -101,7 +101,7 @@ def name_completions(names: Mapping[str, str]) -> Iterator[Completion]:
 
 def unknown_name_error(unknown_text: str, noun: str, names: Iterable[str]) -> TextError:
     """The error for a word that is not a known name, with the most similar name."""
-    known_names = list(names)[:MAX_COMPARED]
+    known_names = list(names)[:MAX_COMPARED_NAMES]
     nearest_name = nearest(unknown_text, known_names)
     message = f"{quote(unknown_text)} is not {noun}"
     if nearest_name is None:
@@ -150,7 +150,7 @@ def check_new_name(new_name: str) -> str:
     if not NAME.fullmatch(new_name) or len(new_name) > MAX_NAME:
         message = f"{quote(new_name)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(new_name))
-    if new_name in RESERVED:
+    if new_name in RESERVED_WORDS:
         raise TextError(
             f"{quote(new_name)} is a word of the language and cannot be a name",
             length=len(new_name),
@@ -184,7 +184,7 @@ def _read_gesture_name(gesture_name: str, scope: Scope, _: Mapping[str, Any]) ->
     return check_new_name(gesture_name)
 
 
-def excluding_earlier(name_value: Value, earlier_field: str) -> Value:
+def excluding_earlier(compared_value: Value, earlier_field: str) -> Value:
     """A value that must differ from the one in `earlier_field`."""
 
     def read(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]) -> Any:
@@ -192,16 +192,16 @@ def excluding_earlier(name_value: Value, earlier_field: str) -> Value:
             raise TextError(
                 f"{quote(slot_text)} is named twice: name two different ones", length=len(slot_text)
             )
-        return name_value.read(slot_text, scope, earlier_values)
+        return compared_value.read(slot_text, scope, earlier_values)
 
-    def offers(context: CompletionContext) -> Iterator[Completion]:
+    def complete_others(context: CompletionContext) -> Iterator[Completion]:
         return (
             completion
-            for completion in name_value.completions(context)
+            for completion in compared_value.completions(context)
             if completion.text != context.fields[earlier_field]
         )
 
-    return Value(name_value.description, read, offers)
+    return Value(compared_value.description, read, complete_others)
 
 
 def _read_with_level(level_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
@@ -234,8 +234,8 @@ PLAYER_VALUE = name_value("a player", "players")
 _PLAYER_OR_STRIKES = name_value("a player or strikes", "players", "strikes")
 PLAYER_OR_ALL = Value(
     "a player, strikes or all",
-    lambda text, scope, given: (
-        None if text == "all" else _PLAYER_OR_STRIKES.read(text, scope, given)
+    lambda text, scope, earlier_values: (
+        None if text == "all" else _PLAYER_OR_STRIKES.read(text, scope, earlier_values)
     ),
     lambda context: (*_PLAYER_OR_STRIKES.completions(context), Completion("all", "every player")),
 )
@@ -299,9 +299,9 @@ def complete_to_dot(typed: str, names: Mapping[str, str]) -> Iterator[Completion
 
 def struck_completions(context: CompletionContext) -> Iterator[Completion]:
     """Instruments that a line may play; behind a dot, the modules of one."""
-    if "." in context.typed:
-        yield from complete_to_dot(context.typed, act_names(context.scope))
-        yield from complete_to_dot(context.typed, module_names(context.scope))
+    if "." in context.typed_text:
+        yield from complete_to_dot(context.typed_text, act_names(context.scope))
+        yield from complete_to_dot(context.typed_text, module_names(context.scope))
     else:
         yield from name_completions(playable_instruments(context.scope))
 
@@ -310,22 +310,24 @@ def struck_completions(context: CompletionContext) -> Iterator[Completion]:
 
 
 def _point_completions(context: CompletionContext) -> Iterator[Completion]:
-    if context.before and "@" not in context.before[0]:
+    if context.earlier_words and "@" not in context.earlier_words[0]:
         return  # no notation begins so
-    number_match = NUMBER.fullmatch(context.typed.partition("@")[0])
-    if context.typed and number_match is None:
+    number_match = NUMBER_PATTERN.fullmatch(context.typed_text.partition("@")[0])
+    if context.typed_text and number_match is None:
         yield from _curve_completions(context)
-    elif number_match is not None and "@" not in context.typed:
+    elif number_match is not None and "@" not in context.typed_text:
         yield from (
             Completion(f"{number_match.group()}{unit}@", "a position at …") for unit in _METRE_UNITS
         )
-    elif not context.typed:
-        yield Completion("6mm@+1/8" if context.before else "0mm@0", "a point: position @ time")
+    elif not context.typed_text:
+        yield Completion(
+            "6mm@+1/8" if context.earlier_words else "0mm@0", "a point: position @ time"
+        )
         yield from _curve_completions(context)
 
 
 def _curve_completions(context: CompletionContext) -> Iterator[Completion]:
-    if context.before and context.before[-1] not in CURVES:
+    if context.earlier_words and context.earlier_words[-1] not in CURVES:
         yield from (Completion(word, "the way into the next points") for word in CURVES)
 
 
@@ -345,7 +347,7 @@ def play_transform_completions(context: CompletionContext) -> Iterator[Completio
 def _example_completions(
     context: CompletionContext, examples: Mapping[str, str]
 ) -> Iterator[Completion]:
-    last_word = context.before[-1] if context.before else ""
+    last_word = context.earlier_words[-1] if context.earlier_words else ""
     if ARGUMENT_COUNTS.get(last_word):
         yield Completion(EXAMPLES[last_word].split()[1], f"for instance {EXAMPLES[last_word]}")
     else:
@@ -381,13 +383,13 @@ def _read_file_name(file_text: str, *_: Any) -> str:
     )
     if '"' in file_word:
         raise TextError("the quotation mark is not closed", offset=file_text.index('"'))
-    return str(k.PATH.parse(file_word))
+    return str(value_kinds.PATH.parse(file_word))
 
 
-def _file_completions(context: CompletionContext, suffix: bool = True) -> Iterator[Completion]:
+def _file_completions(context: CompletionContext, with_suffix: bool = True) -> Iterator[Completion]:
     """The scores in the session's folder."""
     for path in scores_in(context.scope.folder):
-        yield Completion(path.name if suffix else path.stem, "a score")
+        yield Completion(path.name if with_suffix else path.stem, "a score")
 
 
 def _read_scenes(scenes_text: str, *_: Any) -> tuple[str, str | None]:
@@ -406,9 +408,9 @@ def _read_scenes(scenes_text: str, *_: Any) -> tuple[str, str | None]:
 
 
 def _scene_completions(context: CompletionContext) -> Iterator[Completion]:
-    if not context.before or context.before[-1] == "->":
-        yield from _file_completions(context, suffix=False)
-    elif len(context.before) == 1:
+    if not context.earlier_words or context.earlier_words[-1] == "->":
+        yield from _file_completions(context, with_suffix=False)
+    elif len(context.earlier_words) == 1:
         yield Completion("->", "to another scene")
 
 

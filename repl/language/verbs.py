@@ -21,16 +21,16 @@ from ergon.repl.language import (
     stopping,
     striking,
     transport,
+    values,
     versions,
 )
-from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot, form
 from ergon.repl.language.values import Completion, Value
 
 VERB_VALUE = Value(
     "a verb",
     lambda text, *_: find_verb(text),
-    lambda _: (Completion(known.verb, known.effect) for known in FORMS),
+    lambda _: (Completion(form.verb, form.effect) for form in FORMS),
 )
 HELP_FORM = form(
     "help",
@@ -173,8 +173,7 @@ REMOVING_VERBS = frozenset(
         *("rest", "hush", "damp", "release", "seed"),
     )
 )
-# What other programs call some verbs; by its letters `quiet` would be `quit`.
-# Words of other programs, and the verb that does it here.
+# Words of other programs, and the verb that does it here: by its letters `quiet` would be `quit`.
 VERB_BY_SYNONYM = {
     **dict.fromkeys(("quiet", "silence"), "hush"),
     **dict.fromkeys(("exit", "bye", "close"), "quit"),
@@ -213,10 +212,10 @@ def verbs_matching(verb_start: str, candidates: tuple[str, ...]) -> tuple[str, .
     if verb_start in candidates:
         return (verb_start,)
     matching_verbs = tuple(verb for verb in candidates if verb.startswith(verb_start))
-    long_enough = tuple(
+    long_enough_verbs = tuple(
         verb for verb in matching_verbs if len(verb_start) >= len(SHORTEST_BY_VERB[verb])
     )
-    return long_enough or matching_verbs
+    return long_enough_verbs or matching_verbs
 
 
 def find_verb(verb_word: str) -> str:
@@ -226,7 +225,7 @@ def find_verb(verb_word: str) -> str:
     if len(matching_verbs) > 1:
         raise ambiguous_verb_error(verb_word, matching_verbs)
     if not matching_verbs:
-        raise v.unknown_name_error(verb_word, "a verb", all_verbs)
+        raise values.unknown_name_error(verb_word, "a verb", all_verbs)
     return matching_verbs[0]
 
 

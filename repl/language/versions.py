@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import TextError
-from ergon.repl.language import amounts
-from ergon.repl.language import values as v
+from ergon.repl.language import amounts, values
 from ergon.repl.language.commands import BlockCommand, Command, When
 from ergon.repl.language.forms import OVER_SLOT, Slot, Words, form
 
@@ -80,15 +79,17 @@ class Reload(Command):
     """Read the score's files again, and take over what has changed in them."""
 
 
-def scene(names: tuple[str, str | None], over: Length | None, *, when: When, words: Words) -> Scene:
+def play_scene(
+    names: tuple[str, str | None], over: Length | None, *, when: When, words: Words
+) -> Scene:
     """Play a scene, or go from one scene to another, which needs a length. Raises TextError."""
     first_scene, second_scene = names
     if second_scene is None:
         return Scene(first_scene, None, over, when=when, words=words)
     if over is None:
-        word = words["names"]
+        names_word = words["names"]
         message = "the way from one scene to another needs a length: scene A -> B over 4bar"
-        raise TextError(message, offset=word.start, length=len(word.text))
+        raise TextError(message, offset=names_word.start, length=len(names_word.text))
     return Scene(second_scene, first_scene, over, when=when, words=words)
 
 
@@ -101,15 +102,15 @@ HISTORY_FORM = form("history", "hi", "lists the versions, with their bars",
     "history", History, takes_time=False)
 KEEP_FORM = form("keep", "k", "writes what was played last as a score of its own",
     "keep 8bar as verse-2", Keep, Slot("length", "LENGTH", amounts.LENGTH_VALUE),
-    Slot("name", "NAME", v.NEW_NAME, "as"), takes_time=False)
+    Slot("name", "NAME", values.NEW_NAME, "as"), takes_time=False)
 SCENE_FORM = form("scene", "sce", "plays kept bars from their beginning, again and again",
-    "scene verse-2 -> refrain over 4bar", scene,
-    Slot("names", "NAME|NAME -> NAME", v.SCENES_VALUE, takes_many=True), OVER_SLOT)
+    "scene verse-2 -> refrain over 4bar", play_scene,
+    Slot("names", "NAME|NAME -> NAME", values.SCENES_VALUE, takes_many=True), OVER_SLOT)
 SAVE_FORM = form("save", "sa", "writes the score, comments and all",
     "save scores/duet-live.yaml", Save,
-    Slot("file", "FILE", v.FILE_VALUE, optional=True), takes_time=False)
+    Slot("file", "FILE", values.FILE_VALUE, optional=True), takes_time=False)
 LOAD_FORM = form("load", "lo", "opens another score in place of this one",
-    "load duet.yaml", Load, Slot("file", "FILE", v.FILE_VALUE))
+    "load duet.yaml", Load, Slot("file", "FILE", values.FILE_VALUE))
 RELOAD_FORM = form("reload", "relo", "reads the score's files again; what differs changes",
     "reload", Reload)
 SEED_FORM = form("seed", "see", "sets the number from which all chance derives",

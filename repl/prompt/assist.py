@@ -38,9 +38,9 @@ class Colours(Lexer):
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
         """Colour lines on demand: of a block, only the visible lines are processed."""
-        return lambda number: self._line(document.lines, number)
+        return lambda number: self._coloured_line(document.lines, number)
 
-    def _line(self, lines: list[str], number: int) -> StyleAndTextTuples:
+    def _coloured_line(self, lines: list[str], number: int) -> StyleAndTextTuples:
         line_text = lines[number] if number < len(lines) else ""
         if len(line_text) > _COLOURED_MAX:
             return [("", line_text)]

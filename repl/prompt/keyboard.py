@@ -53,24 +53,24 @@ class KeyActions(Protocol):
 def bindings(actions: KeyActions) -> KeyBindings:
     """The key bindings that differ from other prompts."""
     key_bindings = KeyBindings()
-    typing = has_focus(DEFAULT_BUFFER)
-    empty = Condition(lambda: not get_app().current_buffer.text)
-    full = Condition(lambda: len(get_app().current_buffer.text) >= TEXT_MAX)
+    is_typing = has_focus(DEFAULT_BUFFER)
+    is_empty = Condition(lambda: not get_app().current_buffer.text)
+    is_full = Condition(lambda: len(get_app().current_buffer.text) >= TEXT_MAX)
 
     def handler(action: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
         return lambda event: action()
 
     key_bindings.add("f12", eager=True)(handler(actions.panic))
-    key_bindings.add("c-c", filter=typing)(handler(actions.clear))
+    key_bindings.add("c-c", filter=is_typing)(handler(actions.clear))
     key_bindings.add("<sigint>")(handler(actions.clear))
-    key_bindings.add("c-d", filter=typing & empty)(handler(actions.leave))
-    key_bindings.add("enter", filter=typing)(handler(actions.enter))
-    key_bindings.add("tab", filter=typing)(handler(actions.complete))
+    key_bindings.add("c-d", filter=is_typing & is_empty)(handler(actions.leave))
+    key_bindings.add("enter", filter=is_typing)(handler(actions.enter))
+    key_bindings.add("tab", filter=is_typing)(handler(actions.complete))
     # In other programs these keys suspend, freeze and continue; here nothing may halt a
     # performance.
     for key in ("c-z", "c-s", "c-q"):
         key_bindings.add(key)(handler(lambda: None))
-    key_bindings.add(Keys.Any, filter=full)(handler(lambda: None))
+    key_bindings.add(Keys.Any, filter=is_full)(handler(lambda: None))
 
     @key_bindings.add(Keys.BracketedPaste)
     def _(event: KeyPressEvent) -> None:

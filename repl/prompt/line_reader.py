@@ -34,7 +34,7 @@ class LineReader:
         decoder = codecs.getincrementaldecoder(source.encoding or "utf-8")("replace")
         self._decoder = io.IncrementalNewlineDecoder(decoder, translate=True)
         is_file = stat.S_ISREG(os.fstat(self._fd).st_mode)
-        self._room = threading.Semaphore(1) if is_file else None
+        self._line_permits = threading.Semaphore(1) if is_file else None
         self._unfinished_line = ""  # the unfinished line
         self._is_stopped = False
         self._wake_read, self._wake_write = os.pipe() if sys.platform != "win32" else (-1, -1)
@@ -46,8 +46,8 @@ class LineReader:
 
     def note_line_taken(self) -> None:
         """Note that a line was taken from the queue."""
-        if self._room is not None:
-            self._room.release()
+        if self._line_permits is not None:
+            self._line_permits.release()
 
     def drop_typed(self) -> None:
         """Drop a line that is typed and not yet entered."""
@@ -72,7 +72,7 @@ class LineReader:
             pass
         if self._unfinished_line:
             self._enter(self._unfinished_line)
-        if self._has_room():
+        if self._wait_for_permit():
             self._queue.end()
 
     def _read_bytes(self) -> bytes:
@@ -86,19 +86,19 @@ class LineReader:
     def _add_text(self, text: str) -> None:
         *lines, unfinished_line = (self._unfinished_line + text).split("\n")
         self._unfinished_line = (
-            unfinished_line if self._room else self._act_on_panic_key(unfinished_line)
+            unfinished_line if self._line_permits else self._act_on_panic_key(unfinished_line)
         )
         for line in lines:
             self._enter(line)
 
     def _enter(self, line: str) -> None:
-        if self._has_room():
+        if self._wait_for_permit():
             self._queue.enter(valid_unicode(self._act_on_panic_key(line)), None)
 
-    def _has_room(self) -> bool:
+    def _wait_for_permit(self) -> bool:
         """Wait until another line may be entered; False after `stop`."""
-        if self._room is not None:
-            self._room.acquire()
+        if self._line_permits is not None:
+            self._line_permits.acquire()
         return not self._is_stopped
 
     def _act_on_panic_key(self, typed_text: str) -> str:

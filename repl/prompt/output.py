@@ -24,8 +24,8 @@ def echo(prompt: str, entered_text: str) -> str:
     mark.
     """
     n_omitted = len(entered_text) - _ECHO_MAX
-    shown = clean(entered_text[:_ECHO_MAX]).replace("\n", "\n" + continuation(len(prompt)))
-    return prompt + shown + (f" … {n_omitted:,} more characters" if n_omitted > 0 else "")
+    shown_text = clean(entered_text[:_ECHO_MAX]).replace("\n", "\n" + continuation(len(prompt)))
+    return prompt + shown_text + (f" … {n_omitted:,} more characters" if n_omitted > 0 else "")
 
 
 def continuation(width: int) -> str:
@@ -39,5 +39,5 @@ def reply_lines(reply: Reply, *, plain: bool) -> list[str]:
     if reply.try_ is not None:
         texts.append(f"try: {reply.try_}" + ("" if plain else f"   {TAB_LABEL}"))
     indent = "" if plain else INDENT
-    rows = [indent + line for text in texts for line in clean(text).split("\n")]
-    return rows + [clean(line) for line in reply.lines]
+    shown_lines = [indent + line for text in texts for line in clean(text).split("\n")]
+    return shown_lines + [clean(line) for line in reply.lines]

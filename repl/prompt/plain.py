@@ -50,12 +50,14 @@ class PlainPrompt:
     def run(self) -> int:
         """Serve until the input ends or a line leaves; the number of refused lines."""
         n_refused = 0
-        listener = threading.Thread(target=self._print_messages, name="ergon-messages", daemon=True)
+        message_thread = threading.Thread(
+            target=self._print_messages, name="ergon-messages", daemon=True
+        )
         with signals_blocked_in_threads():
-            listener.start()
+            message_thread.start()
             self._reader.start()
         try:
-            with self._terminal():
+            with self._prepared_terminal():
                 while (queued := self._next_whole_line()) is not None:
                     if not queued.text.strip():
                         continue
@@ -67,7 +69,7 @@ class PlainPrompt:
         finally:
             self._reader.stop()
             self._end_event.set()
-            listener.join()
+            message_thread.join()
         self._print([clean(line) for line in self._throttle.pop_all()])
         return n_refused
 
@@ -137,7 +139,7 @@ class PlainPrompt:
                 self._print([clean(line) for line in self._throttle.pop_due(time.monotonic())])
 
     @contextlib.contextmanager
-    def _terminal(self) -> Iterator[None]:
+    def _prepared_terminal(self) -> Iterator[None]:
         """Prepare a terminal so that Ctrl-C clears the line, and Ctrl-S does not stop the
         output.
         """

@@ -164,9 +164,9 @@ class ScreenPrompt:
         """Insert the suggestion of the last refusal, if no other text is typed; else complete the
         word.
         """
-        line, try_ = self._last_refusal
-        if try_ and self._buffer.text.strip() in ("", line.strip()):
-            self._buffer.document = Document(try_)
+        refused_line, suggestion = self._last_refusal
+        if suggestion and self._buffer.text.strip() in ("", refused_line.strip()):
+            self._buffer.document = Document(suggestion)
         elif self._buffer.complete_state:
             self._buffer.complete_next()
         else:
@@ -182,9 +182,9 @@ class ScreenPrompt:
 
     def _on_characters(self, characters: str) -> None:
         """Let a stop in the typed characters act before they become keys, which takes too long."""
-        line, enter, _ = characters.partition("\r")
-        if enter:
-            self._queue.stop_now(valid_unicode(self._buffer.text + line))
+        typed_line, enter_key, _ = characters.partition("\r")
+        if enter_key:
+            self._queue.stop_now(valid_unicode(self._buffer.text + typed_line))
 
     # --- lines and replies ----------------------------------------------------------------------
 

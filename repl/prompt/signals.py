@@ -46,8 +46,8 @@ def with_handler(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
     try:
         yield
     finally:
-        for number, previous in old_handlers.items():
-            signal.signal(number, previous)
+        for number, old_handler in old_handlers.items():
+            signal.signal(number, old_handler)
 
 
 @contextlib.contextmanager
@@ -86,8 +86,8 @@ class Terminated(BaseException):
 
 @contextlib.contextmanager
 def termination_deferred(end_session: Callable[[], None], watch: SignalWatch) -> Iterator[None]:
-    """In this block, SIGTERM and SIGHUP call `end_session`, which may raise Ended; afterwards they
-    take effect.
+    """In this block, SIGTERM and SIGHUP call `end_session`, which may raise Terminated; afterwards
+    they take effect.
 
     So the block can clean up first; a second signal acts at once. Forces and sound end at once,
     whatever Python is doing.

@@ -17,12 +17,12 @@ def status(session_state: State, line_width: int) -> str:
     If there is not enough room, the list of what plays is shortened, then fields at the end are
     left out.
     """
-    texts = ["PANIC: type release"] if session_state.panicked else []
+    texts_before = ["PANIC: type release"] if session_state.panicked else []
     if session_state.let_go and not session_state.panicked:
-        texts = ["NO FORCE: type release"]
-    texts += session_state.troubles
+        texts_before = ["NO FORCE: type release"]
+    texts_before += session_state.troubles
     # Tenths are cut off, not rounded: 4.96 is still beat 4.
-    texts += [
+    texts_before += [
         f"{session_state.bar}|{math.floor(10 * session_state.beat) / 10:.1f}",
         f"{session_state.tempo:g} bpm",
     ]
@@ -41,15 +41,15 @@ def status(session_state: State, line_width: int) -> str:
     width_min = min(len(playing_text), _PLAYERS_WIDTH_MIN)
     while (
         texts_after
-        and len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])) + width_min > line_width
+        and len(_FIELD_SEPARATOR.join([*texts_before, "", *texts_after])) + width_min > line_width
     ):
         texts_after.pop()
     playing_width = max(
-        line_width - len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])), width_min
+        line_width - len(_FIELD_SEPARATOR.join([*texts_before, "", *texts_after])), width_min
     )
     if len(playing_text) > playing_width:
         playing_text = playing_text[: playing_width - 1] + "…"
-    return clean(_FIELD_SEPARATOR.join([*texts, playing_text, *texts_after]))[:line_width]
+    return clean(_FIELD_SEPARATOR.join([*texts_before, playing_text, *texts_after]))[:line_width]
 
 
 def _level_text(level: float) -> str:

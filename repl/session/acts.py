@@ -25,15 +25,15 @@ class Acts:
         self._pending_acts: dict[int, tuple[str, dict[str, object]]] = {}
 
     def request(
-        self, request_act: Callable[[], int | None], event: str, **act_fields: object
+        self, request_act: Callable[[], int | None], event_name: str, **act_fields: object
     ) -> bool:
-        """Ask the engine for an act, which becomes an `event` of the journal once it has acted;
-        False if too many are under way.
+        """Ask the engine for an act, which becomes an `event_name` of the journal once it has
+        acted; False if too many are under way.
         """
         with self._lock:  # the event of the act needs the entry
             ticket = request_act() if len(self._pending_acts) < _UNDER_WAY_MAX else None
             if ticket is not None:
-                self._pending_acts[ticket] = event, act_fields
+                self._pending_acts[ticket] = event_name, act_fields
             return ticket is not None
 
     def note_ended(self, engine_event: EngineEvent) -> None:
@@ -42,7 +42,7 @@ class Acts:
         """
         assert engine_event.act_ticket is not None
         with self._lock:
-            act_fields = self._pending_acts.pop(engine_event.act_ticket, None)
-        if act_fields is not None and not engine_event.is_late:
-            name, fields = act_fields
-            self._append_event(name, frame=engine_event.frame, **fields)
+            pending_act = self._pending_acts.pop(engine_event.act_ticket, None)
+        if pending_act is not None and not engine_event.is_late:
+            event_name, act_fields = pending_act
+            self._append_event(event_name, frame=engine_event.frame, **act_fields)

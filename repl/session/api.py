@@ -49,14 +49,14 @@ class SessionProxy(VerbMethods):
 
         def __getattr__(self, verb_name: str) -> Callable[..., Reply]:
             """The method of a verb."""
-            verb = building.FUNCTIONS.get(verb_name)
+            verb = building.VERB_BY_FUNCTION.get(verb_name)
             if verb is None:
                 raise AttributeError(
                     f"a session has no verb '{verb_name}'", name=verb_name, obj=self
                 )
 
-            def call(*given: object, **named: object) -> Reply:
-                return self(building.build_line(verb, given, named))
+            def call(*arguments: object, **keyword_arguments: object) -> Reply:
+                return self(building.build_line(verb, arguments, keyword_arguments))
 
             call.__name__ = call.__qualname__ = verb_name
             call.__doc__ = "\n\n".join(
@@ -67,7 +67,7 @@ class SessionProxy(VerbMethods):
 
     def __dir__(self) -> list[str]:
         """List the verbs too, for completion."""
-        return sorted({*super().__dir__(), *building.FUNCTIONS})
+        return sorted({*super().__dir__(), *building.VERB_BY_FUNCTION})
 
     @property
     def state(self) -> State:

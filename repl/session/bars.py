@@ -16,31 +16,31 @@ from ergon.scores.pattern.steps import PlaceBeats
 if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece, Strikes
 
-_DEFAULT_BARS = 2
+_DRAWN_BARS = 2
 _COLUMNS_PER_BEAT_MIN, _COLUMNS_PER_BEAT_MAX = 4, 10  # characters of a beat
-_NAME_LETTERS_MAX, _WIDTH_MAX = 12, 100
+_NAME_WIDTH_MAX, _WIDTH_MAX = 12, 100
 _CONTINUED_SIGN = "\u2026"  # sign of an earlier gesture, and of strikes by chance
 _STRIKE_SIGN = "x"  # sign of a strike without a note name
 
 
-def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], beat_now: float) -> list[str]:
+def draw_bars(
+    piece: Piece, gestures_in_flight: Sequence[tuple[str, str]], beat_now: float
+) -> list[str]:
     """The bar of beat `beat_now` and the next: their beats, what begins on them, and a mark at
     `beat_now`.
 
-    `playing` are the gestures in flight: (player, gesture).
+    `gestures_in_flight` are the gestures in flight: (player, gesture).
     """
     tempo = piece.tempo_map
     bar, _ = tempo.bar_beat(beat_now)
-    bar_starts = [tempo.bars.start(bar + number) for number in range(_DEFAULT_BARS + 1)]
-    events_by_player = {
-        name: [*_play_beginnings(piece, name, bar_starts)] for name in piece.players
-    }
+    bar_starts = [tempo.bars.start(bar + number) for number in range(_DRAWN_BARS + 1)]
+    events_by_row = {name: [*_play_beginnings(piece, name, bar_starts)] for name in piece.players}
     strokes_by_name = {
         strikes.name: [*_strokes(piece, strikes, bar_starts)] for strikes in piece.strikes
     }
-    events_by_player |= {name: strokes for name, strokes in strokes_by_name.items() if strokes}
-    name_length_max = max(map(len, events_by_player), default=0)
-    name_width = min(name_length_max, _NAME_LETTERS_MAX) + 2
+    events_by_row |= {name: strokes for name, strokes in strokes_by_name.items() if strokes}
+    name_length_max = max(map(len, events_by_row), default=0)
+    name_width = min(name_length_max, _NAME_WIDTH_MAX) + 2
     columns_left = min(shutil.get_terminal_size().columns, _WIDTH_MAX) - name_width
     while (
         len(bar_starts) > 2
@@ -56,17 +56,17 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], beat_now: float)
     def column(beat: float) -> int:
         return int((beat - bar_starts[0]) * beat_columns + SAME)
 
-    on_beats = [bar_starts[0] + number for number in range(math.ceil(n_beats - SAME))]
-    header_cells = [(column(beat), _beat_text(piece, beat)) for beat in on_beats]
-    drawn_rows = [" " * name_width + _column_row(n_columns, header_cells)]
-    for player_name, events in events_by_player.items():
-        beat_cells = [(column(beat), "\u00b7") for beat in on_beats]
+    drawn_beats = [bar_starts[0] + number for number in range(math.ceil(n_beats - SAME))]
+    header_cells = [(column(beat), _beat_text(piece, beat)) for beat in drawn_beats]
+    drawn_rows = [" " * name_width + _row_of_cells(n_columns, header_cells)]
+    for row_name, row_events in events_by_row.items():
+        beat_cells = [(column(beat), "\u00b7") for beat in drawn_beats]
         bar_events = [
             (column(beat), event_name)
-            for beat, event_name in events
+            for beat, event_name in row_events
             if bar_starts[0] <= beat < bar_starts[-1]
         ]
-        if any(player == player_name for player, _ in playing) and not any(
+        if any(player == row_name for player, _ in gestures_in_flight) and not any(
             column_index == 0 for column_index, _ in bar_events
         ):
             bar_events.insert(0, (0, _CONTINUED_SIGN))
@@ -78,7 +78,7 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], beat_now: float)
             ]
         )
         drawn_rows.append(
-            player_name[: name_width - 2].ljust(name_width) + _column_row(n_columns, row_cells)
+            row_name[: name_width - 2].ljust(name_width) + _row_of_cells(n_columns, row_cells)
         )
     drawn_rows.append(" " * (name_width + min(column(beat_now), n_columns - 1)) + "^")
     return drawn_rows
@@ -90,16 +90,16 @@ def _beat_text(piece: Piece, beat: float) -> str:
 
 
 def _play_beginnings(
-    piece: Piece, player: str, bar_starts: Sequence[float]
+    piece: Piece, player_name: str, bar_starts: Sequence[float]
 ) -> Iterator[tuple[float, str]]:
     """What a player begins within these bars, each with its beat."""
     for part_play, start_beats in zip(piece.parts, piece.starts, strict=True):
-        if part_play.player != player:
+        if part_play.player != player_name:
             continue
         play_beats = [piece.tempo_map.resolve(part_play.at)] if start_beats is None else start_beats
-        first = n_before(play_beats, bar_starts[0] - SAME)
-        last = n_before(play_beats, bar_starts[-1] - SAME)
-        for place_index in range(first, last):
+        first_index = n_before(play_beats, bar_starts[0] - SAME)
+        last_index = n_before(play_beats, bar_starts[-1] - SAME)
+        for place_index in range(first_index, last_index):
             shown_name = (
                 play_beats.places.played_name(place_index)
                 if isinstance(play_beats, PlaceBeats)
@@ -131,19 +131,19 @@ def _strokes(
             if note is not None:
                 yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
     elif strikes.rate is not None:
-        begin, stop = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
-        if begin < last_beat and (stop is None or stop > first_beat):
-            yield max(begin, bar_starts[0]), _CONTINUED_SIGN
+        begin_beat, stop_beat = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
+        if begin_beat < last_beat and (stop_beat is None or stop_beat > first_beat):
+            yield max(begin_beat, bar_starts[0]), _CONTINUED_SIGN
     else:
         beats = strikes.beats(tempo)
-        places = range(n_before(beats, first_beat), n_before(beats, last_beat))
-        yield from ((beats[place], _STRIKE_SIGN) for place in places)
+        stroke_indices = range(n_before(beats, first_beat), n_before(beats, last_beat))
+        yield from ((beats[stroke_index], _STRIKE_SIGN) for stroke_index in stroke_indices)
 
 
-def _column_row(n_columns: int, cells: Sequence[tuple[int, str]]) -> str:
+def _row_of_cells(n_columns: int, cells: Sequence[tuple[int, str]]) -> str:
     """Words at columns, each cut where the next begins."""
     drawn_row = ""
     for number, (column, text) in enumerate(cells):
-        end = cells[number + 1][0] if number + 1 < len(cells) else n_columns
-        drawn_row = drawn_row.ljust(column)[:column] + text[: max(1, end - column - 1)]
+        next_column = cells[number + 1][0] if number + 1 < len(cells) else n_columns
+        drawn_row = drawn_row.ljust(column)[:column] + text[: max(1, next_column - column - 1)]
     return drawn_row.rstrip()

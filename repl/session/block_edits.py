@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 
 @edits_texts(DefineBlock)
-def _define(command: DefineBlock, version: Version, beat: float) -> Texts:
+def _define_block(command: DefineBlock, version: Version, beat: float) -> Texts:
     return blocks.define(version.texts, version.piece, command.name, command.lines)
 
 
 @makes_edit(RunBlock)
-def _run(command: RunBlock) -> VersionEdit:
+def _run_block(command: RunBlock) -> VersionEdit:
     return lambda version, beat: run_block(version, beat, command.name, command.values)
 
 
 @makes_edit(RunByRule)
-def _run_by_rule(command: RunByRule) -> VersionEdit:
+def _run_block_by_rule(command: RunByRule) -> VersionEdit:
     """Run a block by a rule from here on; and at once, if the rule says so."""
     block_name, trigger = command.name, command.trigger
 
@@ -52,7 +52,7 @@ def _run_by_rule(command: RunByRule) -> VersionEdit:
 
 
 @makes_edit(StopBlock)
-def _stop(command: StopBlock) -> VersionEdit:
+def _stop_block(command: StopBlock) -> VersionEdit:
     block_name = command.name
 
     def edit(version: Version, beat: float) -> Version:

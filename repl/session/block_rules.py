@@ -19,14 +19,14 @@ MAX_RULES = 16
 class Rule(NamedTuple):
     """A rule of a block: its trigger, and the beat on which it took effect."""
 
-    begin: float
+    begin_beat: float
     trigger: Trigger
 
 
 def rules_field(rules: Mapping[str, Rule]) -> dict[str, object]:
     """The journal field for rules; empty if there are none."""
-    rows = [[name, rule.begin, rule.trigger.text] for name, rule in rules.items()]
-    return {"rules": rows} if rows else {}
+    rule_rows = [[name, rule.begin_beat, rule.trigger.text] for name, rule in rules.items()]
+    return {"rules": rule_rows} if rule_rows else {}
 
 
 def read_rules(journal_event: JournalEvent) -> Mapping[str, Rule]:

@@ -32,27 +32,32 @@ class BlockRuns:
         self,
         schedule: Schedule,
         log: SessionLog,
-        queue: Callable[[Entry], tuple[str, RunningVersion]],
-        drop: Callable[[WaitingLine], None],
+        queue_line: Callable[[Entry], tuple[str, RunningVersion]],
+        drop_line: Callable[[WaitingLine], None],
     ) -> None:
-        """Begin without queued runs; `queue` lets a line wait for its frame, `drop` removes it."""
-        self._schedule, self._log, self._queue, self._drop = schedule, log, queue, drop
+        """Begin without queued runs; `queue_line` lets a line wait for its frame, `drop_line`
+        removes it.
+        """
+        self._schedule = schedule
+        self._log = log
+        self._queue_line = queue_line
+        self._drop_line = drop_line
         self._waiting_runs: dict[int, tuple[str, Rule]] = {}
-        self._last_runs: dict[str, float] = {}
-        self._last_beat = 0.0  # the beat of the last turn
+        self._last_run_beats: dict[str, float] = {}
+        self._last_turn_beat = 0.0  # the beat of the last turn
         self._refused_names: set[str] = set()
 
-    def queue_due(self) -> None:
+    def queue_due_runs(self) -> None:
         """Queue runs that are due, and drop those whose rule no longer holds."""
         schedule = self._schedule
-        rules = {(name, rule) for name, rule in self._rules()}
-        if not rules and not self._waiting_runs:
+        named_rules = {(name, rule) for name, rule in self._active_rules()}
+        if not named_rules and not self._waiting_runs:
             return
         is_running, beat_now = schedule.running.clock.is_running, schedule.beat_now()
-        has_jumped = beat_now < self._last_beat - SAME
-        self._last_beat = beat_now
+        has_jumped = beat_now < self._last_turn_beat - SAME
+        self._last_turn_beat = beat_now
         if has_jumped or not is_running:
-            self._last_runs.clear()
+            self._last_run_beats.clear()
         for waiting_line in [
             line for line in schedule.waiting if line.number in self._waiting_runs
         ]:
@@ -62,16 +67,16 @@ class BlockRuns:
                 or not is_running
                 or not self._is_in_force(block_name, rule, waiting_line.beat)
             ):
-                self._drop(waiting_line)
+                self._drop_line(waiting_line)
         waiting_numbers = {line.number for line in schedule.waiting}
         for number in self._waiting_runs.keys() - waiting_numbers:
             del self._waiting_runs[number]
             schedule.past_versions.pop(number, None)  # `undo` returns to typed lines alone
         if is_running:
-            for block_name, rule in sorted(rules, key=lambda line: line[0]):
+            for block_name, rule in sorted(named_rules, key=lambda named_rule: named_rule[0]):
                 self._queue_next(block_name, rule)
 
-    def _rules(self) -> Iterator[tuple[str, Rule]]:
+    def _active_rules(self) -> Iterator[tuple[str, Rule]]:
         """The rules of the running version and of all waiting ones."""
         schedule = self._schedule
         yield from schedule.running.version.rules.items()
@@ -90,23 +95,27 @@ class BlockRuns:
             clock.beat(tempo, seconds)
             for seconds in (soonest_seconds, soonest_seconds + _QUEUE_LEAD)
         )
-        after_beat = max(first_beat - 2.0 * SAME, rule.begin)
-        if (last_run := self._last_runs.get(block_name)) is not None:
-            after_beat = max(
-                after_beat, last_run, tempo.beats(tempo.seconds(last_run) + _PAUSE_MIN) - 2.0 * SAME
+        earliest_beat = max(first_beat - 2.0 * SAME, rule.begin_beat)
+        if (last_run_beat := self._last_run_beats.get(block_name)) is not None:
+            earliest_beat = max(
+                earliest_beat,
+                last_run_beat,
+                tempo.beats(tempo.seconds(last_run_beat) + _PAUSE_MIN) - 2.0 * SAME,
             )
-        run_beat = rule.trigger.next_beat(tempo, rule.begin, after_beat, latest_beat)
+        run_beat = rule.trigger.next_beat(tempo, rule.begin_beat, earliest_beat, latest_beat)
         if run_beat is None or not self._is_in_force(block_name, rule, run_beat):
             return
-        self._last_runs[block_name] = run_beat
+        self._last_run_beats[block_name] = run_beat
         run_position = Position(plus=Length(beats=run_beat))
         tick_values: tuple[str, ...] = ()
         if has_tick(schedule.head.piece.blocks.get(block_name, ())):
-            tick_values = (f"{TICK_NAME}={rule.trigger.run_count(tempo, rule.begin, run_beat)}",)
+            tick_values = (
+                f"{TICK_NAME}={rule.trigger.run_count(tempo, rule.begin_beat, run_beat)}",
+            )
         run_line = " ".join(("run", block_name, *tick_values))
         try:
-            edit = version_edits.combined([RunBlock(block_name, tick_values)])
-            _, queued_version = self._queue(
+            edit = version_edits.combine_edits([RunBlock(block_name, tick_values)])
+            _, queued_version = self._queue_line(
                 Entry(run_line, edit, when=run_position, is_typed=False)
             )
         except REFUSALS as error:

@@ -37,28 +37,28 @@ class Capture:
 class Captures:
     """Takes, one at a time, cut out of the recording of all hands that a session writes.
 
-    `path` is that recording; None if no hand is real.
+    `hands_recording` is its file; None if no hand is real.
     """
 
-    path: Path | None
+    hands_recording: Path | None
     current: Capture | None = None
 
-    def begin(self, player: str, name: str, start: int) -> None:
+    def begin(self, player: str, name: str, start_frame: int) -> None:
         """Begin a take at a frame. Raises NotTakenError."""
         if self.current is not None:
             raise NotTakenError(
                 f"the take {self.current.name} is still being recorded", "record off"
             )
-        self.current = Capture(player, name, start)
+        self.current = Capture(player, name, start_frame)
 
-    def end(self, stop: int) -> Capture:
+    def end(self, stop_frame: int) -> Capture:
         """End the take at a frame. Raises NotTakenError."""
         if self.current is None:
             raise NotTakenError("no take is being recorded; `record PLAYER as NAME` begins one")
-        if stop <= self.current.start_frame:
+        if stop_frame <= self.current.start_frame:
             self.current = None
             raise NotTakenError("the take ended before it began: nothing was recorded")
-        self.current.stop_frame = stop
+        self.current.stop_frame = stop_frame
         return self.current
 
     def pop_ready(self, schedule: Schedule) -> Capture | None:
@@ -73,12 +73,12 @@ class Captures:
 
     def write(self, capture: Capture, folder: Path, tick_frames: int) -> Path:
         """Write a take beside the score. Raises NotTakenError."""
-        assert self.path is not None
+        assert self.hands_recording is not None
         assert capture.stop_frame is not None
         take_path = folder / "takes" / f"{capture.name}.take"
         try:
             tick_span = capture.start_frame // tick_frames, capture.stop_frame // tick_frames
-            recording = _core.read_recording(self.path, tick_span)
+            recording = _core.read_recording(self.hands_recording, tick_span)
             if not len(recording.ticks()):
                 raise NotTakenError(
                     f"the take {capture.name} was not written: nothing of it was recorded"

@@ -132,7 +132,7 @@ class Changes:
         self._n_sent += 1
         self._send_gains(start_frame, waiting_lines, self._n_sent)
         self.done_numbers += [line.number for line in waiting_lines]
-        self._sort_history()
+        self._sort_done_numbers()
 
     def ready_frame(self, first_frame: int, waiting_lines: Sequence[WaitingLine]) -> int:
         """The first frame from `first_frame` on that has all strikes and routes that lines fade."""
@@ -170,11 +170,11 @@ class Changes:
 
     def _insert(self, pending_change: PendingChange) -> None:
         """Insert a change behind those that act before it or at its frame."""
-        index = sum(change.frame <= pending_change.frame for change in self.pending)
-        later_changes = self.pending[index:]
-        self.pending[index:] = [pending_change]
+        insertion_index = sum(change.frame <= pending_change.frame for change in self.pending)
+        later_changes = self.pending[insertion_index:]
+        self.pending[insertion_index:] = [pending_change]
         self._append_following(pending_change.running_after, later_changes)
-        self._sort_history()
+        self._sort_done_numbers()
 
     def _append_following(
         self, running_before: RunningVersion, later_changes: Sequence[PendingChange]
@@ -191,24 +191,24 @@ class Changes:
     ) -> PendingChange:
         """A change that follows another version; the engine gets its gains again if they differ."""
         if change.is_gain_change:
-            version_after = with_known_faders(running_before, change.lines)
+            new_running_after = with_known_faders(running_before, change.lines)
         else:
-            version_after = with_rebased_faders(
+            new_running_after = with_rebased_faders(
                 change.running_after, running_before.version, change.lines
             )
-        ratios = fader_ratios(version_after)
-        new_ratios = changed_ratios(running_before, version_after)
+        ratios = fader_ratios(new_running_after)
+        new_ratios = changed_ratios(running_before, new_running_after)
         gains = {group: ratios[group] for group in {*change.gains, *new_ratios} if group in ratios}
         if gains != change.gains:
             with contextlib.suppress(EngineError):  # too many changes wait
                 self._corrections.add(
-                    self._engine.change(gains_at(change.frame, version_after, gains))
+                    self._engine.change(gains_at(change.frame, new_running_after, gains))
                 )
         return replace(
-            change, running_before=running_before, running_after=version_after, gains=gains
+            change, running_before=running_before, running_after=new_running_after, gains=gains
         )
 
-    def _sort_history(self) -> None:
+    def _sort_done_numbers(self) -> None:
         """Let the numbers of lines be in the order in which they act."""
         coming_numbers = [line.number for change in self.pending for line in change.lines]
         known_numbers = {*coming_numbers}
@@ -227,17 +227,19 @@ class Changes:
             for waiting_line, faders in zip(
                 pending_change.lines, faders_after(old_version, pending_change.lines), strict=True
             ):
-                known_version = past_by_number.get(waiting_line.number)
-                if known_version is None:
+                known_past_version = past_by_number.get(waiting_line.number)
+                if known_past_version is None:
                     continue
-                version_after = known_version
+                past_version = known_past_version
                 if pending_change.is_gain_change:
-                    version_after = PastVersion.from_version(
-                        old_version, known_version.where, known_version.line
+                    past_version = PastVersion.from_version(
+                        old_version, known_past_version.beat_text, known_past_version.line
                     )
-                version_after = replace(version_after, number=known_version.number, faders=faders)
-                if version_after != known_version:
-                    yield waiting_line.number, version_after
+                past_version = replace(
+                    past_version, number=known_past_version.number, faders=faders
+                )
+                if past_version != known_past_version:
+                    yield waiting_line.number, past_version
 
     def withdraw(self, first_frame: int) -> Withdrawal:
         """Take back the changes from a frame on that were not made yet."""
@@ -272,8 +274,10 @@ class Changes:
                 gain_changes.append(replace(returned_change, lines=()))
             else:
                 self._withdrawn[returned_change.ticket] = returned_change
-        numbers = {line.number for line in returned_lines}
-        self.done_numbers = [number for number in self.done_numbers if number not in numbers]
+        returned_numbers = {line.number for line in returned_lines}
+        self.done_numbers = [
+            number for number in self.done_numbers if number not in returned_numbers
+        ]
         self._append_following(base_version, gain_changes)
         if gain_changes:
             self.running = self.pending[-1].running_after
@@ -320,7 +324,7 @@ class Changes:
             self._append_following(withdrawn_change.running_after, later_changes)
             if later_changes:
                 self.running = self.pending[-1].running_after
-            self._sort_history()
+            self._sort_done_numbers()
         return withdrawn_change
 
 

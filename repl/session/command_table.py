@@ -20,11 +20,11 @@ _CommandFunction = TypeVar("_CommandFunction", bound="Callable[..., Reply]")
 SESSION_COMMANDS: dict[type[Command], Callable[[SessionCore, Any], Reply]] = {}
 
 
-def executes(kind: type[Command]) -> Callable[[_CommandFunction], _CommandFunction]:
+def executes(command_type: type[Command]) -> Callable[[_CommandFunction], _CommandFunction]:
     """Decorate the function that does a command."""
 
     def register(function: _CommandFunction) -> _CommandFunction:
-        SESSION_COMMANDS[kind] = function
+        SESSION_COMMANDS[command_type] = function
         return function
 
     return register

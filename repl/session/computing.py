@@ -15,38 +15,38 @@ LINE_STEPS = 1_500_000_000  # steps for a line
 FILES_STEPS = 20_000_000_000  # steps for one that reads files, restores a version or starts
 
 
-class Computing:
+class Computations:
     """The computations of a session, the innermost last."""
 
     def __init__(self) -> None:
         """Begin with no computation."""
-        self._limit = threading.local()  # limit of each thread's last computation
-        self._works: list[Work] = []
+        self._thread_limit = threading.local()  # limit of each thread's last computation
+        self._running_work: list[Work] = []
 
     @contextlib.contextmanager
     def limited(self, steps: int | None) -> Iterator[None]:
         """Limit the computation in this block. Raises StoppedError beyond the limit."""
-        self._limit.steps = steps
+        self._thread_limit.steps = steps
         limited_work = Work(steps)
-        self._works.append(limited_work)
+        self._running_work.append(limited_work)
         try:
             with limited_work:
                 yield
         finally:
-            self._works.remove(limited_work)
+            self._running_work.remove(limited_work)
 
     def cancel(self) -> bool:
         """Cancel all running computations, from any thread; False if there are none."""
-        works = self._works[:]
-        for work in works:
+        running_work = self._running_work[:]
+        for work in running_work:
             work.cancel()
-        return bool(works)
+        return bool(running_work)
 
-    def refusal(self, error: StoppedError) -> str:
+    def refusal_text(self, error: StoppedError) -> str:
         """Why a line is not taken whose computation was stopped."""
         if error.why == "cancelled":
             return "cancelled; nothing has changed"
-        step_limit: int = self._limit.steps
+        step_limit: int = self._thread_limit.steps
         refusal_sentence = (
             f"this line takes more than {_millions_text(step_limit)} steps to compute (visits of "
             "modules, numbers of matrices, points); nothing has changed"

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _BAR_DURATION = Length(bars=1.0)
-_DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
+_DRAWING_INTERVAL = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
 _TRACE_HEIGHT = 6  # characters
 _TRIES_MAX = 3  # times that a line which acts now is made again before its answer
 
@@ -85,7 +85,7 @@ class SessionCore:
         past: PastVersions | None = None,
         frozen: tuple[LoadedPart, ...] = (),
         is_seen: bool = False,
-        driven: Collection[str] = (),
+        driven_players: Collection[str] = (),
     ) -> None:
         """Begin with a version whose piece is stopped; `make_engine` makes an engine for its stage.
 
@@ -94,12 +94,12 @@ class SessionCore:
         version. A session that `watches` reloads the score when it is saved elsewhere. `past` is
         the history of a resumed session, whose version 0 is `version`. `frozen` parts are played
         from their samples until the score changes them. If it `is_seen`, parts that are not
-        heard are computed too. Written parts move the real keys of `driven` players.
+        heard are computed too. Written parts move the real keys of `driven_players` players.
         """
-        version = replace(version, base=version.base or version.texts)
+        version = replace(version, file_texts=version.file_texts or version.texts)
         running = stage_first(version, clock or Clock(), real or {}, store, frozen, is_seen=is_seen)
         engine = make_engine(running.stage)
-        bounds = engine.force_bounds(running.stage, running.start, (), ())
+        bounds = engine.force_bounds(running.stage, running.start_frame, (), ())
         running = replace(running, force_bounds=bounds)
         engine.set_faders(fader_ratios(running))
         past = past or PastVersions([PastVersion.from_version(version, "1|1")], 0)
@@ -118,8 +118,8 @@ class SessionCore:
         self.cancelled_lines: list[WaitingLine] = []
         self.captures = Captures(hands)
         self.sound_file = SoundFile()
-        self.guidance = Guidance(self.schedule, frozenset(driven))
-        self.computing = computing.Computing()
+        self.guidance = Guidance(self.schedule, frozenset(driven_players))
+        self.computing = computing.Computations()
         self.file_watch = FileWatch(version.texts) if watches else None
         self.stops = Stops(self.schedule, self.computing, self.log, self.queue, self.drop)
         self.fast_values = FastValues(
@@ -169,7 +169,7 @@ class SessionCore:
         """Make a version by the edits of commands, and queue it."""
         for command in commands:
             if isinstance(command, Guide):
-                check_guide(command, self.schedule, self.guidance.driven)
+                check_guide(command, self.schedule, self.guidance.driven_players)
         line_time: When = next(
             (typed_command.when for typed_command in commands if typed_command.when is not None),
             None,
@@ -177,7 +177,7 @@ class SessionCore:
         if line_time is None and all(isinstance(command, DefineBlock) for command in commands):
             line_time = NOW  # nothing is heard of it
         reads_files = any(type(command) in version_edits.READS_FILES for command in commands)
-        edit = version_edits.combined(commands)
+        edit = version_edits.combine_edits(commands)
         kind = kind_of(commands, has_levels=bool(self.schedule.head.strike_levels))
         beat_text, queued_version = self.queue(
             Entry(line_text, edit, kind, line_time, reads_files=reads_files)
@@ -211,7 +211,7 @@ class SessionCore:
             if not self._is_due(line_number) or not self.schedule.make_due():
                 break
             self.hand_over_due()
-        line = self.schedule.line(line_number) or draft.line
+        line = self.schedule.line(line_number) or draft.drafted_line
         return line.result().piece.tempo_map.written(line.beat), draft.checked_version
 
     def resolved_time(self, when: When) -> When:
@@ -220,11 +220,11 @@ class SessionCore:
             return when
         voice_names = (*self.scope.strikes, *self.scope.players)
         if when.name not in voice_names:
-            names = f"; there are only {', '.join(voice_names)}" if voice_names else ""
-            message = f"{quote(when.name)} is not the name of strikes, or a player{names}"
+            known_names = f"; there are only {', '.join(voice_names)}" if voice_names else ""
+            message = f"{quote(when.name)} is not the name of strikes, or a player{known_names}"
             raise NotTakenError(message)
-        soonest, _ = self.schedule.place(NOW, None)
-        beat = next_beginning(self.schedule.head.piece, when.name, soonest)
+        soonest_beat, _ = self.schedule.place(NOW, None)
+        beat = next_beginning(self.schedule.head.piece, when.name, soonest_beat)
         return Position(plus=Length(beats=beat))
 
     def _is_due(self, number: int) -> bool:
@@ -236,16 +236,16 @@ class SessionCore:
 
     def _note_line(self, entry: Entry, draft: Draft) -> None:
         """Note a line that waits from now on in journal and history."""
-        waiting_line, version = draft.line, draft.line.result()
+        waiting_line, version = draft.drafted_line, draft.drafted_line.result()
         optional_fields: dict[str, object] = {}
         if entry.replaced_number is not None:
             optional_fields["replaces"] = entry.replaced_number
         if not entry.is_typed:
             optional_fields["typed"] = False
-        if waiting_line.start is not None:
-            optional_fields["start"] = waiting_line.start
+        if waiting_line.start_frame is not None:
+            optional_fields["start"] = waiting_line.start_frame
         if entry.reads_files:
-            optional_fields |= self._fields_read(version)
+            optional_fields |= self._read_fields(version)
             self.log.note_read(waiting_line.number, version)
         self.log.write(
             "line",
@@ -268,16 +268,16 @@ class SessionCore:
                 self.cancelled_lines.clear()
             self.history.sort(self.schedule.effect_order())
 
-    def _fields_read(self, version: Version) -> dict[str, object]:
+    def _read_fields(self, version: Version) -> dict[str, object]:
         disk_fields: dict[str, object] = {}
         if version.read_texts is not None:
             self.disk.note_read(version.read_texts)
             disk_fields["base"] = text_fields(version.read_texts)
             if self.file_watch is not None:
                 self.file_watch.watch_texts(version.read_texts)
-        if version.read_files and version.base is not None:
+        if version.read_files and version.file_texts is not None:
             self.disk.note_written(version.read_files)
-            disk_fields["base"] = text_fields(version.base)
+            disk_fields["base"] = text_fields(version.file_texts)
             if self.file_watch is not None:
                 self.file_watch.watch_texts(version.texts)
         disk_fields["disk"] = self.disk.hashes_by_name(version.texts)
@@ -292,9 +292,9 @@ class SessionCore:
 
     def note_written(self, texts: Texts, *, is_own: bool) -> None:
         """Note that files were written: those of the score itself (`is_own`), or copies."""
-        base = {"base": text_fields(texts)} if is_own else {}
-        names = self.disk.hashes_by_name(texts)
-        self.log.write("saved", score=texts.path, disk=names, **base)
+        base_fields = {"base": text_fields(texts)} if is_own else {}
+        disk_hashes = self.disk.hashes_by_name(texts)
+        self.log.write("saved", score=texts.path, disk=disk_hashes, **base_fields)
         if is_own:
             self.schedule.rebase(texts)
         if self.file_watch is not None:
@@ -314,10 +314,10 @@ class SessionCore:
                 return
             self._take_events()
             schedule.hand_over()
-            self.hearing.strike_due()
+            self.hearing.strike_ready()
             self.log.take_reports()
-            self._take_sound_file()
-            for line in self.midi.monitor.lines_due(schedule.engine.frame / schedule.rate):
+            self._report_sound_file()
+            for line in self.midi.monitor.due_lines(schedule.engine.frame / schedule.rate):
                 self.log.say(line)
             if self.journal is not None and (journal_error := self.journal.pop_failure()):
                 self.log.say(journal_error)
@@ -329,13 +329,13 @@ class SessionCore:
             self.hand_over_due()
         self.fast_values.set_due()
         if not self.stops.panicked:
-            self.block_runs.queue_due()
-        if (take := self.captures.pop_ready(self.schedule)) is not None:
-            self._add_take(take)
+            self.block_runs.queue_due_runs()
+        if (capture := self.captures.pop_ready(self.schedule)) is not None:
+            self._add_take(capture)
         frame = self.schedule.engine.frame
         if (
             self.traced_player is not None
-            and frame >= self._drawn_frame + _DRAWS_EVERY * self.schedule.rate
+            and frame >= self._drawn_frame + _DRAWING_INTERVAL * self.schedule.rate
         ):
             self.draw_trace()
 
@@ -357,7 +357,11 @@ class SessionCore:
         self._drawn_frame, self.drawing = engine.frame, ()
         if self.traced_player is not None:
             with contextlib.suppress(NotTakenError):  # the player is gone, or has not moved yet
-                trace_arguments = self.traced_player, engine.tick_frames, self.captures.path
+                trace_arguments = (
+                    self.traced_player,
+                    engine.tick_frames,
+                    self.captures.hands_recording,
+                )
                 trace_lines = inspection.draw_trace(
                     running, engine.frame, *trace_arguments, height=_TRACE_HEIGHT
                 )
@@ -382,29 +386,29 @@ class SessionCore:
         for frame, begins in schedule.engine.silences():
             self.log.write("silence", frame=frame, begins=begins)
 
-    def _add_take(self, take: Capture) -> None:
+    def _add_take(self, capture: Capture) -> None:
         """Write the file of a take that has ended, and add the take to the score."""
         folder = Path(self.schedule.head.texts.path).parent
         try:
-            path = self.captures.write(take, folder, self.schedule.engine.tick_frames)
-            take_file = path.relative_to(folder).as_posix()
+            take_path = self.captures.write(capture, folder, self.schedule.engine.tick_frames)
+            take_file = take_path.relative_to(folder).as_posix()
 
             def edit(version: Version, beat: float) -> Version:
-                return version_edits.with_take(version, take.name, take_file, take.player)
+                return version_edits.with_take(version, capture.name, take_file, capture.player)
 
-            self.queue(Entry(f"# take {take.name}", edit, when=NOW, reads_files=True))
+            self.queue(Entry(f"# take {capture.name}", edit, when=NOW, reads_files=True))
         except (NotTakenError, *REFUSALS) as error:
             self.log.say(str(error))
             return
-        assert take.stop_frame is not None
-        duration = (take.stop_frame - take.start_frame) / self.schedule.rate
-        missing_seconds = take.n_missing * self.schedule.engine.tick_frames / self.schedule.rate
+        assert capture.stop_frame is not None
+        duration = (capture.stop_frame - capture.start_frame) / self.schedule.rate
+        missing_seconds = capture.n_missing * self.schedule.engine.tick_frames / self.schedule.rate
         missing_text = (
-            f", of which {missing_seconds:.3f} s were not recorded" if take.n_missing else ""
+            f", of which {missing_seconds:.3f} s were not recorded" if capture.n_missing else ""
         )
-        self.log.say(f"take {take.name}: {duration:.1f} s{missing_text} -> {take_file}")
+        self.log.say(f"take {capture.name}: {duration:.1f} s{missing_text} -> {take_file}")
 
-    def _take_sound_file(self) -> None:
+    def _report_sound_file(self) -> None:
         message, closed_file = self.sound_file.report_change(
             self.schedule.engine, self.schedule.rate
         )

@@ -26,9 +26,9 @@ _UTF8_BOM = b"\xef\xbb\xbf"
 class Disk:
     """Hashes of the texts that were last read from files or written to them."""
 
-    def __init__(self, known: Mapping[str, str] | None = None) -> None:
+    def __init__(self, known_hashes: Mapping[str, str] | None = None) -> None:
         """Begin with hashes by file name."""
-        self._hash_by_file = dict(known or {})
+        self._hash_by_file = dict(known_hashes or {})
 
     @classmethod
     def from_texts(cls, texts: Texts) -> Disk:
@@ -121,8 +121,8 @@ def target_path(file: str, folder: Path) -> str:
 def read_text(path: Path) -> str | None:
     """The text of a file; None where it cannot be read as text."""
     try:
-        data = read_bounded(path, MAX_BYTES)
-        return data.decode("utf-8-sig") if len(data) <= MAX_BYTES else None
+        content = read_bounded(path, MAX_BYTES)
+        return content.decode("utf-8-sig") if len(content) <= MAX_BYTES else None
     except (OSError, UnicodeError):
         return None
 

@@ -13,7 +13,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.repl.language.commands import NOW
 from ergon.repl.session.groups import StagedGroup, staged_group_of
-from ergon.repl.session.line_kinds import RULES, LineKind
+from ergon.repl.session.line_kinds import RULE_BY_KIND, LineKind
 from ergon.repl.session.unheard import check_unheard
 from ergon.repl.session.version import NotTakenError
 from ergon.repl.session.waiting_lines import WaitingLine, WaitingLines
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Timing
     from ergon.repl.session.entry import Entry
     from ergon.repl.session.making_time import MakingTime
-    from ergon.repl.session.makings import Makings
+    from ergon.repl.session.makings import VersionMaker
     from ergon.repl.session.moments import Moments
     from ergon.repl.session.running import RunningVersion
 
@@ -66,9 +66,9 @@ class Draft:
     base_lines: WaitingLines
     lines: WaitingLines
     requested: WaitingLine
-    line: WaitingLine
+    drafted_line: WaitingLine
     checked_version: RunningVersion
-    staged: StagedGroup | None = None
+    staged_group: StagedGroup | None = None
 
 
 class Drafts:
@@ -81,12 +81,12 @@ class Drafts:
         moments: Moments,
         changes: Changes,
         timing: Timing,
-        makings: Makings,
+        version_maker: VersionMaker,
         making_time: MakingTime,
     ) -> None:
         """Begin with what says when lines can act, and what makes their versions."""
         self._moments, self._changes, self._timing = moments, changes, timing
-        self._makings, self._making_time = makings, making_time
+        self._version_maker, self._making_time = version_maker, making_time
 
     def sketch(
         self, request: Request, waiting_lines: WaitingLines, requested: WaitingLine | None = None
@@ -112,31 +112,35 @@ class Drafts:
         """
         running, soonest_frame = sketch.running, sketch.soonest_frame
         inserted_lines, inserted_line = sketch.lines.inserted(sketch.requested, soonest_frame)
-        checked_version, staged_lines = replace(running, version=inserted_line.result()), None
+        checked_version, staged_group = replace(running, version=inserted_line.result()), None
         if not (sketch.is_checked or inserted_line.rule.is_quick):
-            start_frame = self._making_time.begin_frame()
-            staged_group = staged_group_of(inserted_lines.lines)
-            if inserted_line in staged_group:
-                staged_version = self._makings.staged(running, staged_group)
-                staged_lines = StagedGroup(staged_group, running, staged_version)
+            making_begin_frame = self._making_time.begin_frame()
+            group_lines = staged_group_of(inserted_lines.lines)
+            if inserted_line in group_lines:
+                staged_version = self._version_maker.staged(running, group_lines)
+                staged_group = StagedGroup(group_lines, running, staged_version)
             else:  # a line that waits for others is only checked
-                start = soonest_frame if inserted_line.start is None else inserted_line.start
-                staged_version = self._makings.staged(
-                    running, [replace(inserted_line, start=start)]
+                line_start_frame = (
+                    soonest_frame
+                    if inserted_line.start_frame is None
+                    else inserted_line.start_frame
                 )
-            if inserted_line.base is not None and not (
-                inserted_line.reads_files or inserted_line.sets_all
+                staged_version = self._version_maker.staged(
+                    running, [replace(inserted_line, start_frame=line_start_frame)]
+                )
+            if inserted_line.version_before is not None and not (
+                inserted_line.reads_files or inserted_line.restores_version
             ):
-                check_unheard(inserted_line.base.sounding, staged_version.stage)
+                check_unheard(inserted_line.version_before.sounding, staged_version.stage)
             checked_version = replace(staged_version, version=inserted_line.result())
-            self._making_time.add(start_frame)
+            self._making_time.add(making_begin_frame)
         return Draft(
             sketch.lines,
             inserted_lines,
             sketch.requested,
             inserted_line,
             checked_version,
-            staged_lines,
+            staged_group,
         )
 
     def joined_frame(self, request: Request, waiting_lines: WaitingLines) -> int | None:
@@ -145,12 +149,14 @@ class Drafts:
         """
         entry = request.entry
         pending_changes = [change for change in self._changes.pending if not change.is_gain_change]
-        if not pending_changes or RULES[entry.kind].is_quick or entry.sets_running is not None:
+        if (
+            not pending_changes
+            or RULE_BY_KIND[entry.kind].is_quick
+            or entry.sets_running is not None
+        ):
             return None
-        last_change, ready_frame = (
-            pending_changes[-1],
-            self._moments.tick_after(self._making_time.expected + _SPARE_SECONDS),
-        )
+        last_change = pending_changes[-1]
+        ready_frame = self._moments.tick_after(self._making_time.expected_seconds + _SPARE_SECONDS)
         is_running = self._changes.running.clock.is_running
         if not last_change.lines or not is_running or last_change.frame < ready_frame:
             return None
@@ -177,12 +183,12 @@ class Drafts:
             edit=entry.numbered_edit(request.number),
             kind=entry.kind,
             beat=line_beat if entry.enter_beat is None else entry.enter_beat,
-            start=start_frame,
+            start_frame=start_frame,
             sets_running=entry.sets_running,
             resets=entry.resets,
             is_now=is_now or entry.sets_running is not None,
             reads_files=entry.reads_files,
-            sets_all=entry.sets_all,
+            restores_version=entry.restores_version,
             is_named=isinstance(entry.when, Position | Length),
         )
 
@@ -191,14 +197,15 @@ class Drafts:
     ) -> int | None:
         """The frame of a beat that is ahead, if the piece is about to start."""
         start_line = next((line for line in waiting_lines.lines if line.sets_running), None)
-        if start_line is None or start_line.clock is None or start_line.start is None:
+        if start_line is None or start_line.clock is None or start_line.start_frame is None:
             return None
         tempo, lead = (
             waiting_lines.head.piece.tempo_map,
             self._timing.change_lead(line_kind is LineKind.ENDS),
         )
         return max(
-            start_line.start, self._timing.takeover_frame(start_line.clock, tempo, line_beat, lead)
+            start_line.start_frame,
+            self._timing.takeover_frame(start_line.clock, tempo, line_beat, lead),
         )
 
     def _after_fence(self, new_line: WaitingLine, lines: WaitingLines) -> WaitingLine:
@@ -206,23 +213,21 @@ class Drafts:
         fence = lines.fence(new_line)
         if fence is None:
             return new_line
-        return replace(new_line.moved_to(fence.beat, fence.start), is_now=fence.is_now)
+        return replace(new_line.moved_to(fence.beat, fence.start_frame), is_now=fence.is_now)
 
     def _after_changes(self, line: WaitingLine) -> WaitingLine:
         """A line that moves faders, not before the change under way that makes what it names; one
         that restores a version, not before any.
         """
-        if line.start is None:
+        if line.start_frame is None:
             return line
-        pending_changes, start_frame = (
-            [change for change in self._changes.pending if change.lines],
-            line.start,
-        )
-        if line.sets_all:
+        pending_changes = [change for change in self._changes.pending if change.lines]
+        start_frame = line.start_frame
+        if line.restores_version:
             start_frame = max([start_frame, *(change.frame for change in pending_changes)])
         elif line.kind is LineKind.FADERS:
             start_frame = self._changes.ready_frame(start_frame, (line,))
-        if start_frame == line.start:
+        if start_frame == line.start_frame:
             return line
         change_beat = next(
             (

@@ -16,50 +16,50 @@ from ergon.scores.edits.texts import Texts
 if TYPE_CHECKING:
     from ergon.repl.session.waiting_lines import VersionEdit
 
-_Make = TypeVar("_Make", bound=Callable[..., "VersionEdit"])
-_Change = TypeVar("_Change", bound=Callable[..., Texts])
-_Move = TypeVar("_Move", bound=Callable[..., Faders])
+_EditMaker = TypeVar("_EditMaker", bound=Callable[..., "VersionEdit"])
+_TextsEdit = TypeVar("_TextsEdit", bound=Callable[..., Texts])
+_FadersEdit = TypeVar("_FadersEdit", bound=Callable[..., Faders])
 
 VERSION_EDITS: dict[type[Command], Callable[[Any], VersionEdit]] = {}
 
 
-def makes_edit(kind: type[Command]) -> Callable[[_Make], _Make]:
+def makes_edit(command_type: type[Command]) -> Callable[[_EditMaker], _EditMaker]:
     """Decorate a function that makes the edit of a command."""
 
-    def register(make: _Make) -> _Make:
-        VERSION_EDITS[kind] = make
-        return make
+    def register(make_edit: _EditMaker) -> _EditMaker:
+        VERSION_EDITS[command_type] = make_edit
+        return make_edit
 
     return register
 
 
-def edits_texts(kind: type[Command]) -> Callable[[_Change], _Change]:
+def edits_texts(command_type: type[Command]) -> Callable[[_TextsEdit], _TextsEdit]:
     """Decorate a function that gives the new texts from command, version and beat."""
 
-    def register(change: _Change) -> _Change:
-        def make(command: Command) -> VersionEdit:
-            return lambda version, beat: with_texts(version, change(command, version, beat))
+    def register(edit_texts: _TextsEdit) -> _TextsEdit:
+        def make_edit(command: Command) -> VersionEdit:
+            return lambda version, beat: with_texts(version, edit_texts(command, version, beat))
 
-        VERSION_EDITS[kind] = make
-        return change
+        VERSION_EDITS[command_type] = make_edit
+        return edit_texts
 
     return register
 
 
-def edits_faders(kind: type[Command]) -> Callable[[_Move], _Move]:
+def edits_faders(command_type: type[Command]) -> Callable[[_FadersEdit], _FadersEdit]:
     """Decorate a function that gives the new faders from command, faders and names of
     instruments.
     """
 
-    def register(change: _Move) -> _Move:
-        def make(command: Any) -> VersionEdit:
+    def register(edit_faders: _FadersEdit) -> _FadersEdit:
+        def make_edit(command: Any) -> VersionEdit:
             return lambda version, beat: replace(
                 version,
-                faders=change(command, version.faders, instruments_of(version, command.name)),
+                faders=edit_faders(command, version.faders, instruments_of(version, command.name)),
             )
 
-        VERSION_EDITS[kind] = make
-        return change
+        VERSION_EDITS[command_type] = make_edit
+        return edit_faders
 
     return register
 

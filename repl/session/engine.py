@@ -25,8 +25,8 @@ class Change:
     """A change of what plays, from `frame` on, which is a multiple of the engine's tick.
 
     `stage` takes over from `old_stage`, or begins anew if it `resets`; `gains` are the ratios of
-    groups of routes; `damp` [s] is a T60 added to all that sounds; `force_bounds` are the forces
-    that real hands may get from the stage.
+    groups of routes; `damping_t60` [s] is a T60 added to all that sounds; `force_bounds` are the
+    forces that real hands may get from the stage.
     """
 
     frame: int
@@ -34,13 +34,13 @@ class Change:
     old_stage: Stage
     resets: bool = False
     gains: Mapping[int, float] = field(default_factory=dict)
-    damp: float | None = None
+    damping_t60: float | None = None
     force_bounds: Sequence[HandForceBounds] = ()
 
     @property
     def is_gain_change(self) -> bool:
         """Whether it changes gains alone: the stage goes on."""
-        return self.stage is self.old_stage and not self.resets and self.damp is None
+        return self.stage is self.old_stage and not self.resets and self.damping_t60 is None
 
     @property
     def needs_new_mixer(self) -> bool:
@@ -54,14 +54,14 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class GuidedPath:
-    """A path that guides a hand: `path` (n_ticks,) [m] has the position at each tick.
+    """A path that guides a hand: `positions` (n_ticks,) [m] has the position at each tick.
 
-    `forces` (n_ticks,) [N] drive a real key along it; empty: none do. `steps` are (tick, share of
-    stiffness, share of viscosity): from that tick on these shares hold, 0 to 1.
+    `forces` (n_ticks,) [N] drive a real key along it; empty: none do. `strength_steps` are (tick,
+    share of stiffness, share of viscosity): from that tick on these shares hold, 0 to 1.
     """
 
-    path: NDArray[np.float64]
-    steps: Sequence[tuple[int, float, float]]
+    positions: NDArray[np.float64]
+    strength_steps: Sequence[tuple[int, float, float]]
     forces: NDArray[np.float64] | tuple[()] = ()
 
 
@@ -279,11 +279,11 @@ class SteppedEngine:
 
     def strike(self, point: int, impulse: float) -> int:
         """Strike a point of the running stage by an impulse [N·s], at the next frame."""
-        return self._act_now(lambda playing: playing.strike(point, impulse))
+        return self._act_now(lambda simulation: simulation.strike(point, impulse))
 
     def set_input(self, number: int, value: float) -> int:
         """Set an input whose values are sent, full scale 1, from the next frame on."""
-        return self._act_now(lambda playing: playing.tell(number, value))
+        return self._act_now(lambda simulation: simulation.tell(number, value))
 
     def _act_now(self, action: Callable[[_core.Simulation], bool]) -> int:
         self._do_due_changes()  # a change of this frame comes before it
@@ -319,20 +319,25 @@ class SteppedEngine:
         import numpy as np
 
         mixed_frames = np.zeros((n_frames, self.n_channels))
-        n_done = 0
-        while n_done < n_frames:
+        n_done_frames = 0
+        while n_done_frames < n_frames:
             self._do_due_changes()
             self._acts = []
             stop_frame = min(
-                [self.frame + n_frames - n_done, *(change.frame for _, change in self._changes[:1])]
+                [
+                    self.frame + n_frames - n_done_frames,
+                    *(change.frame for _, change in self._changes[:1]),
+                ]
             )
             if self._hands:
                 stop_frame = min(stop_frame, self._hold_hands())
             n_block_frames = stop_frame - self.frame
             frames = np.zeros((n_block_frames, self._simulation.n_out))
             self._simulation.process(frames)
-            self._mixer.process(frames, mixed_frames[n_done : n_done + n_block_frames])
-            n_done += n_block_frames
+            self._mixer.process(
+                frames, mixed_frames[n_done_frames : n_done_frames + n_block_frames]
+            )
+            n_done_frames += n_block_frames
             self.frame = stop_frame
         return mixed_frames
 
@@ -353,8 +358,8 @@ class SteppedEngine:
     def _do_change(self, due_change: Change) -> bool:
         """Make a change; False, with nothing changed, if another stage plays than it replaces."""
         if not due_change.is_gain_change:
-            is_other = due_change.old_stage.simulation is not self._simulation
-            if is_other and not due_change.resets:
+            is_other_stage = due_change.old_stage.simulation is not self._simulation
+            if is_other_stage and not due_change.resets:
                 return False
             self._do_takeover(due_change)
         for group, gain in due_change.gains.items():
@@ -369,7 +374,7 @@ class SteppedEngine:
             mixer.take_over(self._mixer, new_outputs)
             self._mixer = mixer
         self._simulation = new_simulation
-        new_simulation.damp(due_change.damp)
+        new_simulation.damp(due_change.damping_t60)
         for act in self._acts if due_change.resets else ():  # nothing was taken over
             act(new_simulation)
 

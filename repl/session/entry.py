@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 class Entry:
     """A line that makes a version: what it edits, when, and its place in the history.
 
-    It is a new version, or an earlier one that it `restored_number`. In the history it may take the
-    place of the line `replaced_number`; a line that is not `is_typed` is not in the history. The
-    journal keeps texts that were read from files (`reads_files`).
+    It is a new version, or restores that of the line `restored_number`. In the history it may take
+    the place of the line `replaced_number`; a line that is not `is_typed` is not in the history.
+    The journal keeps texts that were read from files (`reads_files`).
     """
 
     line: str
@@ -37,7 +37,7 @@ class Entry:
     is_typed: bool = True
 
     @property
-    def sets_all(self) -> bool:
+    def restores_version(self) -> bool:
         """Whether it restores an earlier version."""
         return self.restored_number not in (None, -1)
 

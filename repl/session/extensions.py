@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ergon.repl.session.changes import Changes
     from ergon.repl.session.engine import Engine
-    from ergon.repl.session.makings import Makings
+    from ergon.repl.session.makings import VersionMaker
     from ergon.repl.session.moments import Moments
     from ergon.repl.session.reports import Report
     from ergon.repl.session.running import RunningVersion
@@ -34,39 +34,39 @@ class Extensions:
         engine: Engine,
         changes: Changes,
         moments: Moments,
-        makings: Makings,
+        version_maker: VersionMaker,
         reports: deque[Report],
     ) -> None:
         """Begin with the changes that are under way; what cannot be extended is reported."""
-        self._changes, self._moments, self._makings = changes, moments, makings
+        self._changes, self._moments, self._version_maker = changes, moments, version_maker
         self._reports = reports
-        self._time = MakingTime(engine, changes.running.stage.rate)
+        self._making_time = MakingTime(engine, changes.running.stage.rate)
 
     def due_frame(self, waiting: Iterable[WaitingLine]) -> int | None:
         """The frame of the next extension; None if none is needed now."""
         if not self._changes.running.is_ending(self._moments.beat_now()):
             return None
-        start_frame = self._moments.first_frame(self._time.expected)
+        start_frame = self._moments.first_frame(self._making_time.expected_seconds)
         # A line that takes over sooner extends the timeline too.
         is_soon = any(line.frame <= start_frame and not line.rule.is_quick for line in waiting)
         return None if is_soon else start_frame
 
-    def extended(self, running: RunningVersion, start: int) -> RunningVersion:
-        """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""
-        start_frame = self._time.begin_frame()
+    def extended(self, running: RunningVersion, start_frame: int) -> RunningVersion:
+        """A version whose timeline goes on from frame `start_frame`. Raises one of `REFUSALS`."""
+        making_begin_frame = self._making_time.begin_frame()
         try:
-            return self._makings.extended(running, start)
+            return self._version_maker.extended(running, start_frame)
         finally:
-            self._time.add(start_frame)
+            self._making_time.add(making_begin_frame)
 
     def send(self, running_after: RunningVersion) -> None:
         """Send an extension to the engine."""
         running = self._changes.running
         change = Change(
-            running_after.start,
+            running_after.start_frame,
             running_after.stage,
             running.stage,
-            damp=running_after.damp,
+            damping_t60=running_after.damping_t60,
             force_bounds=running_after.force_bounds,
         )
         try:
@@ -77,7 +77,7 @@ class Extensions:
     def stop_extending(self, error: Exception) -> None:
         """Extend the running version no more."""
         running = self._changes.running
-        end = running.version.piece.tempo_map.written(running.timeline_end)
-        sentence = f"the score could not be continued after {end}: {error}"
+        end_text = running.version.piece.tempo_map.written(running.timeline_end)
+        sentence = f"the score could not be continued after {end_text}: {error}"
         self._reports.append(TimelineFailed(f"{sentence}; what plays rings out"))
         self._changes.running = replace(running, timeline_end=math.inf)

@@ -25,8 +25,8 @@ def _use_family(command: Use) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         if command.family in version.piece.used:
-            listing = f"instruments {command.family}"
-            raise NotTakenError(f"{command.family} is in use already", listing)
+            suggested_line = f"instruments {command.family}"
+            raise NotTakenError(f"{command.family} is in use already", suggested_line)
         texts_with_read_files = replace(
             version.texts, overlay={**texts_by_file, **version.texts.overlay}
         )
@@ -36,14 +36,14 @@ def _use_family(command: Use) -> VersionEdit:
         texts_by_file.update(texts_read)
         piece_from_files(
             replace(texts_with_family, sealed=False)
-        )  # a file outside the bounds is told of
+        )  # refuses a file outside the bounds
         new_texts = {
             file: text for file, text in texts_by_file.items() if file not in version.texts.overlay
         }
-        base_texts = version.base or version.texts
+        base_texts = version.file_texts or version.texts
         base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
         return replace(
-            with_texts(version, texts_with_family), read_files=new_texts, base=base_texts
+            with_texts(version, texts_with_family), read_files=new_texts, file_texts=base_texts
         )
 
     return edit
@@ -75,11 +75,11 @@ def family_summary(command: Use, piece: Piece) -> str:
     ]
     if not taken_names:
         return summary_sentence
-    verb, each_text = ("is", "it") if len(taken_names) == 1 else ("are", "each")
+    verb, pronoun = ("is", "it") if len(taken_names) == 1 else ("are", "each")
     example = f"{taken_names[0]}2 = {command.family}/{taken_names[0]}"
     return (
         f"{summary_sentence}; {', '.join(taken_names)} {verb} not replaced, because the score has "
-        f"{each_text} already "
+        f"{pronoun} already "
         f"(`{example}` adds another)"
     )
 

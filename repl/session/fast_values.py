@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.version import Version
 
 # The line that sets the value in a version; None if that version does not use it.
-LineOf = Callable[["Version"], str | None]
+LineMaker = Callable[["Version"], str | None]
 
 
 class FastValues:
@@ -33,22 +33,25 @@ class FastValues:
         schedule: Schedule,
         history: History,
         log: SessionLog,
-        queue: Callable[[Entry], tuple[str, RunningVersion]],
-        scope: Callable[[], Scope],
+        queue_line: Callable[[Entry], tuple[str, RunningVersion]],
+        current_scope: Callable[[], Scope],
     ) -> None:
-        """Begin without values. `queue` lets a line wait for its frame; `scope` returns the
-        names that a line may use.
+        """Begin without values. `queue_line` lets a line wait for its frame; `current_scope`
+        returns the names that a line may use.
         """
-        self._schedule, self._history, self._log, self._queue = schedule, history, log, queue
-        self._scope = scope
-        self._pending_lines: dict[str, LineOf] = {}
+        self._schedule = schedule
+        self._history = history
+        self._log = log
+        self._queue_line = queue_line
+        self._current_scope = current_scope
+        self._line_makers: dict[str, LineMaker] = {}
         self._last_number = 0  # number of the last line made from movements
         self._last_names: tuple[str, ...] = ()  # values that moved
         self._refused_names: tuple[str, ...] = ()
 
-    def set_soon(self, name: str, line: LineOf) -> None:
+    def set_soon(self, name: str, make_line: LineMaker) -> None:
         """Keep the value of a name, in place of one that is not set yet."""
-        self._pending_lines[name] = line
+        self._line_makers[name] = make_line
 
     def set_due(self) -> None:
         """Set the values that have come, by one line; wait as long as the last such line has not
@@ -58,14 +61,16 @@ class FastValues:
         the movement as a whole.
         """
         schedule = self._schedule
-        if not self._pending_lines or any(
+        if not self._line_makers or any(
             waiting_line.number == self._last_number for waiting_line in schedule.waiting
         ):
             return
-        pending_lines, self._pending_lines = self._pending_lines, {}
+        line_makers, self._line_makers = self._line_makers, {}
         head = schedule.head
         lines_by_name = {
-            name: text for name, line in pending_lines.items() if (text := line(head)) is not None
+            name: line_text
+            for name, make_line in line_makers.items()
+            if (line_text := make_line(head)) is not None
         }
         if not lines_by_name:
             return
@@ -75,18 +80,20 @@ class FastValues:
         """Set a value at once, by a line that says itself when it acts."""
         self._set((name,), line, None)
 
-    def _set(self, names: tuple[str, ...], text: str, when: When) -> None:
+    def _set(self, names: tuple[str, ...], line_text: str, when: When) -> None:
         """Queue a line; if the last line of the history has the same names, it is replaced."""
         is_same = names == self._last_names and self._history.current_number == self._last_number
         try:
-            commands = parse(text, self._scope())
+            commands = parse(line_text, self._current_scope())
             line_time = next(
                 (command.when for command in commands if command.when is not None), when
             )
-            edit = version_edits.combined(commands)
+            edit = version_edits.combine_edits(commands)
             replaced_number = self._last_number if is_same else None
-            _, queued_version = self._queue(
-                Entry(text, edit, kind_of(commands), line_time, replaced_number=replaced_number)
+            _, queued_version = self._queue_line(
+                Entry(
+                    line_text, edit, kind_of(commands), line_time, replaced_number=replaced_number
+                )
             )
         except (Refusal, *REFUSALS) as error:
             if names != self._refused_names:  # one line for the movement, not one for each value

@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str) -> list[str]:
     """Write the last bars as a score beside this one; the names of the written files."""
     version, beat_now = session.schedule.head, session.schedule.beat_now()
-    tempo = version.piece.tempo_map
-    bar_start = tempo.bars.start(tempo.bar_beat(beat_now)[0])
-    is_bars = excerpt_length.bars and not excerpt_length.beats and not excerpt_length.seconds
+    tempo_map = version.piece.tempo_map
+    bar_start = tempo_map.bars.start(tempo_map.bar_beat(beat_now)[0])
+    is_in_bars = excerpt_length.bars and not excerpt_length.beats and not excerpt_length.seconds
     end_beats = (
-        [bar_start, beat_now] if is_bars and bar_start > 0.0 else [beat_now]
+        [bar_start, beat_now] if is_in_bars and bar_start > 0.0 else [beat_now]
     )  # whole bars are those that are over
     while True:
         stop_beat = end_beats.pop(0)
-        start_beat = tempo.beats(tempo.seconds(stop_beat) - excerpt_length.seconds)
+        start_beat = tempo_map.beats(tempo_map.seconds(stop_beat) - excerpt_length.seconds)
         if not excerpt_length.seconds:
-            start_beat = stop_beat - tempo.after(0.0, excerpt_length)
+            start_beat = stop_beat - tempo_map.after(0.0, excerpt_length)
         try:
             excerpt_texts = excerpt.excerpt_between(
                 version.texts,
@@ -125,22 +125,22 @@ def _write_texts(session: SessionCore, score_texts: Texts, target: Path | None) 
             raise NotTakenError(
                 f"this session has not read {score_path}: `save NAME` writes a file beside it"
             )
-        score, texts_by_file = (
-            score_path,
-            {target_path(file, score_path.parent): text for file, text in changed_texts.items()},
-        )
+        score_file = score_path
+        texts_by_file = {
+            target_path(file, score_path.parent): text for file, text in changed_texts.items()
+        }
     else:
-        score, texts_by_file = (
-            target,
-            save_as.texts_to_write(score_texts, changed_texts.keys() - {score_texts.path}, target),
+        score_file = target
+        texts_by_file = save_as.texts_to_write(
+            score_texts, changed_texts.keys() - {score_texts.path}, target
         )
     if not texts_by_file:
         return []
-    _check_written(score_texts, changed_texts, score, texts_by_file)
+    _check_written(score_texts, changed_texts, score_file, texts_by_file)
     try:
         write_all(
             {Path(file): file_bytes(file, text) for file, text in texts_by_file.items()},
-            lambda path: disk.check_writable(str(path), score),
+            lambda path: disk.check_writable(str(path), score_file),
         )
     except (FileRefusedError, OSError) as error:
         raise NotTakenError(str(error)) from None
@@ -152,20 +152,20 @@ def _write_texts(session: SessionCore, score_texts: Texts, target: Path | None) 
 def _check_written(
     score_texts: Texts,
     changed_texts: Mapping[str, str],
-    score: Path,
+    score_file: Path,
     texts_by_file: Mapping[str, str],
 ) -> None:
     """Check that the written files give the piece that plays. Raises NotTakenError."""
     unchanged_texts = {
         file: text for file, text in score_texts.overlay.items() if file not in changed_texts
     }
-    text = texts_by_file.get(str(score), score_texts.text)
+    text = texts_by_file.get(str(score_file), score_texts.text)
     written_piece = (
-        Texts(str(score), text, {**unchanged_texts, **texts_by_file}, sealed=True).load().piece
+        Texts(str(score_file), text, {**unchanged_texts, **texts_by_file}, sealed=True).load().piece
     )
     if written_piece is None or digest_of(written_piece) != digest_of(piece_of(score_texts)):
         names = ", ".join(sorted(Path(file).name for file in changed_texts))
         raise NotTakenError(
-            f"the changes to {names} would be lost in {score.name}; `save` without a name writes "
-            "them to their own files"
+            f"the changes to {names} would be lost in {score_file.name}; `save` without a name "
+            "writes them to their own files"
         )

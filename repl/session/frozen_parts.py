@@ -77,13 +77,17 @@ class LoadedPart:
     stems: tuple[tuple[_core.FrozenOutputs, tuple[str, ...]], ...]
 
 
-def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listening) -> FrozenFolder:
+def frozen_folder(
+    folder: Path, manifest: Frozen, piece: Piece, listening: Listening
+) -> FrozenFolder:
     """The parts of a folder that was frozen from a piece. Raises NotFrozenError.
 
-    `frozen` is the content of the folder's manifest; `listening` has the taps of the piece.
+    `manifest` is the content of the folder's manifest; `listening` has the taps of the piece.
     """
-    for frozen_part in frozen.parts:
-        part_taps = [tap for stem in frozen.stems if stem.part == frozen_part for tap in stem.taps]
+    for frozen_part in manifest.parts:
+        part_taps = [
+            tap for stem in manifest.stems if stem.part == frozen_part for tap in stem.taps
+        ]
         if part_taps != listening.taps(frozen_part):
             raise NotFrozenError(f"'{frozen_part}' has other outputs in the score")
     frozen_parts = tuple(
@@ -94,11 +98,11 @@ def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listeni
                 FrozenStem(
                     stem.path.name, stem.sha256, tuple(listening.outputs[tap] for tap in stem.taps)
                 )
-                for stem in frozen.stems
+                for stem in manifest.stems
                 if stem.part == name
             ),
         )
-        for name in frozen.parts
+        for name in manifest.parts
     )
     return FrozenFolder(folder, frozen_parts)
 
@@ -114,11 +118,12 @@ def load_frozen(
     stem_by_file = {stem.path.name: stem for stem in manifest.stems}
     for frozen_part in frozen.parts:
         for stem in frozen_part.stems:
-            known_stem = stem_by_file.get(stem.file)
+            manifest_stem = stem_by_file.get(stem.file)
             expected_stem = stem.sha256, frozen_part.name, len(stem.outputs)
             if (
-                known_stem is None
-                or (known_stem.sha256, known_stem.part, len(known_stem.taps)) != expected_stem
+                manifest_stem is None
+                or (manifest_stem.sha256, manifest_stem.part, len(manifest_stem.taps))
+                != expected_stem
             ):
                 raise NotFrozenError(
                     f"{frozen.folder} holds other frozen parts than those of this session"
@@ -132,11 +137,11 @@ def load_frozen(
     verified_stems = {stem.path.name: stem for stem in check(manifest, {}, 0)}
     loaded_parts = []
     for frozen_part in frozen.parts:
-        is_as_frozen = frozen_part.name in version.sounding.instruments and (
+        is_unchanged = frozen_part.name in version.sounding.instruments and (
             digest_of(frozen_content(version.sounding, frozen_part.name))
             == frozen_part.content_digest
         )
-        if not is_as_frozen or _is_reached(version, frozen_part.name, real_players):
+        if not is_unchanged or _is_acted_on(version, frozen_part.name, real_players):
             continue
         stems = tuple(
             (_core.FrozenOutputs(verified_stems[stem.file].samples()), stem.outputs)
@@ -161,7 +166,7 @@ def unchanged_parts(
             frozen_content(old_version.sounding, part.name),
             frozen_content(version.sounding, part.name),
         )
-        and not _is_reached(version, part.name, real_players)
+        and not _is_acted_on(version, part.name, real_players)
     )
 
 
@@ -172,18 +177,20 @@ def place_samples(
     if clock.begin_instant is None:
         return ()
     begin_frame = math.floor(clock.begin_instant * rate + 0.5)
-    taps: dict[str, list[int]] = {}
+    taps_by_output: dict[str, list[int]] = {}
     for part in loaded_parts:
         for tap in listening.taps(part.name):
-            taps.setdefault(listening.outputs[tap], []).append(tap)
+            taps_by_output.setdefault(listening.outputs[tap], []).append(tap)
     return tuple(
-        RecalledOutputs(samples, tuple(taps[name].pop(0) for name in names), begin_frame)
+        RecalledOutputs(
+            samples, tuple(taps_by_output[name].pop(0) for name in output_names), begin_frame
+        )
         for part in loaded_parts
-        for samples, names in part.stems
+        for samples, output_names in part.stems
     )
 
 
-def _is_reached(version: Version, part_name: str, real_players: Collection[str]) -> bool:
+def _is_acted_on(version: Version, part_name: str, real_players: Collection[str]) -> bool:
     """Whether a real hand or a MIDI note acts on the part, or on a part that is joined with it."""
     piece = version.sounding
     parts = connected_parts(piece, part_name)
@@ -235,27 +242,27 @@ def read_frozen_folder(
         )
     return FrozenFolder(
         folder,
-        tuple(_frozen_part(row) for row in _part_rows(first_event, "frozen_parts")),
+        tuple(_read_part(row) for row in _read_rows(first_event, "frozen_parts")),
         folder_name,
     )
 
 
-def _frozen_part(part_event: JournalEvent) -> FrozenPart:
+def _read_part(part_event: JournalEvent) -> FrozenPart:
     stems = tuple(
-        FrozenStem(stem.get("file", str), stem.get("sha256", str), _part_names(stem))
-        for stem in _part_rows(part_event, "stems")
+        FrozenStem(stem.get("file", str), stem.get("sha256", str), _read_output_names(stem))
+        for stem in _read_rows(part_event, "stems")
     )
     return FrozenPart(part_event.get("part", str), part_event.get("content", str), stems)
 
 
-def _part_names(stem: JournalEvent) -> tuple[str, ...]:
-    output_names = stem.get("outputs", list)
+def _read_output_names(stem_event: JournalEvent) -> tuple[str, ...]:
+    output_names = stem_event.get("outputs", list)
     if not all(isinstance(name, str) for name in output_names):
-        stem.refuse("the field 'outputs' has the wrong type or value")
+        stem_event.refuse("the field 'outputs' has the wrong type or value")
     return tuple(output_names)
 
 
-def _part_rows(journal_event: JournalEvent, rows_name: str) -> list[JournalEvent]:
+def _read_rows(journal_event: JournalEvent, rows_name: str) -> list[JournalEvent]:
     rows = journal_event.get(rows_name, list)
     if len(rows) > _ROWS_MAX or not all(isinstance(row_value, dict) for row_value in rows):
         journal_event.refuse(f"the field '{rows_name}' has the wrong type or value")

@@ -95,8 +95,8 @@ def with_rebased_faders(
     """
     version = new_running.version
     if not waiting_lines:  # the timeline is extended
-        number, text = old_version.number, old_version.line
-        version = replace(version, faders=old_version.faders, number=number, line=text)
+        number, line = old_version.number, old_version.line
+        version = replace(version, faders=old_version.faders, number=number, line=line)
     else:
         *_, faders = faders_after(old_version, waiting_lines)
         version = replace(version, faders=faders)
@@ -107,13 +107,17 @@ def faders_after(version_before: Version, waiting_lines: Sequence[WaitingLine]) 
     """The faders after each of the lines that follow a version."""
     version = version_before
     for waiting_line in waiting_lines:
-        base_version, result_version = waiting_line.base, waiting_line.version
+        base_version, result_version = waiting_line.version_before, waiting_line.version
         is_unchanged = (
             base_version is not None
             and result_version is not None
             and base_version.faders == result_version.faders
         )
-        if not is_unchanged or waiting_line.sets_all or waiting_line.kind is LineKind.FADERS:
+        if (
+            not is_unchanged
+            or waiting_line.restores_version
+            or waiting_line.kind is LineKind.FADERS
+        ):
             try:
                 version = replace(
                     version, faders=waiting_line.edit(version, waiting_line.beat).faders

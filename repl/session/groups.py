@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 def group_of(waiting_lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
     """The first lines that take effect together: those of one frame and one way to the engine."""
-    if not waiting_lines or waiting_lines[0].start is None:
+    if not waiting_lines or waiting_lines[0].start_frame is None:
         return ()
-    start, line_kind = waiting_lines[0].start, _line_kind(waiting_lines[0])
+    start_frame, line_kind = waiting_lines[0].start_frame, _quick_kind(waiting_lines[0])
     return tuple(
         takewhile(
             lambda waiting_line: (
-                waiting_line.start == start and _line_kind(waiting_line) is line_kind
+                waiting_line.start_frame == start_frame and _quick_kind(waiting_line) is line_kind
             ),
             waiting_lines,
         )
@@ -41,34 +41,34 @@ def staged_group_of(waiting_lines: Sequence[WaitingLine]) -> tuple[WaitingLine, 
     return () if group and group[0].rule.is_quick else group
 
 
-def _line_kind(waiting_line: WaitingLine) -> LineKind | None:
+def _quick_kind(waiting_line: WaitingLine) -> LineKind | None:
     return waiting_line.kind if waiting_line.rule.is_quick else None
 
 
 @dataclass(frozen=True, slots=True)
 class StagedGroup:
-    """The version that lines make of the version `base`."""
+    """The version that lines make of the version `running_before`."""
 
     lines: Sequence[WaitingLine]
-    base: RunningVersion
-    result: RunningVersion
+    running_before: RunningVersion
+    running_after: RunningVersion
 
     def matches(self, group: Sequence[WaitingLine], running: RunningVersion) -> bool:
         """Whether it is what these lines make of a running version, but for faders."""
-        old_running = self.base
+        old_running = self.running_before
         return (
             len(group) == len(self.lines)
             and all(
-                (waiting_line.number, waiting_line.start, waiting_line.beat)
-                == (staged_line.number, staged_line.start, staged_line.beat)
+                (waiting_line.number, waiting_line.start_frame, waiting_line.beat)
+                == (staged_line.number, staged_line.start_frame, staged_line.beat)
                 and is_same_music(waiting_line.result(), staged_line.result())
                 for waiting_line, staged_line in zip(group, self.lines, strict=True)
             )
             and old_running.serial == running.serial
-            and self.result.start > running.start
+            and self.running_after.start_frame > running.start_frame
             # What an extension put behind the old end may sound at the takeover.
             and (
                 old_running is running
-                or old_running.beat(self.result.start) <= old_running.timeline_end
+                or old_running.beat(self.running_after.start_frame) <= old_running.timeline_end
             )
         )

@@ -26,7 +26,7 @@ _PATH_DURATION = 6.0
 # During a rest longer than _REST_MAX the hand is free; guidance begins _LEAD_IN before the next
 # gesture [s].
 _REST_MAX = 1.0
-_LEAD_IN = 0.2
+_LEAD_IN_DURATION = 0.2
 # The time assumed for making the first path; later, that of the slowest of the last paths [s].
 _FIRST_MAKING_TIME = 0.1
 
@@ -49,20 +49,20 @@ def guide_of(command: Guide) -> HandGuide:
     return HandGuide(command.by, stiffness_ratio, viscosity / viscosity_max)
 
 
-def check_guide(command: Guide, schedule: Schedule, driven: Collection[str] = ()) -> None:
+def check_guide(command: Guide, schedule: Schedule, driven_players: Collection[str] = ()) -> None:
     """Refuse a guide unless the hand is real and its guide is a written part. Raises
     NotTakenError.
     """
-    player, source = command.player, command.by
-    if player in driven:
+    player, guiding_player = command.player, command.by
+    if player in driven_players:
         raise NotTakenError(f"the written part of {player} drives this key already (--drive)")
     if player not in schedule.real_hands:
         raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
-    if source is None:
+    if guiding_player is None:
         return
-    if source in schedule.real_hands:
+    if guiding_player in schedule.real_hands:
         raise NotTakenError(
-            f"{source} is a real hand and cannot guide: name a player with a written part"
+            f"{guiding_player} is a real hand and cannot guide: name a player with a written part"
         )
     if player in schedule.engine.status().disconnected:
         raise NotTakenError(
@@ -75,7 +75,7 @@ class Guidance:
     """Sends the engine the paths of guided hands, section by section, as the version plays."""
 
     schedule: Schedule
-    driven: frozenset[str] = frozenset()  # players whose real keys their own parts move
+    driven_players: frozenset[str] = frozenset()  # players whose real keys their own parts move
     _running: RunningVersion | None = None  # the version whose paths were sent
     _remake_frame: int = 0  # the frame at which the next paths are made
     _guided_players: frozenset[str] = frozenset()
@@ -87,17 +87,19 @@ class Guidance:
         engine, rate = self.schedule.engine, self.schedule.rate
         self._making_time = MakingTime(engine, rate, _FIRST_MAKING_TIME)
 
-    def paths_due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
+    def due_paths(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
         """The frame and the new paths by player, if they must be sent now; else None."""
         running, schedule = self.schedule.running, self.schedule
         players = running.version.piece.players
         guides = {
             player: guide
             for player, guide in running.version.guides.items()
-            if player in schedule.real_hands and {player, guide.player} <= players.keys()
+            if player in schedule.real_hands and {player, guide.guiding_player} <= players.keys()
         }
         guides |= {
-            player: HandGuide(player, 1.0, 1.0) for player in players if player in self.driven
+            player: HandGuide(player, 1.0, 1.0)
+            for player in players
+            if player in self.driven_players
         }
         is_remake_due = bool(guides) and schedule.engine.frame >= self._remake_frame
         if running is self._running and not is_remake_due:
@@ -105,12 +107,10 @@ class Guidance:
         self._running = running
         if not guides and not self._guided_players:
             return None
-        start_frame = self._making_time.begin_frame()
-        first_frame, rate, tick_frames = (
-            schedule.moments.first_frame(self._making_time.expected),
-            schedule.rate,
-            schedule.engine.tick_frames,
-        )
+        making_begin_frame = self._making_time.begin_frame()
+        first_frame = schedule.moments.first_frame(self._making_time.expected_seconds)
+        rate = schedule.rate
+        tick_frames = schedule.engine.tick_frames
         ticks = range(
             first_frame // tick_frames,
             first_frame // tick_frames + int(_PATH_DURATION * rate) // tick_frames,
@@ -118,13 +118,13 @@ class Guidance:
         paths = dict(self._release_paths(guides))
         paths |= {
             player: _guided_path(
-                running, player, guide, ticks, tick_frames, drives=player in self.driven
+                running, player, guide, ticks, tick_frames, drives=player in self.driven_players
             )
             for player, guide in guides.items()
         }
         self._remake_frame = first_frame + int(_PATH_DURATION / 2 * rate)
         self._guided_players = frozenset(guides)
-        self._making_time.add(start_frame)
+        self._making_time.add(making_begin_frame)
         return first_frame, paths
 
     def _release_paths(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
@@ -134,14 +134,14 @@ class Guidance:
             yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),), np.zeros(1))
 
     def send(self, frame: int, paths: Mapping[str, GuidedPath]) -> None:
-        """Send paths to the engine; where its queue is full, `paths_due` makes them again."""
+        """Send paths to the engine; where its queue is full, `due_paths` makes them again."""
         try:
             self._ticket = self.schedule.engine.guide(frame, paths)
         except EngineError:
             self._running = None
 
     def note_late(self, ticket: int) -> None:
-        """If the paths of this ticket came too late, `paths_due` makes them again."""
+        """If the paths of this ticket came too late, `due_paths` makes them again."""
         if ticket == self._ticket:
             self._running = None
 
@@ -158,47 +158,54 @@ def _guided_path(
     """The path of a guided player in the next ticks, within the travel of its own key."""
     import numpy as np
 
-    piece, period = running.version.piece, tick_frames / running.stage.rate
+    piece, tick_duration = running.version.piece, tick_frames / running.stage.rate
     path_forces = None
     if drives:
         delay = delay_of(piece.keys[piece.players[player].key])
-        path_forces = TickForces(period, delay, ticks.start, np.zeros(len(ticks)))
-    path, playing_spans = leading_positions(
-        piece, guide.player, running.spans, tick_frames, ticks, path_forces
+        path_forces = TickForces(tick_duration, delay, ticks.start, np.zeros(len(ticks)))
+    positions, playing_spans = leading_positions(
+        piece, guide.guiding_player, running.spans, tick_frames, ticks, path_forces
     )
     travel_range = piece.keys[piece.players[player].key].travel
     if travel_range is not None:
-        np.clip(path, *travel_range, out=path)
-    begin_instant = ticks.start * period
-    spans = [
-        (round((start - _LEAD_IN - begin_instant) / period), round((stop - begin_instant) / period))
-        for start, stop in _without_short_rests(playing_spans)
+        np.clip(positions, *travel_range, out=positions)
+    first_instant = ticks.start * tick_duration
+    tick_spans = [
+        (
+            round((start_instant - _LEAD_IN_DURATION - first_instant) / tick_duration),
+            round((stop_instant - first_instant) / tick_duration),
+        )
+        for start_instant, stop_instant in _without_short_rests(playing_spans)
     ]
-    shares = guide.stiffness, guide.viscosity
+    strengths = guide.stiffness, guide.viscosity
     # If no other path comes in time, this one ends by letting the hand go.
-    steps = [(0, 0.0, 0.0), *_tick_steps(spans, shares), (len(path), 0.0, 0.0)]
-    first_step = sum(step_tick <= 0 for step_tick, *_ in steps) - 1
-    current_step = (0, *steps[first_step][1:])
-    later_steps = (step for step in steps[first_step + 1 :] if step[0] <= len(path))
+    strength_steps = [
+        (0, 0.0, 0.0),
+        *_strength_steps(tick_spans, strengths),
+        (len(positions), 0.0, 0.0),
+    ]
+    first_step = sum(step_tick <= 0 for step_tick, *_ in strength_steps) - 1
+    current_step = (0, *strength_steps[first_step][1:])
+    later_steps = (step for step in strength_steps[first_step + 1 :] if step[0] <= len(positions))
     return GuidedPath(
-        path, (current_step, *later_steps), () if path_forces is None else path_forces.forces
+        positions, (current_step, *later_steps), () if path_forces is None else path_forces.forces
     )
 
 
 def _without_short_rests(playing_spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that no long rest separates."""
     joined_spans: list[tuple[float, float]] = []
-    for start, stop in sorted(playing_spans):
-        if joined_spans and start - joined_spans[-1][1] <= _REST_MAX:
-            joined_spans[-1] = joined_spans[-1][0], max(stop, joined_spans[-1][1])
+    for start_instant, stop_instant in sorted(playing_spans):
+        if joined_spans and start_instant - joined_spans[-1][1] <= _REST_MAX:
+            joined_spans[-1] = joined_spans[-1][0], max(stop_instant, joined_spans[-1][1])
         else:
-            joined_spans.append((start, stop))
+            joined_spans.append((start_instant, stop_instant))
     return joined_spans
 
 
-def _tick_steps(
-    spans: Sequence[tuple[int, int]], shares: tuple[float, float]
+def _strength_steps(
+    tick_spans: Sequence[tuple[int, int]], strengths: tuple[float, float]
 ) -> Iterator[tuple[int, float, float]]:
-    for start, stop in spans:
-        yield start, *shares
-        yield stop, 0.0, 0.0
+    for start_tick, stop_tick in tick_spans:
+        yield start_tick, *strengths
+        yield stop_tick, 0.0, 0.0

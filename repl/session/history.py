@@ -53,18 +53,18 @@ class History:
         if number in self.numbers:
             self.index = self.numbers.index(number)
 
-    def sort(self, frame_order: Mapping[int, float]) -> None:
+    def sort(self, effect_order: Mapping[int, float]) -> None:
         """Sort the versions that were not undone into the order in which they take effect.
 
-        Versions that are not in `frame_order` come first: they have taken effect long before.
+        Versions that are not in `effect_order` come first: they have taken effect long before.
         """
         stop_index = self.index + 1
-        first_index = max(0, stop_index - len(frame_order) - 1)  # those before it are in order
+        first_index = max(0, stop_index - len(effect_order) - 1)  # those before it are in order
         numbers = self.numbers[first_index:stop_index]
-        unmoved_numbers = [number for number in numbers if number not in frame_order]
+        unmoved_numbers = [number for number in numbers if number not in effect_order]
         moved_numbers = sorted(
-            [moved_number for moved_number in numbers if moved_number in frame_order],
-            key=frame_order.__getitem__,
+            [moved_number for moved_number in numbers if moved_number in effect_order],
+            key=effect_order.__getitem__,
         )
         self.numbers[first_index:stop_index] = unmoved_numbers + moved_numbers
 

@@ -65,21 +65,21 @@ def history_fields(history: PastVersions) -> dict[str, object]:
     versions = history.versions[first_index:]
     if len(versions) < 2:
         return {}
-    history_rows, old_texts = [], dict[str, str]()
+    history_rows, old_texts_by_file = [], dict[str, str]()
     for version in versions:
         texts_by_file = _texts_by_file(version.texts)
         differences = {
-            name: _text_difference(old_texts.get(name, ""), text)
+            name: _text_difference(old_texts_by_file.get(name, ""), text)
             for name, text in texts_by_file.items()
         }
         history_rows.append(
             {
                 "number": version.number,
                 "line": version.line,
-                "where": version.where,
+                "where": version.beat_text,
                 "score": version.texts.path,
                 "files": {name: delta for name, delta in differences.items() if delta is not None},
-                "gone": sorted(old_texts.keys() - texts_by_file.keys()),
+                "gone": sorted(old_texts_by_file.keys() - texts_by_file.keys()),
                 **faders_fields(version.faders),
                 **maps_field(version.maps),
                 **rules_field(version.rules),
@@ -87,12 +87,12 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 **levels_fields(version.strike_levels),
             }
         )
-        old_texts = texts_by_file
+        old_texts_by_file = texts_by_file
     return {"history": history_rows, "index": history.index - first_index}
 
 
 def read_history(
-    journal_event: JournalEvent, read_texts: ReadTexts, faders: ReadFaders
+    journal_event: JournalEvent, read_texts: ReadTexts, read_faders: ReadFaders
 ) -> PastVersions | None:
     """The history in a journal's event; None where it has none. Raises JournalError."""
     if "history" not in journal_event.fields:
@@ -119,7 +119,7 @@ def read_history(
         named_files = {
             "score": row_event.get("score", str),
             "text": texts_by_file.get("", ""),
-            "overlay": _used_files(texts_by_file),
+            "overlay": _without_score(texts_by_file),
         }
         version_texts = read_texts(
             JournalEvent(journal_event.file, journal_event.number, "history", named_files)
@@ -129,7 +129,7 @@ def read_history(
                 row_event.number_of("number", int, -len(history_rows) - 1, 0),
                 row_event.get("line", str, ""),
                 version_texts,
-                faders(row_event),
+                read_faders(row_event),
                 {},
                 row_event.get("where", str, ""),
                 maps=read_maps(row_event),
@@ -153,7 +153,7 @@ def _texts_by_file(score_texts: Texts) -> dict[str, str]:
     }
 
 
-def _used_files(files: Mapping[str, str]) -> dict[str, str]:
+def _without_score(files: Mapping[str, str]) -> dict[str, str]:
     return {name: text for name, text in files.items() if name}
 
 
@@ -167,8 +167,8 @@ def _text_difference(old_text: str, new_text: str) -> list[object] | None:
 
 def _apply_delta(row_event: JournalEvent, old_text: str, delta: object) -> str:
     match delta:
-        case [int(front), int(n_behind), str(inserted_text)] if (
-            front >= 0 and n_behind >= 0 and front + n_behind <= len(old_text)
+        case [int(n_front), int(n_behind), str(inserted_text)] if (
+            n_front >= 0 and n_behind >= 0 and n_front + n_behind <= len(old_text)
         ):
-            return old_text[:front] + inserted_text + old_text[len(old_text) - n_behind :]
+            return old_text[:n_front] + inserted_text + old_text[len(old_text) - n_behind :]
     row_event.refuse("the field 'history' has the wrong type or value")

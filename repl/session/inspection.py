@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     from ergon.scores.reading.playing import Play
 
 _LEAD_IN = 0.02  # [s] drawn before a gesture: its joining curve
-_WIDTH_MAX, _PICTURE_HEIGHTS = 100, 16  # characters
+_WIDTH_MAX, _PICTURE_HEIGHT = 100, 16  # characters
 _POINTS_SHOWN = 4  # of a curve in each character: two in each dot
 _TRACE_SECONDS, _TRACE_TICKS_MIN = 2.0, 20  # [s] of a movement that are drawn; ticks at least
 _LINES_MAX = 40  # lines of a definition
-_STRUCK_MAX = 4  # modules of strikes that are named
+_STRUCK_NAMES_MAX = 4  # modules of strikes that are named
 _SECTIONS = (
     "parts",
     "gestures",
@@ -57,39 +57,45 @@ _SECTIONS = (
 )
 
 
-def draw_name(version: Version, gesture_name: str, sounding: Piece, beat_now: float) -> list[str]:
+def draw_name(
+    version: Version, gesture_name: str, sounding_piece: Piece, beat_now: float
+) -> list[str]:
     """The written and the played curve of a gesture or take; for any other name, the result of
     `definition_lines`.
 
-    The piece that is `sounding` is at beat `beat_now`.
+    The piece that is `sounding_piece` is at beat `beat_now`.
     """
     from ergon.view.braille import plot
     from ergon.view.motion import wanted_and_actual
 
     piece = version.piece
-    axes = space_path.played_names(gesture_name, piece.gestures)
-    if gesture_name not in piece.gestures and axes:
-        return [line for axis in axes for line in draw_name(version, axis, sounding, beat_now)]
+    axis_names = space_path.played_names(gesture_name, piece.gestures)
+    if gesture_name not in piece.gestures and axis_names:
+        return [
+            line
+            for axis_name in axis_names
+            for line in draw_name(version, axis_name, sounding_piece, beat_now)
+        ]
     if gesture_name not in piece.gestures and gesture_name not in piece.takes:
-        return definition_lines(version, gesture_name, sounding, beat_now)
+        return definition_lines(version, gesture_name, sounding_piece, beat_now)
     if not piece.keys:
         raise NotTakenError("a gesture is drawn on a key, and this score has none")
     rehearsal = rehearsal_stage(piece, gesture_name)
     assert rehearsal is not None  # there is a key
     first_gesture = rehearsal.gestures[0]
-    start, stop = max(0.0, first_gesture.start - _LEAD_IN), first_gesture.stop
-    displacement_ratio = piece.keys[first_gesture.key].reach
+    start_instant, stop_instant = max(0.0, first_gesture.start - _LEAD_IN), first_gesture.stop
+    reach = piece.keys[first_gesture.key].reach
     plot_width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     curves = wanted_and_actual(
         rehearsal.simulation,
         first_gesture.key_index,
         first_gesture.struck_mat,
-        start,
-        stop,
-        displacement_ratio,
+        start_instant,
+        stop_instant,
+        reach,
         _POINTS_SHOWN * plot_width,
     )
-    text = plot(curves, width=plot_width, height=_PICTURE_HEIGHTS, x_label="position [mm]")
+    text = plot(curves, width=plot_width, height=_PICTURE_HEIGHT, x_label="position [mm]")
     return [f"{gesture_name} on {first_gesture.key}", *text.splitlines()]
 
 
@@ -98,15 +104,15 @@ def draw_trace(
     trace_frame: int,
     player_name: str,
     tick_frames: int,
-    hands: Path | None,
+    hands_recording: Path | None,
     *,
-    height: int = _PICTURE_HEIGHTS,
+    height: int = _PICTURE_HEIGHT,
 ) -> list[str]:
     """Draw where a player's key was in the last seconds.
 
-    The path of a real hand is read from the recording `hands`, in ticks of `tick_frames` frames;
-    for any other player it is the path of its part, without the effect of what the key touches.
-    Raises NotTakenError.
+    The path of a real hand is read from the recording `hands_recording`, in ticks of `tick_frames`
+    frames; for any other player it is the path of its part, without the effect of what the key
+    touches. Raises NotTakenError.
     """
     from ergon.view.braille import plot
     from ergon.view.curve import Curve
@@ -121,19 +127,21 @@ def draw_trace(
     player_key = piece.players[player_name].key
     last_tick = trace_frame // tick_frames
     ticks = range(max(0, last_tick - int(_TRACE_SECONDS * rate) // tick_frames), last_tick)
-    is_real = hands is not None and any(
+    is_real = hands_recording is not None and any(
         hand.player == player_name for hand in running.stage.live_hands
     )
     if len(ticks) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"{player_name} has not moved yet, so there is nothing to draw")
-    if is_real and hands is not None:
-        path = _recorded_positions(hands, player_name, ticks)
+    if is_real and hands_recording is not None:
+        path = _recorded_positions(hands_recording, player_name, ticks)
     else:
         path, _ = leading_positions(piece, player_name, running.spans, tick_frames, ticks)
     plot_width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    step = max(1, len(path) // (_POINTS_SHOWN * plot_width))
-    seconds = [(number - len(path)) * tick_frames / rate for number in range(0, len(path), step)]
-    curve = Curve(player_name, seconds, [1e3 * float(position) for position in path[::step]])
+    point_step = max(1, len(path) // (_POINTS_SHOWN * plot_width))
+    instants = [
+        (number - len(path)) * tick_frames / rate for number in range(0, len(path), point_step)
+    ]
+    curve = Curve(player_name, instants, [1e3 * float(position) for position in path[::point_step]])
     plot_text = plot([curve], width=plot_width, height=height, x_label="position [mm]")
     mover_text = "its hand" if is_real else "as its part moves it"
     headline = (
@@ -143,29 +151,31 @@ def draw_trace(
     return [headline, *plot_text.splitlines()]
 
 
-def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
+def _recorded_positions(
+    hands_recording: Path, player_name: str, ticks: range
+) -> NDArray[np.float64]:
     """Positions of a real hand (n_ticks,) [m], as far as the recording is on the disk."""
     from ergon import _core
 
     try:
-        recording = _core.read_recording(hands, (ticks.start, ticks.stop))
+        recording = _core.read_recording(hands_recording, (ticks.start, ticks.stop))
     except (_core.EngineError, OSError) as error:
         raise NotTakenError(f"the recording of hands cannot be read: {error}") from None
     axis_index = next(
-        (index for index, (name, _) in enumerate(recording.axes) if name == player), None
+        (index for index, (name, _) in enumerate(recording.axes) if name == player_name), None
     )
     if axis_index is None or len(recording.ticks()) < _TRACE_TICKS_MIN:
-        raise NotTakenError(f"nothing of {player} is recorded yet")
+        raise NotTakenError(f"nothing of {player_name} is recorded yet")
     return recording.positions()[:, axis_index]
 
 
 def definition_lines(
-    version: Version, defined_name: str, sounding: Piece, beat_now: float
+    version: Version, defined_name: str, sounding_piece: Piece, beat_now: float
 ) -> list[str]:
     """The lines of the score that define a name, with their numbers.
 
     A parameter (`bell.m.f`) is shown with its value at beat `beat_now` of the piece that is
-    `sounding`, which waiting lines have not changed yet.
+    `sounding_piece`, which waiting lines have not changed yet.
     """
     if defined_name == TUNING:
         with contextlib.suppress(NotTakenError):  # a gesture may have this name
@@ -173,7 +183,7 @@ def definition_lines(
         return list(tuning_lines(version.piece))
     module_path, _, parameter_name = defined_name.rpartition(".")
     named_module = (
-        automatable.named_module(module_path, sounding.keys, sounding.instruments)
+        automatable.named_module(module_path, sounding_piece.keys, sounding_piece.instruments)
         if module_path
         else None
     )
@@ -181,11 +191,11 @@ def definition_lines(
         return _lines_of_score(version.texts, defined_name)
     part_name, module, is_ca = named_module
     shown_value, is_automated = _value_at_beat(
-        sounding, (part_name, module.name), module, parameter_name, beat_now
+        sounding_piece, (part_name, module.name), module, parameter_name, beat_now
     )
     shown_lines = []
     if shown_value is not None:
-        place_text = f" at {sounding.tempo_map.written(beat_now)}, by its automation"
+        place_text = f" at {sounding_piece.tempo_map.written(beat_now)}, by its automation"
         amount = quantity_text(float(f"{shown_value:.6g}"), parameter_name, is_ca=is_ca)
         shown_lines.append(f"{defined_name}: {amount}{place_text if is_automated else ''}")
     with contextlib.suppress(NotTakenError):  # the name is defined in a file that the score uses
@@ -232,12 +242,12 @@ def _tempo_row(tempo_entry: TempoEntry) -> str:
 
 
 def playing_lines(
-    version: Version, playing: Sequence[tuple[str, str]], beat_now: float
+    version: Version, gestures_in_flight: Sequence[tuple[str, str]], beat_now: float
 ) -> list[str]:
     """What each player plays at beat `beat_now`, and what follows; then the strikes that go on, and
     the instruments with a level of their own.
 
-    `playing` are the gestures in flight: (player, gesture).
+    `gestures_in_flight` are the gestures in flight: (player, gesture).
     """
     piece = version.piece
     playing_rows = [_tempo_row(entry) for entry in piece.tempo]
@@ -247,55 +257,59 @@ def playing_lines(
     ]
     for player in piece.players.values():
         placed_entries = entries.placed_entries(version.texts, piece, player.name)
-        sounding_names = [played_name for name, played_name in playing if name == player.name]
-        begun = [line for line in placed_entries if line.begin_beat <= beat_now]
-        ongoing = [line for line in begun if line.is_continuing(beat_now, piece)]
+        sounding_names = [
+            played_name for name, played_name in gestures_in_flight if name == player.name
+        ]
+        begun_entries = [placed for placed in placed_entries if placed.begin_beat <= beat_now]
+        ongoing_entries = [
+            placed for placed in begun_entries if placed.is_continuing(beat_now, piece)
+        ]
         # An entry that begins nothing more may still have its last occurrence in flight.
-        shown_names = {name for line in ongoing for name in line.play.names}
+        shown_names = {name for placed in ongoing_entries for name in placed.play.names}
         for shown_name in dict.fromkeys(sounding_names):
-            ongoing += [
-                line
-                for line in begun
-                if shown_name in line.play.names and shown_name not in shown_names
+            ongoing_entries += [
+                placed
+                for placed in begun_entries
+                if shown_name in placed.play.names and shown_name not in shown_names
             ][-1:]
-        later = sorted(
-            (line for line in placed_entries if line.begin_beat > beat_now),
-            key=lambda line: line.begin_beat,
+        later_entries = sorted(
+            (placed for placed in placed_entries if placed.begin_beat > beat_now),
+            key=lambda placed: placed.begin_beat,
         )
-        words = [_entry_text(line.play) for line in ongoing] or ["nothing"]
-        words += [f"then {_entry_text(line.play)}" for line in later[:1]]
+        words = [_entry_text(placed.play) for placed in ongoing_entries] or ["nothing"]
+        words += [f"then {_entry_text(placed.play)}" for placed in later_entries[:1]]
         playing_rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
     levels = version.strike_levels
     for strikes in piece.strikes:
         if _continues_after(strikes, piece, beat_now):
-            level_state = _level_state(levels, levels.level_key(strikes.name))
-            playing_rows.append(", ".join([_striking_text(strikes), *level_state]))
+            level_words = _level_words(levels, levels.level_key(strikes.name))
+            playing_rows.append(", ".join([_striking_text(strikes), *level_words]))
     for name in (*piece.instruments, *piece.families):
-        if level_state := _level_state(version.faders, name):
-            playing_rows.append(f"{name} (instrument): {', '.join(level_state)}")
+        if level_words := _level_words(version.faders, name):
+            playing_rows.append(f"{name} (instrument): {', '.join(level_words)}")
     playing_rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
     return playing_rows
 
 
-def _level_state(levels: Faders | StrikeLevels, strikes_name: str) -> list[str]:
+def _level_words(levels: Faders | StrikeLevels, level_key: str) -> list[str]:
     """What mute, solo and gain make of strikes or an instrument; empty if nothing."""
-    level_states = ["muted"] if strikes_name in levels.muted else []
-    level_states += ["solo"] if strikes_name in levels.solo else []
-    gain = levels.gains.get(strikes_name, 1.0)
+    level_words = ["muted"] if level_key in levels.muted else []
+    level_words += ["solo"] if level_key in levels.solo else []
+    gain = levels.gains.get(level_key, 1.0)
     level = "silent" if gain == 0.0 else f"{decibels_of(gain):.3g} dB"
-    return level_states if gain == 1.0 else [*level_states, level]
+    return level_words if gain == 1.0 else [*level_words, level]
 
 
 def _continues_after(strikes: Strikes, piece: Piece, beat_now: float) -> bool:
-    stop = strikes.stop_beat(piece.tempo_map)
-    return stop is None or stop > beat_now
+    stop_beat = strikes.stop_beat(piece.tempo_map)
+    return stop_beat is None or stop_beat > beat_now
 
 
 def _striking_text(strikes: Strikes) -> str:
     struck_names = [*dict.fromkeys(target.text for target in strikes.to)]
     struck_names = struck_names or [*dict.fromkeys(hit.struck_text for hit in strikes.hits)]
-    ellipsis = ", …" if len(struck_names) > _STRUCK_MAX else ""
-    struck_text = f"{', '.join(struck_names[:_STRUCK_MAX])}{ellipsis}"
+    ellipsis = ", …" if len(struck_names) > _STRUCK_NAMES_MAX else ""
+    struck_text = f"{', '.join(struck_names[:_STRUCK_NAMES_MAX])}{ellipsis}"
     if (rhythm := strikes.rhythm) is not None:
         do_text = f" do {rhythm.do}" if rhythm.do else ""
         struck_text = f'"{" ".join(rhythm.text.split())}"{do_text}'
@@ -330,15 +344,15 @@ def _lines_of_score(score_texts: Texts, defined_name: str) -> list[str]:
                 first_node, last_node = section_node.entries[defined_name]
                 # A block of YAML reaches to the next entry: blank lines at its end are not part of
                 # it.
-                end = last_node.start + len(document.text[last_node.start : last_node.end].rstrip())
-                first_row, last_row = (
-                    document.row(first_node.start),
-                    document.row(max(end - 1, last_node.start)),
+                text_end = last_node.start + len(
+                    document.text[last_node.start : last_node.end].rstrip()
                 )
-                numbers: Sequence[int] = range(
+                first_row = document.row(first_node.start)
+                last_row = document.row(max(text_end - 1, last_node.start))
+                line_numbers: Sequence[int] = range(
                     first_row + 1, min(last_row + 2, first_row + 1 + _LINES_MAX)
                 )
-                return [f"{number:5} {document.line(number)}" for number in numbers]
+                return [f"{number:5} {document.line(number)}" for number in line_numbers]
     suggestion = nearest(defined_name, defined_names)
     raise NotTakenError(
         f"'{defined_name}' is not defined in this score",

@@ -49,9 +49,9 @@ class Journal:
             raise JournalError(f"{path}: {error.strerror}") from error
         self.path = path
         self._n_events = 0
-        self._waiting = bytearray()  # bytes that are not written yet
-        self._failure_text = self._reason = ""  # not told yet; why writing fails now
-        self._has_lost = False  # an event is in no file, or the disk may lack it
+        self._unwritten = bytearray()  # bytes that are not written yet
+        self._failure_text = self._failure_reason = ""  # not reported yet; why writing fails now
+        self._has_lost_events = False  # an event is in no file, or the disk may lack it
         self._wake_event = threading.Event()
         self._write_lock = threading.Lock()  # lines of two threads do not mix
         self._is_closed = False
@@ -61,12 +61,12 @@ class Journal:
     @property
     def has_failed(self) -> bool:
         """Whether something of it is not written."""
-        return self._has_lost or bool(self._reason)
+        return self._has_lost_events or bool(self._failure_reason)
 
     @property
     def is_full(self) -> bool:
         """Whether the buffer of unwritten events is full, so that further events are lost."""
-        return len(self._waiting) >= _WAITING_MAX
+        return len(self._unwritten) >= _WAITING_MAX
 
     @classmethod
     def begin(cls, path: Path) -> Journal:
@@ -82,13 +82,13 @@ class Journal:
                     raise
         raise AssertionError  # the sequence of names is endless
 
-    def append(self, event: str, **event_fields: Any) -> None:
+    def append(self, event_name: str, **event_fields: Any) -> None:
         """Append an event, or keep it until it can be written; `pop_failure` reports a failure."""
         with self._write_lock:
             if self._file.closed:  # the second half of a panic may come after the end
                 return
             self._n_events += 1
-            event_head = {"v": JOURNAL_VERSION, "n": self._n_events, "event": event}
+            event_head = {"v": JOURNAL_VERSION, "n": self._n_events, "event": event_name}
             json_line = (
                 json.dumps({**event_head, **event_fields}, ensure_ascii=True).encode() + b"\n"
             )
@@ -97,32 +97,33 @@ class Journal:
                     "is too long for it" if len(json_line) > MAX_LINE else "found no room in memory"
                 )
                 self._failure_text = (
-                    f"the journal lacks an event that {reason}: '{event}', {len(json_line):,} bytes"
+                    f"the journal lacks an event that {reason}: '{event_name}', "
+                    f"{len(json_line):,} bytes"
                 )
-                self._has_lost = True
+                self._has_lost_events = True
                 return
-            self._waiting += json_line
+            self._unwritten += json_line
             self._write()
         self._wake_event.set()
 
     def _write(self) -> None:
         """Pass to the operating system what it takes of what waits."""
         try:
-            while self._waiting:
-                del self._waiting[: self._file.write(self._waiting)]
+            while self._unwritten:
+                del self._unwritten[: self._file.write(self._unwritten)]
         except OSError as error:
             failure_reason = error.strerror or str(error)
-            if failure_reason != self._reason:
+            if failure_reason != self._failure_reason:
                 self._failure_text = (
                     f"the journal cannot be written: {failure_reason}; what is typed is kept in "
                     "memory until it can be"
                 )
-            self._reason = failure_reason
+            self._failure_reason = failure_reason
             return
-        if self._reason:
-            loss_text = "" if self._has_lost else ", and lacks nothing"
+        if self._failure_reason:
+            loss_text = "" if self._has_lost_events else ", and lacks nothing"
             self._failure_text = f"the journal is written again{loss_text}"
-            self._reason = ""
+            self._failure_reason = ""
 
     def pop_failure(self) -> str:
         """Why writing has failed since the last call; empty where it has not."""
@@ -134,10 +135,10 @@ class Journal:
         self._is_closed = True
         self._wake_event.set()
         self._thread.join()
-        if self._waiting:
+        if self._unwritten:
             self._failure_text = (
-                f"the journal ends before its time: {self._reason}; the last "
-                f"{self._waiting.count(10):,} events are lost"
+                f"the journal ends before its time: {self._failure_reason}; the last "
+                f"{self._unwritten.count(10):,} events are lost"
             )
         with contextlib.suppress(OSError):  # `pop_failure` has reported it
             self._file.close()
@@ -146,7 +147,7 @@ class Journal:
         """Sync events to the disk, all that have come meanwhile in one go."""
         is_over = False
         while not is_over:
-            self._wake_event.wait(_RETRY_SECONDS if self._waiting else None)
+            self._wake_event.wait(_RETRY_SECONDS if self._unwritten else None)
             self._wake_event.clear()
             is_over = self._is_closed  # events before `close` are synced below
             with self._write_lock:
@@ -155,7 +156,7 @@ class Journal:
                 os.fsync(self._file.fileno())
             except OSError as error:
                 self._failure_text = f"the journal cannot be written: {error.strerror or error}"
-                self._has_lost = True
+                self._has_lost_events = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,29 +172,29 @@ class JournalEvent:
         """Raise JournalError with the file and number of this line."""
         raise JournalError(f"{self.file}, line {self.number}: {sentence}") from None
 
-    def get(self, name: str, kind: type, default: Any = None) -> Any:
+    def get(self, name: str, value_type: type, default: Any = None) -> Any:
         """A field of a type. Raises JournalError where it is missing or of another type."""
         field_value = self.fields.get(name, default)
         if field_value is None:
             self.refuse(f"the field '{name}' is missing")
-        if kind is float and type(field_value) is int and abs(field_value) <= _INSTANT_MAX:
+        if value_type is float and type(field_value) is int and abs(field_value) <= _INSTANT_MAX:
             field_value = float(field_value)
-        if type(field_value) is not kind:
+        if type(field_value) is not value_type:
             self.refuse(f"the field '{name}' has the wrong type or value")
-        if kind is str and not _is_text(field_value):
+        if value_type is str and not _is_text(field_value):
             self.refuse(f"the field '{name}' is not valid Unicode text")
         return field_value
 
     def number_of(
         self,
         field_name: str,
-        number_kind: type,
+        number_type: type,
         low_bound: float,
         high_bound: float,
         default: Any = None,
     ) -> Any:
         """A number within bounds. Raises JournalError."""
-        field_value = self.get(field_name, number_kind, default)
+        field_value = self.get(field_name, number_type, default)
         if not low_bound <= field_value <= high_bound:  # also refuses NaN
             self.refuse(
                 f"the field '{field_name}' is {str(field_value)[:20]}; it must be from "
@@ -201,15 +202,15 @@ class JournalEvent:
             )
         return field_value
 
-    def mapping(self, name: str, kind: type, count_max: int = 10_000) -> dict[str, Any]:
+    def mapping(self, name: str, value_type: type, count_max: int = 10_000) -> dict[str, Any]:
         """Values of one type by name; empty where the field is missing. Raises JournalError."""
-        mapping: dict[str, Any] = self.get(name, dict, {})
-        is_fitting = _is_text if kind is str else _is_ratio
-        if len(mapping) > count_max or not all(
-            _is_text(word) and is_fitting(value) for word, value in mapping.items()
+        values_by_name: dict[str, Any] = self.get(name, dict, {})
+        is_valid = _is_text if value_type is str else _is_ratio
+        if len(values_by_name) > count_max or not all(
+            _is_text(value_name) and is_valid(value) for value_name, value in values_by_name.items()
         ):
             self.refuse(f"the field '{name}' has the wrong type or value")
-        return {word: kind(value) for word, value in mapping.items()}
+        return {value_name: value_type(value) for value_name, value in values_by_name.items()}
 
     def name_set(self, field_name: str) -> frozenset[str]:
         """A set of names; empty where the field is missing. Raises JournalError."""
@@ -262,17 +263,17 @@ def _journal_events(path: Path, journal_file: IO[bytes]) -> Iterator[JournalEven
             event_fields = None
         if not isinstance(event_fields, dict) or event_fields.get("v") != JOURNAL_VERSION:
             raise JournalError(f"{path}, line {line_number}: this is not a session's journal")
-        name = event_fields.get("event")
+        event_name = event_fields.get("event")
         yield JournalEvent(
-            str(path), line_number, name if isinstance(name, str) else "", event_fields
+            str(path), line_number, event_name if isinstance(event_name, str) else "", event_fields
         )
 
 
 def numbered_paths(path: Path) -> Iterator[Path]:
     """`name`, `name-2`, `name-3` …"""
     yield path
-    for count in itertools.count(2):
-        yield path.with_stem(f"{path.stem}-{count}")
+    for path_number in itertools.count(2):
+        yield path.with_stem(f"{path.stem}-{path_number}")
 
 
 def free_path(path: Path) -> Path:

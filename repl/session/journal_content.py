@@ -32,7 +32,7 @@ from ergon.repl.session.version import GLIDE_DURATION, Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
 
-_EVERY_MAX = 1 << 16  # frames of a tick
+_TICK_FRAMES_MAX = 1 << 16  # frames of a tick
 _NUMBER_MAX = 1 << 40
 _RATIO_MAX = 1e10  # the largest that a score allows
 _HIGHPASS_MAX = 1000.0  # [Hz]
@@ -57,7 +57,7 @@ class SessionStart:
     limit: float
     highpass: float | None
     history: PastVersions | None = None
-    base: Texts | None = None
+    file_texts: Texts | None = None
     take: JournalTake | None = None
     maps: Mapping[str, Map] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
@@ -94,7 +94,7 @@ class SessionStart:
             **rules_field(self.rules),
             **sounding_field(self.sounds_as),
             **({} if self.history is None else history_fields(self.history)),
-            **({} if self.base is None else {"base": text_fields(self.base)}),
+            **({} if self.file_texts is None else {"base": text_fields(self.file_texts)}),
             **({} if self.take is None else self.take.fields()),
             **({} if self.frozen is None else frozen_fields(self.frozen)),
             **({"see": "all"} if self.is_seen else {}),
@@ -115,8 +115,8 @@ def text_fields(score_texts: Texts) -> dict[str, object]:
 def effect_fields(version: Version) -> dict[str, object]:
     """The journal fields for how a version read from files takes over."""
     effect_values: dict[str, object] = {}
-    if version.glide != GLIDE_DURATION:
-        effect_values["glide"] = version.glide
+    if version.glide_duration != GLIDE_DURATION:
+        effect_values["glide"] = version.glide_duration
     if version.takeover_beat is not None:
         effect_values["enters"] = version.takeover_beat
     return effect_values
@@ -146,7 +146,7 @@ class FileVersion(NamedTuple):
     """The texts that a line read from files, and how their version takes over, as in `Version`."""
 
     texts: Texts
-    glide: float
+    glide_duration: float
     enter_beat: float | None
 
 
@@ -172,9 +172,9 @@ class JournalGaps:
         """What is missing; empty where nothing is."""
         if not self.n_missing:
             return ""
-        events = "event is" if self.n_missing == 1 else "events are"
+        events_text = "event is" if self.n_missing == 1 else "events are"
         return (
-            f"{file}: {self.n_missing:,} {events} missing, the first before line "
+            f"{file}: {self.n_missing:,} {events_text} missing, the first before line "
             f"{self.first_number}; "
             "what was heard is not all in it"
         )
@@ -188,42 +188,42 @@ class JournalContent:
     `disk` has the last known hashes of files. A journal that `has_ended` is complete.
     """
 
-    start: SessionStart
-    first: JournalEvent
+    session_start: SessionStart
+    first_event: JournalEvent
     disk: Disk
     lines: dict[int, JournalEvent] = field(default_factory=dict)
     versions_from_files: dict[int, FileVersion] = field(default_factory=dict)
     commits: list[JournalCommit] = field(default_factory=list)
     # (frame at which the piece went on, beat from which on nothing had begun)
     skips: list[tuple[int, float]] = field(default_factory=list)
-    dropped: set[int] = field(default_factory=set)
+    dropped_numbers: set[int] = field(default_factory=set)
     # The beat, and the frame, that a late line waits for, by its number.
     late_beats: dict[int, float] = field(default_factory=dict)
     start_frames: dict[int, int] = field(default_factory=dict)
     n_frames: int = 0
     has_ended: bool = False
     silences: list[FadedSilence] = field(default_factory=list)
-    base: Texts | None = None  # the files when they were last read or saved
+    file_texts: Texts | None = None  # the files when they were last read or saved
     # Lines and drops, in the order written.
     events: list[JournalEvent] = field(default_factory=list)
     # Strikes by MIDI notes and values of inputs by OSC, in the order in which they were done.
     acts: list[JournalAct] = field(default_factory=list)
     gaps: JournalGaps = field(default_factory=JournalGaps)
 
-    def order(self) -> dict[int, float]:
+    def effect_order(self) -> dict[int, float]:
         """The place of every line in the order of effect, by number."""
         line_order = {
             commit.line.get("number", int): float(line_index)
             for line_index, commit in enumerate(self.commits)
         }
         waiting_numbers = [number for number in self.lines if number not in line_order]
-        waiting_numbers.sort(key=self._due)
+        waiting_numbers.sort(key=self._due_order)
         return line_order | {
             number: len(line_order) + line_index
             for line_index, number in enumerate(waiting_numbers)
         }
 
-    def _due(self, number: int) -> tuple[int, float]:
+    def _due_order(self, number: int) -> tuple[int, float]:
         """When a waiting line would take effect, as `WaitingLine.is_before` orders them."""
         line_event = self.lines[number]
         start_frame = self.start_frames.get(
@@ -235,13 +235,13 @@ class JournalContent:
 
     def history(self) -> History:
         """The history at the end of the session."""
-        old_history = self.start.history
+        old_history = self.session_start.history
         history = History()
         if old_history is not None:
             history = History(
                 [past_version.number for past_version in old_history.versions], old_history.index
             )
-        effect_order = self.order()
+        effect_order = self.effect_order()
         for journal_event in self.events:
             line_number = journal_event.get("number", int)
             restored_number = journal_event.fields.get("restores")
@@ -261,7 +261,7 @@ class JournalContent:
 
     def all_texts(self) -> Iterator[Texts]:
         """Every version of the score that was read from files."""
-        yield self.start.texts
+        yield self.session_start.texts
         yield from (file_version.texts for file_version in self.versions_from_files.values())
 
 
@@ -284,7 +284,7 @@ def read_journal(
         first_texts,
         _parse_beat(first_event, "at", 0.0),
         _read_faders(first_event),
-        first_event.number_of("every", int, 1, _EVERY_MAX),
+        first_event.number_of("every", int, 1, _TICK_FRAMES_MAX),
         first_event.number_of("gain", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
         first_event.number_of("limit", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
         None
@@ -304,10 +304,10 @@ def read_journal(
     )
     journal_content = JournalContent(start, first_event, Disk.from_texts(first_texts))
     journal_content.disk.add_journal_hashes(file_locations.hashes(first_event))
-    journal_content.base = start.texts
+    journal_content.file_texts = start.texts
     if "base" in first_event.fields:
         fields = first_event.get("base", dict)
-        journal_content.base = file_locations.texts(
+        journal_content.file_texts = file_locations.texts(
             JournalEvent(first_event.file, first_event.number, "base", fields)
         )
     journal_content.gaps.note_event(first_event)
@@ -320,10 +320,10 @@ def read_journal(
     return journal_content
 
 
-def _is_seen(first: JournalEvent) -> bool:
-    if first.fields.get("see", "all") != "all":
-        first.refuse("`see` is neither absent nor all")
-    return "see" in first.fields
+def _is_seen(first_event: JournalEvent) -> bool:
+    if first_event.fields.get("see", "all") != "all":
+        first_event.refuse("`see` is neither absent nor all")
+    return "see" in first_event.fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -439,19 +439,19 @@ def _add_event(
             "start", int, 0, FRAME_MAX, FRAME_MAX
         )
     elif journal_event.name == "dropped":
-        journal_content.dropped.add(line_number)
+        journal_content.dropped_numbers.add(line_number)
     elif journal_event.name == "skip":
         event_frame = journal_event.number_of("frame", int, 0, FRAME_MAX)
         journal_content.skips.append((event_frame, _parse_beat(journal_event, "begin")))
-    elif journal_event.name in _PARSE_BY_KIND:
-        journal_content.acts.append(_PARSE_BY_KIND[journal_event.name](journal_event))
+    elif journal_event.name in _ACT_PARSERS:
+        journal_content.acts.append(_ACT_PARSERS[journal_event.name](journal_event))
     elif journal_event.name == "silence":
         _add_silence(journal_content, journal_event)
     elif journal_event.name == "end":
         journal_content.has_ended = True
     if "base" in journal_event.fields:
         fields = journal_event.get("base", dict)
-        journal_content.base = file_locations.texts(
+        journal_content.file_texts = file_locations.texts(
             JournalEvent(journal_event.file, journal_event.number, "base", fields)
         )
     if journal_event.name in ("line", "saved"):
@@ -479,7 +479,7 @@ def _parse_value(event: JournalEvent) -> JournalAct:
     return JournalAct(frame, name, value, event.number)
 
 
-_PARSE_BY_KIND = {"strike": _parse_strike, "value": _parse_value}
+_ACT_PARSERS = {"strike": _parse_strike, "value": _parse_value}
 
 
 def _add_silence(journal_content: JournalContent, journal_event: JournalEvent) -> None:

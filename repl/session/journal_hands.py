@@ -22,15 +22,15 @@ _RECORDING_SUFFIX = ".take"
 
 @dataclass(frozen=True, slots=True)
 class JournalHand:
-    """A real hand: its player and key, and the device and axis that play it from frame `start`
-    on.
+    """A real hand: its player and key, and the device and axis that play it from frame
+    `start_frame` on.
     """
 
     player: str
     key: str
     device: str
     axis: int
-    start: int = 0
+    start_frame: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,17 +42,17 @@ class JournalTake:
 
     def fields(self) -> dict[str, object]:
         """The fields of the journal's first event."""
-        hands = [
+        hand_rows = [
             {
                 "player": hand.player,
                 "key": hand.key,
                 "device": hand.device,
                 "axis": hand.axis,
-                "start": hand.start,
+                "start": hand.start_frame,
             }
             for hand in self.hands
         ]
-        return {"take": self.path.name, "hands": hands}
+        return {"take": self.path.name, "hands": hand_rows}
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,19 +86,19 @@ def read_take(first_event: JournalEvent, journal: Path) -> JournalTake | None:
         isinstance(hand_data, dict) for hand_data in hand_rows
     ):
         first_event.refuse("the field 'hands' has the wrong type or value")
-    axis_rows = [
+    hand_events = [
         JournalEvent(first_event.file, first_event.number, first_event.name, hand_data)
         for hand_data in hand_rows
     ]
     hands = tuple(
         JournalHand(
-            row.get("player", str),
-            row.get("key", str),
-            row.get("device", str),
-            row.number_of("axis", int, 0, _AXIS_MAX),
-            row.number_of("start", int, 0, FRAME_MAX, 0),
+            hand_event.get("player", str),
+            hand_event.get("key", str),
+            hand_event.get("device", str),
+            hand_event.number_of("axis", int, 0, _AXIS_MAX),
+            hand_event.number_of("start", int, 0, FRAME_MAX, 0),
         )
-        for row in axis_rows
+        for hand_event in hand_events
     )
     return JournalTake(journal.parent / take_name, hands)
 
@@ -117,8 +117,8 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
     except NotRecordingError as error:
         raise JournalError(f"{take.path}: {error}") from None
     hands = tuple(
-        RecordedHand(hand.index, hand.reach, np.ascontiguousarray(tick_positions[:, number]))
-        for number, hand in enumerate(stage.live_hands)
+        RecordedHand(hand.index, hand.reach, np.ascontiguousarray(tick_positions[:, hand_index]))
+        for hand_index, hand in enumerate(stage.live_hands)
     )
     return RecordedHands(
         hands, len(tick_positions) * tick_frames, tuple(_recording_warnings(take, recording))

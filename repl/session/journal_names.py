@@ -63,16 +63,16 @@ def score_named(score_name: str, journal: Path) -> Path | None:
 def _check_relative(relative_name: str) -> str:
     """Check that a name is relative and does not go up, on any system."""
     _check_file_name(relative_name)
-    windows, posix = PureWindowsPath(relative_name), PurePosixPath(relative_name)
-    if windows.drive or windows.root or posix.is_absolute() or not posix.parts:
+    windows_path, posix_path = PureWindowsPath(relative_name), PurePosixPath(relative_name)
+    if windows_path.drive or windows_path.root or posix_path.is_absolute() or not posix_path.parts:
         raise JournalNameError(
             f"{_printable_text(relative_name)} is not relative to the folder of the score"
         )
-    if ".." in (*windows.parts, *posix.parts):
+    if ".." in (*windows_path.parts, *posix_path.parts):
         raise JournalNameError(
             f"{_printable_text(relative_name)} is outside the folder of the score"
         )
-    return str(posix)
+    return str(posix_path)
 
 
 def _check_file_name(file_name: str) -> None:

@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 
 @edits_faders(Gain)
-def _gain(command: Gain, faders: Faders, names: frozenset[str]) -> Faders:
+def _set_gain(command: Gain, faders: Faders, instrument_names: frozenset[str]) -> Faders:
     if command.name is None:
         return replace(faders, master=command.ratio)
-    return replace(faders, gains={**faders.gains, **dict.fromkeys(names, command.ratio)})
+    return replace(faders, gains={**faders.gains, **dict.fromkeys(instrument_names, command.ratio)})
 
 
 @edits_faders(Mute)
-def _mute(command: Mute, faders: Faders, names: frozenset[str]) -> Faders:
-    return replace(faders, muted=faders.muted | names)
+def _mute(command: Mute, faders: Faders, instrument_names: frozenset[str]) -> Faders:
+    return replace(faders, muted=faders.muted | instrument_names)
 
 
 @makes_edit(Solo)
@@ -41,7 +41,7 @@ def _solo(command: Solo) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         faders = replace(version.faders, solo=instruments_of(version, command.name))
         levels = replace(version.strike_levels, solo=frozenset())
-        return _with_level(version, faders, levels)
+        return _with_levels(version, faders, levels)
 
     return edit
 
@@ -55,7 +55,7 @@ def _unmute(command: Unmute) -> VersionEdit:
         )
         muted_strikes = levels.muted if name else frozenset[str]()
         faders = replace(faders, muted=muted_instruments, solo=frozenset())
-        return _with_level(version, faders, replace(levels, muted=muted_strikes, solo=frozenset()))
+        return _with_levels(version, faders, replace(levels, muted=muted_strikes, solo=frozenset()))
 
     return edit
 
@@ -94,7 +94,7 @@ def _solo_strikes(command: SoloStrikes) -> VersionEdit:
         )
         faders = replace(version.faders, solo=solo_instruments)
         levels = replace(version.strike_levels, solo=frozenset([level_key]))
-        return _with_level(version, faders, levels)
+        return _with_levels(version, faders, levels)
 
     return edit
 
@@ -106,12 +106,12 @@ def _unmute_strikes(command: UnmuteStrikes) -> VersionEdit:
         if levels.solo:
             faders = replace(faders, solo=frozenset())
         muted_strikes = levels.muted - {_level_key(version, command.name)}
-        return _with_level(version, faders, replace(levels, muted=muted_strikes, solo=frozenset()))
+        return _with_levels(version, faders, replace(levels, muted=muted_strikes, solo=frozenset()))
 
     return edit
 
 
-def _with_level(version: Version, faders: Faders, levels: StrikeLevels) -> Version:
+def _with_levels(version: Version, faders: Faders, levels: StrikeLevels) -> Version:
     return replace(version, faders=faders, strike_levels=levels)
 
 

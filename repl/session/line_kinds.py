@@ -60,7 +60,7 @@ class KindRule(NamedTuple):
     is_structural: bool
 
 
-RULES: Mapping[LineKind, KindRule] = {
+RULE_BY_KIND: Mapping[LineKind, KindRule] = {
     LineKind.FADERS: KindRule(is_quick=True, is_structural=False),
     LineKind.ENDS: KindRule(is_quick=True, is_structural=False),
     LineKind.VALUES: KindRule(is_quick=False, is_structural=False),
@@ -75,7 +75,7 @@ def keep_order(earlier: LineKind, later: LineKind) -> bool:
 
 
 # Commands that are not listed change structure.
-_KINDS: Mapping[type[Command], LineKind] = {
+_KIND_BY_COMMAND: Mapping[type[Command], LineKind] = {
     **dict.fromkeys((Gain, Mute, Solo, Unmute), LineKind.FADERS),
     **dict.fromkeys((Hush, Damp), LineKind.ENDS),
     **dict.fromkeys(
@@ -91,7 +91,9 @@ def kind_of(commands: Sequence[Command], *, has_levels: bool = False) -> LineKin
 
     A line that ends all mute or solo needs a stage where strikes have levels (`has_levels`).
     """
-    command_kinds = {_KINDS.get(type(command), LineKind.STRUCTURE) for command in commands}
+    command_kinds = {
+        _KIND_BY_COMMAND.get(type(command), LineKind.STRUCTURE) for command in commands
+    }
     if has_levels and any(isinstance(command, Solo | Unmute) for command in commands):
         command_kinds = {*(command_kinds - {LineKind.FADERS}), LineKind.VALUES}
     if len(command_kinds) == 1:

@@ -32,44 +32,44 @@ _SCENES_MAX = 50  # scores of a folder whose lengths are looked up
 
 def instrument_lines(score_texts: Texts, piece: Piece) -> list[str]:
     """The instruments of a score with their routes; then the families."""
-    parts = {name: name for name in piece.instruments if name not in piece.note_families()}
-    parts |= {name: members[0] for name, members in piece.families.items()}
-    routes = {name: _route_rows(piece, part) for name, part in parts.items()}
-    instrument_rows = _two_columns(routes) or ["no instrument yet"]
+    part_by_name = {name: name for name in piece.instruments if name not in piece.note_families()}
+    part_by_name |= {name: members[0] for name, members in piece.families.items()}
+    routes_by_name = {name: _routes_text(piece, part) for name, part in part_by_name.items()}
+    instrument_rows = _two_columns(routes_by_name) or ["no instrument yet"]
     instrument_counts = {
         name: f"{len(members)} instruments" if len(members) > 1 else "1 instrument"
-        for name, members in _family_rows(score_texts, piece).items()
+        for name, members in _members_by_family(score_texts, piece).items()
     }
-    used_texts = {
+    used_family_texts = {
         name: f"{text}, in use" for name, text in instrument_counts.items() if name in piece.used
     }
     return [
         *instrument_rows,
         "families, by `use NAME`:",
-        *_two_columns({**instrument_counts, **used_texts}, indent="  "),
+        *_two_columns({**instrument_counts, **used_family_texts}, indent="  "),
     ]
 
 
-def family_lines(texts: Texts, piece: Piece, family_name: str) -> list[str]:
+def family_lines(score_texts: Texts, piece: Piece, family_name: str) -> list[str]:
     """The instruments of a family, with what each is. Raises NotTakenError."""
-    known_families = _family_rows(texts, piece)
-    if family_name not in known_families:
-        suggestion = nearest(family_name, known_families)
+    members_by_family = _members_by_family(score_texts, piece)
+    if family_name not in members_by_family:
+        suggestion = nearest(family_name, members_by_family)
         message = f"no family of instruments is called {family_name}"
         raise NotTakenError(message, None if suggestion is None else f"instruments {suggestion}")
-    return _two_columns({member.name: member.comment for member in known_families[family_name]})
+    return _two_columns({member.name: member.comment for member in members_by_family[family_name]})
 
 
 def gesture_lines(piece: Piece) -> list[str]:
     """The gestures with their lengths and numbers of points, then the takes."""
     gesture_rows: dict[str, str] = {}
     for gesture_name, gesture in piece.gestures.items():
-        path = gesture_name.rpartition(".")[0]
-        axes = space_path.played_names(path, piece.gestures) if path else []
-        if gesture_name in axes:
-            gesture_rows[path] = f"a path in space, {_shape_text(gesture)}"
+        path_name = gesture_name.rpartition(".")[0]
+        axis_names = space_path.played_names(path_name, piece.gestures) if path_name else []
+        if gesture_name in axis_names:
+            gesture_rows[path_name] = f"a path in space, {_gesture_text(gesture)}"
         else:
-            gesture_rows[gesture_name] = _shape_text(gesture)
+            gesture_rows[gesture_name] = _gesture_text(gesture)
     for gesture_name, take in piece.takes.items():
         gesture_rows[gesture_name] = f"take, {take.path.name}" if take.path else "take, an input"
     return _two_columns(gesture_rows) or [
@@ -80,11 +80,11 @@ def gesture_lines(piece: Piece) -> list[str]:
 def scene_lines(score_texts: Texts) -> list[str]:
     """The scores beside a score, with their lengths."""
     score_path = Path(score_texts.path).resolve()
-    other_names = [
+    scene_names = [
         path.stem for path in scores_in(folder_of(score_texts)) if path.resolve() != score_path
     ]
     scene_rows = {}
-    for number, scene_name in enumerate(dict.fromkeys(other_names)):
+    for number, scene_name in enumerate(dict.fromkeys(scene_names)):
         scene_rows[scene_name] = ""
         if number < _SCENES_MAX:
             try:
@@ -94,17 +94,17 @@ def scene_lines(score_texts: Texts) -> list[str]:
     return _two_columns(scene_rows) or ["no scene yet; `keep 8bar as verse-2` makes one"]
 
 
-def _family_rows(score_texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
+def _members_by_family(score_texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
     """The families that ship, and the files that a score uses."""
-    known_families = dict(families.library())
+    members_by_family = dict(families.library())
     score_names, _ = score_texts.names()
     for name in piece.used:
         if name in score_names.used_names:
-            known_families[name] = families.members(score_names.used_names[name].document)
-    return known_families
+            members_by_family[name] = families.members(score_names.used_names[name].document)
+    return members_by_family
 
 
-def _route_rows(piece: Piece, part: str) -> str:
+def _routes_text(piece: Piece, part: str) -> str:
     routes = [route for route in piece.routes() if route.part == part]
     route_texts = dict.fromkeys(", ".join(_route_text(route)) for route in routes)
     return "; ".join(route_texts) or "is not routed"
@@ -130,7 +130,7 @@ def _route_text(route: Route) -> Iterator[str]:
         yield f"{room} {decibels_of(gain):.3g} dB"
 
 
-def _shape_text(gesture: Gesture) -> str:
+def _gesture_text(gesture: Gesture) -> str:
     last_position = gesture.points[-1].at
     length_texts = []
     if last_position.beats:
@@ -139,8 +139,8 @@ def _shape_text(gesture: Gesture) -> str:
         )
     if last_position.seconds or not length_texts:
         length_texts.append(f"{1e3 * last_position.seconds:g} ms")
-    count = len(gesture.points)
-    return f"{' + '.join(length_texts)}, {count} point{'s' if count > 1 else ''}"
+    n_points = len(gesture.points)
+    return f"{' + '.join(length_texts)}, {n_points} point{'s' if n_points > 1 else ''}"
 
 
 def _length_text(scene: Scene) -> str:

@@ -39,7 +39,7 @@ class LiveEngine:
         self._pages = config.pages
         self.n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
-            stage, replace(config, is_endless=True, loose=True)
+            stage, replace(config, is_endless=True, has_loose_guides=True)
         )
         self._players = [hand.player for hand in stage.live_hands]
         self._real_players = {player for board in config.boards for _, player in board.axes}
@@ -57,7 +57,7 @@ class LiveEngine:
         # Set by `close`: the last status, and the events that were not reported yet.
         self._final_status: _core.Status | None = None
         self._final_sound: SoundFileStatus | None = None
-        self._unreported: list[_core.PerformanceEvent] = []
+        self._unreported_events: list[_core.PerformanceEvent] = []
         self._notices = RepeatedNotices(stage.rate)
 
     @property
@@ -100,7 +100,7 @@ class LiveEngine:
             if change.needs_new_mixer
             else None,
             gains=list(change.gains.items()),
-            damp=change.damp or 0.0,
+            damp=change.damping_t60 or 0.0,
             bounds=self._bounds_by_hand(change.force_bounds),
             bars=bar_frames(stage, change.frame, change.frame + int(_BARS_AHEAD * stage.rate)),
         )
@@ -118,8 +118,8 @@ class LiveEngine:
     def _bounds_by_hand(
         self, force_bounds: Sequence[HandForceBounds]
     ) -> list[list[tuple[int, float]]]:
-        by_player = {hand_bounds.player: hand_bounds.bounds for hand_bounds in force_bounds}
-        return [list(by_player.get(player, ())) for player in self._players]
+        bounds_by_player = {hand_bounds.player: hand_bounds.bounds for hand_bounds in force_bounds}
+        return [list(bounds_by_player.get(player, ())) for player in self._players]
 
     def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
         """Guide players' hands along new paths from `frame` on; returns the ticket."""
@@ -128,9 +128,9 @@ class LiveEngine:
         guided_paths = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
         return self._performance.change(
             frame,
-            standins=[guided_hand.path for guided_hand in guided_paths],
-            forces=[np.asarray(guided_hand.forces, dtype=float) for guided_hand in guided_paths],
-            guidance=[guided_hand.steps for guided_hand in guided_paths],
+            standins=[guided_path.positions for guided_path in guided_paths],
+            forces=[np.asarray(guided_path.forces, dtype=float) for guided_path in guided_paths],
+            guidance=[guided_path.strength_steps for guided_path in guided_paths],
         )
 
     def strike(self, point: int, impulse: float) -> int | None:
@@ -198,7 +198,9 @@ class LiveEngine:
     def events(self) -> Sequence[EngineEvent]:
         """Events since the last call."""
         engine_events = []
-        for raw_event in self._unreported if self._final_status else self._performance.events():
+        for raw_event in (
+            self._unreported_events if self._final_status else self._performance.events()
+        ):
             frame, event_kind, value = raw_event
             if event_kind in ("changed", "late"):
                 engine_events.append(EngineEvent(frame, int(value), is_late=event_kind == "late"))
@@ -207,7 +209,7 @@ class LiveEngine:
                     EngineEvent(frame, act_ticket=int(value), is_late=event_kind == "missed")
                 )
             elif event_text := event_sentence(raw_event, self._players, self._boards):
-                real_players = self._hand_states(raw_event)
+                real_players = self._real_by_player(raw_event)
                 lost_duration = value if event_kind == "lost" else 0.0
                 engine_events += [
                     EngineEvent(event_frame, sentence=line, is_real_by_player=real_players)
@@ -215,7 +217,7 @@ class LiveEngine:
                         frame, event_kind, event_text, lost_duration
                     )
                 ]
-        self._unreported = []
+        self._unreported_events = []
         notice_lines = (
             self._notices.last_lines()
             if self._final_status
@@ -233,7 +235,7 @@ class LiveEngine:
             engine_events.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
         return engine_events
 
-    def _hand_states(self, event: _core.PerformanceEvent) -> dict[str, bool]:
+    def _real_by_player(self, event: _core.PerformanceEvent) -> dict[str, bool]:
         _, event_kind, value = event
         if event_kind == "gone":
             return dict.fromkeys(self._players_by_board[int(value)], False)
@@ -270,9 +272,9 @@ class LiveEngine:
         """
         if self.sound_file_status() is not None:
             self.end_sound()
-        stop = time.monotonic() + _CLOSE_TIMEOUT
+        deadline = time.monotonic() + _CLOSE_TIMEOUT
         while (status := self.sound_file_status()) and not (status.has_ended or status.error):
-            if time.monotonic() > stop:
+            if time.monotonic() > deadline:
                 break
             time.sleep(_POLL_SECONDS)
         return status
@@ -282,6 +284,6 @@ class LiveEngine:
         self._final_sound = self._ended_sound()
         self._final_status = self._performance.status()
         self._performance.stop()
-        self._unreported = self._performance.close(_CLOSE_TIMEOUT)
+        self._unreported_events = self._performance.close(_CLOSE_TIMEOUT)
         if self._pages is not None:
             self._pages.close()

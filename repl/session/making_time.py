@@ -26,13 +26,13 @@ class MakingTime:
 
     engine: Engine
     rate: float  # frames a second
-    seconds: float = 0.0
+    slowest_seconds: float = 0.0
     _last_seconds: float = 0.0
 
     @property
-    def expected(self) -> float:
+    def expected_seconds(self) -> float:
         """The time that a change is given [s]."""
-        return _SAFETY_FACTOR * self.seconds
+        return _SAFETY_FACTOR * self.slowest_seconds
 
     def after_slips(self, n_slips: int) -> float:
         """The time that a line is given which was late `n_slips` times before [s].
@@ -40,7 +40,7 @@ class MakingTime:
         It is longer each time, whatever was measured.
         """
         return _SAFETY_FACTOR * min(
-            _SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(n_slips, 20)
+            _SLIP_MAX, max(self.slowest_seconds, _SLIP_MIN) * 2.0 ** min(n_slips, 20)
         )
 
     def begin_frame(self) -> int:
@@ -50,4 +50,7 @@ class MakingTime:
     def add(self, start_frame: int) -> None:
         """Count making that began at frame `start_frame` and ends now."""
         seconds_taken = (self.engine.frame - start_frame) / self.rate
-        self.seconds, self._last_seconds = max(seconds_taken, self._last_seconds), seconds_taken
+        self.slowest_seconds, self._last_seconds = (
+            max(seconds_taken, self._last_seconds),
+            seconds_taken,
+        )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.takeover import Takeovers
 
 
-class Makings:
+class VersionMaker:
     """Makes running versions and checks them; `latest_beat` is the beat on which nothing begins any
     more.
     """
@@ -71,6 +71,6 @@ class Makings:
                 )
         # Every version passes here, so none plays that a real hand's key cannot bear.
         bounds = self._engine.force_bounds(
-            result.stage, result.start, result.glides, running.force_bounds
+            result.stage, result.start_frame, result.glides, running.force_bounds
         )
         return replace(result, force_bounds=bounds)

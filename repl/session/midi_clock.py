@@ -90,9 +90,11 @@ class ClockEvents:
                     yield first_frame, bytes([start_message.value])
                 self._begin_instant = clock.begin_instant
             if clock.begin_instant is not None:
-                tempo, rate = stage.piece.tempo_map, stage.rate
+                tempo_map, rate = stage.piece.tempo_map, stage.rate
                 while (
-                    clock_frame := frame_of(tempo.seconds(self._next_clock / CLOCKS_PER_BEAT), rate)
+                    clock_frame := frame_of(
+                        tempo_map.seconds(self._next_clock / CLOCKS_PER_BEAT), rate
+                    )
                 ) < stop_frame:
                     yield max(clock_frame, first_frame), bytes([Transport.CLOCK.value])
                     self._next_clock += 1
@@ -230,14 +232,13 @@ class ClockIn:
                     beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS)
                     - correction_instant
                 ) / _CORRECTION_BEATS
-                error = end_instant - beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS)
-            else:
-                beat_length, error = (
-                    beat_estimate.beat_length,
-                    (end_instant - correction_instant)
-                    - _CORRECTION_BEATS * beat_estimate.beat_length,
+                instant_error = end_instant - beat_estimate.instant_of(
+                    correction_beat + _CORRECTION_BEATS
                 )
-            if abs(error) <= _ERROR_TOLERANCE:
+            else:
+                beat_length = beat_estimate.beat_length
+                instant_error = end_instant - correction_instant - _CORRECTION_BEATS * beat_length
+            if abs(instant_error) <= _ERROR_TOLERANCE:
                 return
             beat_length = min(
                 max(beat_length, beat_estimate.beat_length / _TEMPO_RATIO_MAX),

@@ -14,30 +14,32 @@ if TYPE_CHECKING:
 
 
 @executes(Maps)
-def _maps(session: SessionCore, command: Maps) -> Reply:
+def _list_maps(session: SessionCore, command: Maps) -> Reply:
     maps = midi_maps.player_maps(session.schedule.head.maps).values()
-    map_lines = tuple(row.line.removeprefix("map ") for row in maps)
+    map_lines = tuple(midi_map.line.removeprefix("map ") for midi_map in maps)
     if (unmapped_line := session.midi.monitor.unmapped_line()) is not None:
         map_lines = (*map_lines, unmapped_line)
     return Reply(True, "" if map_lines else "ok nothing is mapped", lines=map_lines)
 
 
 @executes(Learn)
-def _learn(session: SessionCore, command: Learn) -> Reply:
-    text = session.midi.learn(command.map)
-    return Reply(True, f"ok {text}{'' if command.map is None else _without_input(session)}")
+def _learn_map(session: SessionCore, command: Learn) -> Reply:
+    learning_text = session.midi.learn(command.map)
+    return Reply(
+        True, f"ok {learning_text}{'' if command.map is None else _no_input_text(session)}"
+    )
 
 
 @executes(Monitor)
-def _monitor(session: SessionCore, command: Monitor) -> Reply:
+def _switch_monitor(session: SessionCore, command: Monitor) -> Reply:
     session.midi.monitor.is_on = command.is_on
     if not command.is_on:
         return Reply(True, "ok")
     monitor_text = "MIDI is printed as it comes; `monitor off` ends it"
-    return Reply(True, f"ok {monitor_text}{_without_input(session)}")
+    return Reply(True, f"ok {monitor_text}{_no_input_text(session)}")
 
 
-def _without_input(session: SessionCore) -> str:
+def _no_input_text(session: SessionCore) -> str:
     """What a reply adds where no MIDI can come."""
     no_input_text = "; no MIDI input is open: start ergon with --midi PORT"
     return "" if session.midi.inputs else no_input_text

@@ -1,4 +1,4 @@
-"""Positions of MIDI controllers: what a message moves, as a share of its way."""
+"""Positions of MIDI controllers: what a message moves, as a share of its range."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Controllers:
         if isinstance(message, PitchWheel):
             yield "bend", wheel_position(message.value)
         elif isinstance(message, Pressure):
-            key = "" if message.number is None else f" {message.number}"
-            yield f"pressure{key}", seven_bit_position(message.value)
+            key_text = "" if message.number is None else f" {message.number}"
+            yield f"pressure{key_text}", seven_bit_position(message.value)
         else:
             self._values[message.number] = message.value
             yield f"cc {message.number}", seven_bit_position(message.value)
@@ -44,8 +44,11 @@ class Controllers:
         for map_source in maps:
             if not map_source.startswith("cc ") or "/" not in map_source:
                 continue
-            upper, lower = map(int, map_source.removeprefix("cc ").split("/"))
-            if number == upper:
-                self._values[lower] = 0
-            if number in (upper, lower):
-                yield map_source, pair_position(self._values[upper], self._values[lower])
+            upper_number, lower_number = map(int, map_source.removeprefix("cc ").split("/"))
+            if number == upper_number:
+                self._values[lower_number] = 0
+            if number in (upper_number, lower_number):
+                yield (
+                    map_source,
+                    pair_position(self._values[upper_number], self._values[lower_number]),
+                )

@@ -78,7 +78,7 @@ class MidiInput:
         self._say = say
         self.monitor = MidiMonitor()
         self.inputs: list[str] = []  # the names of the ports that are open
-        self.n_lost = 0  # notes that could not strike because too many came at once
+        self.n_lost_strikes = 0  # notes that could not strike because too many came at once
 
     def receive(self, data: bytes, instant: float) -> None:
         """Act on a message; malformed and unknown ones do nothing."""
@@ -111,9 +111,9 @@ class MidiInput:
 
     def learn(self, wanted_map: MapControl | MapNotes | None) -> str:
         """Map the next controller or note that comes; returns a sentence that says so."""
-        old_wanted, self._wanted_map = self._wanted_map, wanted_map
+        old_wanted_map, self._wanted_map = self._wanted_map, wanted_map
         if wanted_map is None:
-            if old_wanted is None:
+            if old_wanted_map is None:
                 raise NotTakenError("nothing is to be learnt; `map learn bell.m.K …` begins it")
             return "nothing is learnt any more"
         action_text = "strike a note" if isinstance(wanted_map, MapNotes) else "move a controller"
@@ -148,8 +148,8 @@ class MidiInput:
         if is_pedal:
             self._move_pedal(is_down=message.value >= _PEDAL_DOWN)
         head = self._schedule.head
-        is_mapped, values = self._zones.move_values(channel, message, head.maps, head.piece)
-        for name, line in values:
+        is_mapped, named_lines = self._zones.move_values(channel, message, head.maps, head.piece)
+        for name, line in named_lines:
             self._fast_values.set_soon(name, line)
         if isinstance(message, Pressure) and not is_mapped:
             return self._press(message, channel)
@@ -185,7 +185,7 @@ class MidiInput:
         """Press on the notes that sound, those of one key or of one channel; whether there is
         anything to press on.
         """
-        is_pressed = False
+        has_pressed = False
         for note_number, sounding_note in self._sounding_notes.items():
             if sounding_note.n_panics != self._stops.n_panics:
                 continue
@@ -193,12 +193,12 @@ class MidiInput:
                 continue
             version = self._schedule.running.version
             for struck_place, impulse in pressed_places(version, note_number, message.value):
-                is_pressed = True
+                has_pressed = True
                 self._strike(
                     struck_place, impulse - sounding_note.impulse_by_place.get(struck_place, 0.0)
                 )
                 sounding_note.impulse_by_place[struck_place] = impulse
-        return is_pressed
+        return has_pressed
 
     def _end_note(self, number: int) -> None:
         """End a note, or hold it while the pedal is down."""
@@ -232,7 +232,7 @@ class MidiInput:
         strike_place = partial(self._schedule.engine.strike, place_number(place), impulse)
         strike_fields = {"part": part, "module": module, "member": member, "impulse": impulse}
         if not self._acts.request(strike_place, "strike", **strike_fields):
-            self.n_lost += 1
+            self.n_lost_strikes += 1
 
 
 def _constant_line(line: str, _: Version) -> str:

@@ -13,7 +13,7 @@ from ergon.notation.tables.strengths import MEZZO_FORTE
 from ergon.notation.tables.tuning import is_pitch
 from ergon.notation.tables.velocities import LAWS
 from ergon.repl.language.hearing import Hear
-from ergon.repl.language.mapping import BPM_UNIT, EVEN, MapControl, MapNotes
+from ergon.repl.language.mapping import BPM_UNIT, EVEN_CURVE, MapControl, MapNotes
 from ergon.repl.language.midi import is_source
 from ergon.repl.session.struck_places import maps_of, places_of_line, places_of_note
 from ergon.repl.session.version import NotTakenError
@@ -74,9 +74,9 @@ def without_map(version: Version, map_name: str) -> Mapping[str, Map]:
 def rename_in_maps(maps: Mapping[str, Map], old_name: str, new_name: str) -> Mapping[str, Map]:
     """The maps after a renaming."""
 
-    def renamed_path(text: str | None) -> str | None:
-        first_name, dot, path_rest = (text or "").partition(".")
-        return f"{new_name}{dot}{path_rest}" if first_name == old_name and text else text
+    def rename_path(text: str | None) -> str | None:
+        first_word, dot, path_rest = (text or "").partition(".")
+        return f"{new_name}{dot}{path_rest}" if first_word == old_name and text else text
 
     renamed_maps: list[Map] = []
     for midi_map in maps.values():
@@ -84,14 +84,14 @@ def rename_in_maps(maps: Mapping[str, Map], old_name: str, new_name: str) -> Map
             renamed_maps.append(
                 replace(
                     midi_map,
-                    target=renamed_path(midi_map.target),
-                    sounding=renamed_path(midi_map.sounding),
+                    target=rename_path(midi_map.target),
+                    sounding=rename_path(midi_map.sounding),
                 )
             )
             continue
-        midi_map = replace(midi_map, target=renamed_path(midi_map.target) or midi_map.target)
+        midi_map = replace(midi_map, target=rename_path(midi_map.target) or midi_map.target)
         if isinstance(midi_map, MapNotes):
-            midi_map = replace(midi_map, gesture=renamed_path(midi_map.gesture))
+            midi_map = replace(midi_map, gesture=rename_path(midi_map.gesture))
         renamed_maps.append(midi_map)
     return {midi_map.name: midi_map for midi_map in renamed_maps}
 
@@ -123,8 +123,8 @@ def line_of_value(control: MapControl, position: float) -> str:
         return f"tempo {target_value:.6g} now"
     if control.target is not None:
         return f"set {control.target} {target_value:.6g}{control.unit} over 50ms now"
-    name = "" if control.sounding is None else f"{control.sounding} "
-    return f"gain {name}{target_value:.6g}dB now"
+    level_name = "" if control.sounding is None else f"{control.sounding} "
+    return f"gain {level_name}{target_value:.6g}dB now"
 
 
 def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
@@ -183,9 +183,9 @@ def _hear_notes(written_notes: list[object]) -> tuple[str, ...] | None:
 def _read_row(journal_event: JournalEvent, row: object) -> Map:
     match row:
         case ["hear", str(target_text), *notes] if _WORD_PATTERN.fullmatch(target_text):
-            words = _hear_notes(notes)
-            if words is not None:
-                return Hear(target_text, words, MEZZO_FORTE)
+            note_words = _hear_notes(notes)
+            if note_words is not None:
+                return Hear(target_text, note_words, MEZZO_FORTE)
         case [
             "note",
             low_number,
@@ -193,12 +193,13 @@ def _read_row(journal_event: JournalEvent, row: object) -> Map:
             target_text,
         ]:  # journals before maps had curves
             return _read_row(
-                journal_event, ["notes", low_number, high_number, target_text, None, None, EVEN]
+                journal_event,
+                ["notes", low_number, high_number, target_text, None, None, EVEN_CURVE],
             )
         case ["note", low_number, high_number, target_text, weak, strong]:
             return _read_row(
                 journal_event,
-                ["notes", low_number, high_number, target_text, [weak, strong], None, EVEN],
+                ["notes", low_number, high_number, target_text, [weak, strong], None, EVEN_CURVE],
             )
         case ["cc", int(number), *rest]:
             return _read_row(journal_event, ["control", f"cc {number}", *rest])

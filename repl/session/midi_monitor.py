@@ -22,7 +22,7 @@ _LINES_MAX = 10  # messages printed in a period; the others are counted
 _PERIOD_SECONDS = 0.5  # [s]
 _WAITING_MAX = 2000  # messages in a period; older ones are dropped
 _NOTE_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
-_SHOWN_MAX = 8  # kinds of messages in one line
+_SHOWN_SOURCES_MAX = 8  # kinds of messages in one line
 
 
 class MidiMonitor:
@@ -31,23 +31,23 @@ class MidiMonitor:
     def __init__(self) -> None:
         """Begin without messages, and print none."""
         self.is_on = False
-        self._unmapped: Counter[str] = Counter()
+        self._unmapped_counts: Counter[str] = Counter()
         self._waiting_lines: deque[tuple[str, str]] = deque(maxlen=_WAITING_MAX)
         self._period_end = 0.0  # [s] end of the present period
-        self._n_left = _LINES_MAX
+        self._n_lines_left = _LINES_MAX
         self._omitted_counts: Counter[str] = Counter()
 
     def note(self, message: PlayedMessage, channel: int, *, is_mapped: bool) -> None:
         """Note a message of a channel from 1 to 16."""
         message_source = source_of(message)
         if not is_mapped and not isinstance(message, NoteOff):
-            self._unmapped[message_source] += 1
+            self._unmapped_counts[message_source] += 1
         if self.is_on:
             unmapped_text = "" if is_mapped or isinstance(message, NoteOff) else ", not mapped"
             text = f"MIDI {_message_text(message)}, channel {channel}{unmapped_text}"
             self._waiting_lines.append((message_source, text))
 
-    def lines_due(self, instant_now: float) -> Sequence[str]:
+    def due_lines(self, instant_now: float) -> Sequence[str]:
         """The lines to print at an instant [s]: a bounded number each half second, and the
         number of the others.
         """
@@ -59,11 +59,11 @@ class MidiMonitor:
                     f"MIDI {n_omitted:,} more: {_counts_text(self._omitted_counts)}"
                 )
             self._omitted_counts.clear()
-            self._period_end, self._n_left = instant_now + _PERIOD_SECONDS, _LINES_MAX
+            self._period_end, self._n_lines_left = instant_now + _PERIOD_SECONDS, _LINES_MAX
         while self._waiting_lines:
             message_source, monitor_text = self._waiting_lines.popleft()
-            if self._n_left:
-                self._n_left -= 1
+            if self._n_lines_left:
+                self._n_lines_left -= 1
                 monitor_lines.append(monitor_text)
             else:
                 self._omitted_counts[message_source] += 1
@@ -71,7 +71,7 @@ class MidiMonitor:
 
     def unmapped_line(self) -> str | None:
         """A line on the messages without a map; None if there were none."""
-        counts = Counter(dict(self._unmapped))  # another thread may count on meanwhile
+        counts = Counter(dict(self._unmapped_counts))  # another thread may count on meanwhile
         return f"not mapped: {_counts_text(counts)}" if counts else None
 
 
@@ -117,6 +117,13 @@ def _note_name(number: int) -> str:
 
 def _counts_text(counts: Counter[str]) -> str:
     """`cc 22 (14 times), note 35`, those that came most first."""
-    rows = [source if n == 1 else f"{source} ({n:,} times)" for source, n in counts.most_common()]
-    others_text = f", and {len(rows) - _SHOWN_MAX} others" if len(rows) > _SHOWN_MAX else ""
-    return ", ".join(rows[:_SHOWN_MAX]) + others_text
+    source_texts = [
+        source if count == 1 else f"{source} ({count:,} times)"
+        for source, count in counts.most_common()
+    ]
+    others_text = (
+        f", and {len(source_texts) - _SHOWN_SOURCES_MAX} others"
+        if len(source_texts) > _SHOWN_SOURCES_MAX
+        else ""
+    )
+    return ", ".join(source_texts[:_SHOWN_SOURCES_MAX]) + others_text

@@ -17,7 +17,7 @@ from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_ON, PITCH_BEND, Mid
 from ergon.scores.gesture.midi_wheels import Wheels
 
 if TYPE_CHECKING:
-    from ergon.repl.session.fast_values import LineOf
+    from ergon.repl.session.fast_values import LineMaker
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
 
@@ -46,12 +46,12 @@ class Zones:
 
     def move_values(
         self, channel: int, message: ControllerMessage, maps: Mapping[str, Map], piece: Piece
-    ) -> tuple[bool, list[tuple[str, LineOf]]]:
+    ) -> tuple[bool, list[tuple[str, LineMaker]]]:
         """Whether a message has a map, and what it sets: the name of each value, and the line that
         sets it.
         """
         is_in_zone, is_mapped = self._wheels.is_in_zone(channel), False
-        lines_by_name: list[tuple[str, LineOf]] = []
+        named_lines: list[tuple[str, LineMaker]] = []
         controllers = self._controllers.setdefault(channel if is_in_zone else 0, Controllers())
         for map_source, position in controllers.positions(message, maps):
             control = maps.get(map_source)
@@ -61,14 +61,14 @@ class Zones:
             if is_in_zone and _note_family(control, piece):
                 self._positions[channel, map_source] = position
                 for note in self._wheels.notes_of_channel(channel):
-                    lines_by_name += self._note_move(control, note, position, piece)
+                    named_lines += self._note_values(control, note, position, piece)
             else:
-                lines_by_name.append((map_source, partial(line_at_position, map_source, position)))
-        return is_mapped, lines_by_name
+                named_lines.append((map_source, partial(line_at_position, map_source, position)))
+        return is_mapped, named_lines
 
     def note_begin_values(
         self, channel: int, note: int, maps: Mapping[str, Map], piece: Piece
-    ) -> Iterator[tuple[str, LineOf]]:
+    ) -> Iterator[tuple[str, LineMaker]]:
         """What the beginning of a note sets: a note has the values of its channel."""
         if not self._wheels.is_in_zone(channel):
             return
@@ -76,19 +76,19 @@ class Zones:
             if isinstance(control, MapControl) and _note_family(control, piece):
                 position = self._positions.get((channel, map_source))
                 if map_source == "bend" or position is not None:
-                    yield from self._note_move(control, note, position, piece)
+                    yield from self._note_values(control, note, position, piece)
 
-    def _note_move(
-        self, control: MapControl, key: int, position: float | None, piece: Piece
-    ) -> Iterator[tuple[str, LineOf]]:
+    def _note_values(
+        self, control: MapControl, note_number: int, position: float | None, piece: Piece
+    ) -> Iterator[tuple[str, LineMaker]]:
         """The value of one note, if its instrument has that note."""
         family = _note_family(control, piece)
-        target_path = _note_target(control, family, key, piece)
+        target_path = _note_target(control, family, note_number, piece)
         if target_path is None:
             return
         value_name = f"{control.source}, {target_path}"
         if control.source == "bend" and target_path.endswith(_PITCH_SUFFIX):
-            cents = self._wheels.note_cents(key)
+            cents = self._wheels.note_cents(note_number)
             if cents or value_name in self._bent_names:
                 self._bent_names.add(value_name)
                 yield (
@@ -107,16 +107,18 @@ class Zones:
 def _note_family(control: MapControl, piece: Piece) -> str | None:
     """The instrument with notes to whose parameter a controller leads."""
     words = (control.target or "").split(".")
-    prefixes = (".".join(words[:count]) for count in range(1, len(words)))
+    prefixes = (".".join(words[:n_words]) for n_words in range(1, len(words)))
     return next((prefix for prefix in prefixes if prefix in piece.families), None)
 
 
-def _note_target(control: MapControl, family: str | None, key: int, piece: Piece) -> str | None:
+def _note_target(
+    control: MapControl, family: str | None, note_number: int, piece: Piece
+) -> str | None:
     """The parameter of one note; None if there is no such note."""
     if family is None or control.target is None:
         return None
     for member in piece.families[family]:
-        if number(member.rpartition(".")[2]) == key:
+        if number(member.rpartition(".")[2]) == note_number:
             return f"{member}{control.target.removeprefix(family)}"
     return None
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import next_boundary
-from ergon.repl.session.line_kinds import RULES, LineKind
+from ergon.repl.session.line_kinds import RULE_BY_KIND, LineKind
 from ergon.repl.session.places import BAR_DURATION, LinePlace, PresentState, frame_of, place_of
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class Moments:
     """The frames of changes that are to come; a change reaches the engine within `margin` frames.
 
-    `tempo` is everywhere the tempo with all waiting lines.
+    `tempo_map` is everywhere the tempo with all waiting lines.
     """
 
     def __init__(
@@ -44,16 +44,18 @@ class Moments:
 
     def soonest_frame(self, kind: LineKind = LineKind.STRUCTURE) -> int:
         """The first frame at which a new line of a kind can take effect: a multiple of the tick."""
-        return self.first_frame(0.0 if RULES[kind].is_quick else self._making_time.expected, kind)
+        return self.first_frame(
+            0.0 if RULE_BY_KIND[kind].is_quick else self._making_time.expected_seconds, kind
+        )
 
     def first_frame(self, making_seconds: float, line_kind: LineKind = LineKind.STRUCTURE) -> int:
         """The first frame for a change that takes `making_seconds` [s] to compute."""
         if line_kind is LineKind.FADERS:
             frame_min = 0
         elif line_kind is LineKind.ENDS:  # such a line withdraws pending changes
-            frame_min = self._changes.running_at(self.tick_after(0.0) - 1).start + 1
+            frame_min = self._changes.running_at(self.tick_after(0.0) - 1).start_frame + 1
         else:
-            frame_min = self._changes.running.start + 1
+            frame_min = self._changes.running.start_frame + 1
         return self._tick_frame(max(self.frame_after(making_seconds), frame_min))
 
     def beat_now(self) -> float:
@@ -61,13 +63,17 @@ class Moments:
         return self._changes.running.beat(self._engine.frame)
 
     def place(
-        self, tempo: TempoMap, when: When, grid: Length | None, kind: LineKind = LineKind.STRUCTURE
+        self,
+        tempo_map: TempoMap,
+        when: When,
+        grid: Length | None,
+        kind: LineKind = LineKind.STRUCTURE,
     ) -> LinePlace:
         """The place of a line that is typed now. Raises NotTakenError where its beat is past."""
         lead_seconds = self._timing.change_lead(kind is LineKind.ENDS)
         soonest_frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
         line_beat, start_frame = place_of(
-            when, grid, self._present_state(tempo), soonest_frames, lead_seconds
+            when, grid, self._present_state(tempo_map), soonest_frames, lead_seconds
         )
         is_now = when is NOW or (when is None and grid is None)
         if kind is LineKind.FADERS and is_now and start_frame is not None:
@@ -77,7 +83,7 @@ class Moments:
         return LinePlace(line_beat, start_frame)
 
     def place_from(
-        self, first_frame: int, tempo: TempoMap, line_time: When, grid: Length | None
+        self, first_frame: int, tempo_map: TempoMap, line_time: When, grid: Length | None
     ) -> LinePlace:
         """The place of a line that needs a stage and is ready at a frame.
 
@@ -85,7 +91,11 @@ class Moments:
         """
         lead_seconds = self._timing.change_lead(False)
         return place_of(
-            line_time, grid, self._present_state(tempo), (first_frame, first_frame), lead_seconds
+            line_time,
+            grid,
+            self._present_state(tempo_map),
+            (first_frame, first_frame),
+            lead_seconds,
         )
 
     def place_after_slip(self, slipped_lines: Sequence[WaitingLine]) -> tuple[float, int]:
@@ -96,22 +106,24 @@ class Moments:
             0.0 if not n_slips and first_line.rule.is_quick else making_seconds, first_line.kind
         )
         running, timing = self._changes.running, self._timing
-        clock, tempo = running.clock, running.version.piece.tempo_map
+        clock, tempo_map = running.clock, running.version.piece.tempo_map
         lead = first_line.lead(timing)
-        start_beat = clock.beat(tempo, start_frame / timing.rate + lead)
+        start_beat = clock.beat(tempo_map, start_frame / timing.rate + lead)
         if clock.is_running and not all(line.is_now for line in slipped_lines):
-            start_beat = next_boundary(tempo, start_beat, BAR_DURATION)
-            start_frame = max(start_frame, timing.takeover_frame(clock, tempo, start_beat, lead))
+            start_beat = next_boundary(tempo_map, start_beat, BAR_DURATION)
+            start_frame = max(
+                start_frame, timing.takeover_frame(clock, tempo_map, start_beat, lead)
+            )
         return start_beat, start_frame
 
-    def frame_of(self, tempo: TempoMap, beat: float) -> int:
+    def frame_of(self, tempo_map: TempoMap, beat: float) -> int:
         """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""
-        return frame_of(beat, self._present_state(tempo), self.soonest_frame())
+        return frame_of(beat, self._present_state(tempo_map), self.soonest_frame())
 
-    def _present_state(self, tempo: TempoMap) -> PresentState:
-        return PresentState(self._changes.running.clock, tempo, self.beat_now(), self._timing)
+    def _present_state(self, tempo_map: TempoMap) -> PresentState:
+        return PresentState(self._changes.running.clock, tempo_map, self.beat_now(), self._timing)
 
     def _tick_frame(self, frame: int) -> int:
         """The first frame of a tick that is not before a frame."""
-        tick = self._timing.tick_frames
-        return -(-frame // tick) * tick
+        tick_frames = self._timing.tick_frames
+        return -(-frame // tick_frames) * tick_frames

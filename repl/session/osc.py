@@ -53,14 +53,14 @@ class SessionOsc:
     def __init__(self, session: Session, osc: OscServer, performance: _core.Performance) -> None:
         """Begin to serve, at the sockets that `osc` has opened."""
         self._session, self._osc = session, osc
-        self._lines: LineQueue[Answer | None] = LineQueue(session)
+        self._line_queue: LineQueue[Answer | None] = LineQueue(session)
         self._n_waiting = 0
         self._input_values = InputValues(self._set_input)
         self._handlers: dict[str, Handler] = {
-            "/ergon/cmd": text_handler(lambda line: self._enter(line, osc.answerer())),
-            "/ergon/panic": button_handler(self._lines.panic),
-            "/ergon/release": button_handler(lambda: self._enter("release", None)),
-            "/ergon/stop": button_handler(lambda: self._enter("stop", None)),
+            "/ergon/cmd": text_handler(lambda line: self._enter_line(line, osc.answerer())),
+            "/ergon/panic": button_handler(self._line_queue.panic),
+            "/ergon/release": button_handler(lambda: self._enter_line("release", None)),
+            "/ergon/stop": button_handler(lambda: self._enter_line("stop", None)),
         }
         self._worker = threading.Thread(target=self._do_lines, name="ergon osc lines", daemon=True)
         self._worker.start()
@@ -80,50 +80,50 @@ class SessionOsc:
             return handler
         if address.startswith(_INPUT_PREFIX):
             input_name = address.removeprefix(_INPUT_PREFIX)
-            take = self._session.schedule.head.piece.takes.get(input_name)
+            input_take = self._session.schedule.head.piece.takes.get(input_name)
             return (
                 None
-                if take is None or not take.is_from_osc
+                if input_take is None or not input_take.is_from_osc
                 else self._input_values.handler_of(input_name)
             )
         address_match = _GAIN_PATTERN.fullmatch(address)
         if address_match is None:
             return None
-        kind, input_name = address_match.groups()
-        if kind is not None and input_name not in self._names(kind):
+        part_kind, part_name = address_match.groups()
+        if part_kind is not None and part_name not in self._part_names(part_kind):
             return None
-        return level_handler(lambda level: self._set_level(address, input_name, level))
+        return level_handler(lambda level: self._set_level(address, part_name, level))
 
     def _set_input(self, name: str, value: float) -> bool:
         session = self._session
         set_engine_input = partial(session.schedule.engine.set_input, input_id(name), value)
         return session.acts.request(set_engine_input, "value", input=name, value=value)
 
-    def _names(self, kind: str) -> Mapping[str, str]:
+    def _part_names(self, part_kind: str) -> Mapping[str, str]:
         scope = self._session.scope
-        return scope.instruments if kind == "instrument" else scope.players
+        return scope.instruments if part_kind == "instrument" else scope.players
 
     def _set_level(self, address: str, part_name: str | None, level: float) -> None:
         """Set a level: of many values, the latest becomes a line."""
-        value = f"{level:.6g}dB" if level > SILENT_DB else "x0"
-        line = " ".join(filter(None, ("gain", part_name, value, "now")))
+        level_text = f"{level:.6g}dB" if level > SILENT_DB else "x0"
+        line = " ".join(filter(None, ("gain", part_name, level_text, "now")))
         self._session.fast_values.set_soon(address, lambda version: line)
 
-    def _enter(self, line: str, answer: Answer | None) -> None:
+    def _enter_line(self, line: str, answer: Answer | None) -> None:
         if self._n_waiting >= _WAITING_MAX:
             raise OscRequestError(f"{_WAITING_MAX} lines are waiting already; this one was dropped")
         self._n_waiting += 1
-        self._lines.enter(line, answer)
+        self._line_queue.enter(line, answer)
 
     def _do_lines(self) -> None:
-        while (queued_line := self._lines.next()) is not None:
+        while (queued_line := self._line_queue.next()) is not None:
             self._n_waiting -= 1
             address, arguments = self._do_line(queued_line.text, queued_line.releases)
             if queued_line.sender is not None:
                 queued_line.sender(address, arguments)
 
     def _do_line(self, line: str, releases: bool) -> tuple[str, str]:
-        reply = self._session.submit(line, releases=releases, barred=_TYPED_ONLY)
+        reply = self._session.submit(line, releases=releases, refusal_by_command=_TYPED_ONLY)
         if reply.taken:
             return "/ergon/reply", "\n".join([reply.text, *reply.lines])
         return "/ergon/error", reply.text + (f"; try: {reply.try_}" if reply.try_ else "")
@@ -131,7 +131,7 @@ class SessionOsc:
     def close(self) -> None:
         """End serving, and close the sockets."""
         self._osc.close()
-        self._lines.end()
+        self._line_queue.end()
         self._worker.join()
         if self._osc.n_malformed:
             malformed_text = (
@@ -155,31 +155,31 @@ class SessionEvents:
 
     def pop_before(self, frame: int) -> Iterator[OscEvent]:
         """The events before a frame that were not returned yet."""
-        for running, first_frame, last_frame in self._played_versions.pop_before(frame):
+        for running, first_frame, stop_frame in self._played_versions.pop_before(frame):
             yield from sorted(
-                _version_events(running, first_frame, last_frame), key=lambda event: event[0]
+                _version_events(running, first_frame, stop_frame), key=lambda event: event[0]
             )
 
 
 def _version_events(
-    running: RunningVersion, first_frame: int, last_frame: int
+    running: RunningVersion, first_frame: int, stop_frame: int
 ) -> Iterator[OscEvent]:
-    """The events of one version, from frame `first_frame` to before `last_frame`."""
+    """The events of one version, from frame `first_frame` to before `stop_frame`."""
     stage, clock = running.stage, running.clock
     if clock.begin_instant is None:
         return
     version = running.version
     shown_key = partial(version.sounds_as.shown_name, part_names=version.piece.keys)
-    tempo = stage.piece.tempo_map
-    bar, _ = tempo.bar_beat(running.beat(first_frame))
-    for beat_event in beat_events(tempo, stage.rate, bar):
-        if beat_event[0] >= last_frame:
+    tempo_map = stage.piece.tempo_map
+    bar, _ = tempo_map.bar_beat(running.beat(first_frame))
+    for beat_event in beat_events(tempo_map, stage.rate, bar):
+        if beat_event[0] >= stop_frame:
             break
         if beat_event[0] >= first_frame:
             yield beat_event
     for gesture in stage.gestures:
         gesture_frame = frame_of(gesture.start, stage.rate)
-        if first_frame <= gesture_frame < last_frame:
+        if first_frame <= gesture_frame < stop_frame:
             event_arguments = (
                 gesture.player,
                 shown_key(gesture.key),

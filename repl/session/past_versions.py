@@ -22,7 +22,7 @@ _DIFFERENCES_MAX = 32
 @dataclass(frozen=True, slots=True)
 class _PackedText:
     """A text: the whole one, `compressed`, or that of `previous` with its characters from
-    `start` to `end` replaced by `text`.
+    `start` to `end` replaced by `replacement`.
     """
 
     n_differences: int  # number of differences since a complete text
@@ -30,14 +30,14 @@ class _PackedText:
     previous: _PackedText | None = None
     start: int = 0
     end: int = 0
-    text: str = ""
+    replacement: str = ""
 
     def unpacked(self) -> str:
         """The text."""
         if self.previous is None:
             return zlib.decompress(self.compressed).decode()
         text = self.previous.unpacked()
-        return text[: self.start] + self.text + text[self.end :]
+        return text[: self.start] + self.replacement + text[self.end :]
 
 
 class PastVersionStore(MutableMapping[int, "PastVersion"]):
@@ -46,21 +46,21 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
     def __init__(self) -> None:
         """Begin without versions."""
         self._versions: dict[int, tuple[PastVersion, _PackedText]] = {}
-        self._last: tuple[Texts, _PackedText] | None = None
+        self._last_packed: tuple[Texts, _PackedText] | None = None
 
     def __getitem__(self, number: int) -> PastVersion:
         """A version with its texts."""
-        version, packed = self._versions[number]
-        return replace(version, texts=replace(version.texts, text=packed.unpacked()))
+        version, packed_text = self._versions[number]
+        return replace(version, texts=replace(version.texts, text=packed_text.unpacked()))
 
     def __setitem__(self, version_number: int, version: PastVersion) -> None:
         """Keep a version."""
         score_texts = version.texts
-        packed = self._packed(score_texts)
-        self._last = score_texts, packed
+        packed_text = self._pack_text(score_texts)
+        self._last_packed = score_texts, packed_text
         self._versions[version_number] = (
             replace(version, texts=replace(score_texts, text="")),
-            packed,
+            packed_text,
         )
 
     def __delitem__(self, number: int) -> None:
@@ -78,20 +78,22 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
     def rebase(self, base: Texts) -> None:
         """Note that the files hold these texts now."""
         self._versions = {
-            number: (replace(version, base=base, renames=()), packed)
-            for number, (version, packed) in self._versions.items()
+            number: (replace(version, file_texts=base, renames=()), packed_text)
+            for number, (version, packed_text) in self._versions.items()
         }
 
-    def _packed(self, texts: Texts) -> _PackedText:
-        if self._last is None:
+    def _pack_text(self, texts: Texts) -> _PackedText:
+        if self._last_packed is None:
             return _compressed_text(texts.text)
-        texts_before, packed = self._last
+        texts_before, packed_text = self._last_packed
         if texts_before.text == texts.text:
-            return packed
-        if packed.n_differences >= _DIFFERENCES_MAX:
+            return packed_text
+        if packed_text.n_differences >= _DIFFERENCES_MAX:
             return _compressed_text(texts.text)
-        start, end, text = difference(texts_before.text, texts.text)
-        return _PackedText(packed.n_differences + 1, b"", packed, start, end, text)
+        start_index, end_index, replacement = difference(texts_before.text, texts.text)
+        return _PackedText(
+            packed_text.n_differences + 1, b"", packed_text, start_index, end_index, replacement
+        )
 
 
 def _compressed_text(text: str) -> _PackedText:
@@ -104,12 +106,14 @@ def difference(old_text: str, new_text: str) -> tuple[int, int, str]:
     """
     shared_count = min(len(old_text), len(new_text))
     start_index = _n_equal(shared_count, lambda a, b: old_text[a:b] == new_text[a:b])
-    n_old, n_new = len(old_text), len(new_text)
+    old_length, new_length = len(old_text), len(new_text)
     n_equal_end = _n_equal(
         shared_count - start_index,
-        lambda a, b: old_text[n_old - b : n_old - a] == new_text[n_new - b : n_new - a],
+        lambda a, b: (
+            old_text[old_length - b : old_length - a] == new_text[new_length - b : new_length - a]
+        ),
     )
-    return start_index, n_old - n_equal_end, new_text[start_index : n_new - n_equal_end]
+    return start_index, old_length - n_equal_end, new_text[start_index : new_length - n_equal_end]
 
 
 def _n_equal(count: int, is_equal: Callable[[int, int], bool]) -> int:

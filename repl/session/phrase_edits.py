@@ -10,10 +10,10 @@ from ergon.scores.edits.texts import Texts
 
 
 @edits_texts(DefinePhrase)
-def _define(command: DefinePhrase, version: Version, beat: float) -> Texts:
+def _define_phrase(command: DefinePhrase, version: Version, beat: float) -> Texts:
     words = command.words
     phrase_fields = {name: words[name].text for name in ("to", "length") if name in words}
-    struck = [word for entry in command.entries for word in entry["what"].split()]
-    struck += filter(None, [command.to])
-    texts, _ = families.with_definitions(version.texts, version.piece, struck)
+    struck_names = [word for entry in command.entries for word in entry["what"].split()]
+    struck_names += filter(None, [command.to])
+    texts, _ = families.with_definitions(version.texts, version.piece, struck_names)
     return phrases.define(texts, command.name, command.entries, phrase_fields)

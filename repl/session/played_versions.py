@@ -32,10 +32,13 @@ class PlayedVersions:
             *(change.running_before for change in schedule.changes.pending[:]),
             schedule.running,
         ]
-        for number, running in enumerate(versions):
-            begin_frame = max(first_frame, running.start) if number else first_frame
+        for version_index, running in enumerate(versions):
+            begin_frame = max(first_frame, running.start_frame) if version_index else first_frame
             end_frame = min(
-                [frame, *(later_version.start for later_version in versions[number + 1 :])]
+                [
+                    frame,
+                    *(later_version.start_frame for later_version in versions[version_index + 1 :]),
+                ]
             )
             if begin_frame < end_frame:
                 self._last_version = running

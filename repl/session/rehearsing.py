@@ -40,13 +40,13 @@ def rehearsal_stage(piece: Piece, gesture_name: str) -> Stage | None:
     return first_stage
 
 
-def keys_for(piece: Piece, name: str) -> list[str]:
+def keys_for(piece: Piece, gesture_name: str) -> list[str]:
     """The keys that can follow a gesture as it is written."""
     keys_and_gestures = _keys_and_gestures(piece)
     return [
         key
         for key in piece.keys
-        if not isinstance(_try_key(keys_and_gestures, name, key), StageError)
+        if not isinstance(_try_key(keys_and_gestures, gesture_name, key), StageError)
     ]
 
 
@@ -62,9 +62,9 @@ def _first_possible_stage(piece: Piece, gesture_name: str) -> Stage | None:
     return None
 
 
-def _try_key(keys_and_gestures: Piece, name: str, key: str) -> Stage | StageError:
+def _try_key(keys_and_gestures: Piece, gesture_name: str, key: str) -> Stage | StageError:
     try:
-        return solo(keys_and_gestures, name, key)
+        return solo(keys_and_gestures, gesture_name, key)
     except StageError as error:
         return error
 

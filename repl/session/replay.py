@@ -18,8 +18,7 @@ from ergon.repl.language.hearing import Hear
 from ergon.repl.session import version_edits
 from ergon.repl.session.clock import Clock, Timing, takeover_beats
 from ergon.repl.session.engine import SteppedEngine
-from ergon.repl.session.frozen_parts import LoadedPart
-from ergon.repl.session.frozen_parts import load_frozen as frozen_held
+from ergon.repl.session.frozen_parts import LoadedPart, load_frozen
 from ergon.repl.session.gains import fader_ratios
 from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import JournalError, JournalEvent
@@ -80,48 +79,51 @@ class ReplayedSession:
 
     def __init__(self, journal_content: JournalContent) -> None:
         """Begin at frame 0. Raises JournalError, NotTakenError, StageError."""
-        session_start, take = journal_content.start, journal_content.start.take
-        with _as_journal_errors(journal_content.first):
+        session_start, take = journal_content.session_start, journal_content.session_start.take
+        with _as_journal_errors(journal_content.first_event):
             version = session_start.version()
         real_players = {} if take is None else dict.fromkeys(hand.player for hand in take.hands)
         for hand in () if take is None else take.hands:
             player = version.piece.players.get(hand.player)
             if player is None or player.key != hand.key:
-                journal_content.first.refuse(f"its score has no {hand.player} on {hand.key}")
-        frozen = _frozen_of_session(journal_content, version, real_players)
+                journal_content.first_event.refuse(f"its score has no {hand.player} on {hand.key}")
+        frozen_parts = _load_frozen_parts(journal_content, version, real_players)
         running = stage_first(
             version,
             Clock(None, session_start.beat),
             real_players,
             None,
-            frozen,
+            frozen_parts,
             is_seen=session_start.is_seen,
         )
-        hands = RecordedHands((), 0, ())
+        hand_movements = RecordedHands((), 0, ())
         if take is not None:
-            hands = recorded_hands(take, running.stage, session_start.tick_frames)
+            hand_movements = recorded_hands(take, running.stage, session_start.tick_frames)
         self._engine = SteppedEngine(
             running.stage,
             tick_frames=session_start.tick_frames,
             highpass=session_start.highpass,
             reference=session_start.reference,
-            hands=hands.hands,
+            hands=hand_movements.hands,
         )
         self._engine.set_faders(fader_ratios(running))
         self._schedule = ReplayedSchedule(self._engine, running, real_players, 0)
         self._versions = _initial_versions(journal_content, version)
         self._due_changes = deque(_journal_changes(journal_content))
-        self._note_next()
+        self._note_next_change()
         self._due_acts = deque(journal_content.acts)
         self._file_versions = journal_content.versions_from_files
-        self._last_event = journal_content.first
-        self._file = journal_content.first.file
+        self._last_event = journal_content.first_event
+        self._file = journal_content.first_event.file
         self.rate = running.stage.rate
         # A session that was killed may have recorded hands after its last line.
         self.n_frames = journal_content.n_frames
         if not journal_content.has_ended:
-            self.n_frames = max(self.n_frames, hands.n_frames)
-        self.warnings = (*hands.warnings, *_gap_warnings(journal_content, hands, self.rate))
+            self.n_frames = max(self.n_frames, hand_movements.n_frames)
+        self.warnings = (
+            *hand_movements.warnings,
+            *_gap_warnings(journal_content, hand_movements, self.rate),
+        )
         if journal_content.n_frames > DURATION_MAX * self.rate:
             raise NotTakenError("the journal claims that the session lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
@@ -138,9 +140,9 @@ class ReplayedSession:
 
     def mixer(
         self, *, highpass: float | None = None, reference: float | None = None
-    ) -> _PassThrough:
+    ) -> _PassThroughMixer:
         """A mixer that changes nothing: the frames are mixed already."""
-        return _PassThrough()
+        return _PassThroughMixer()
 
     def stems(
         self,
@@ -148,26 +150,28 @@ class ReplayedSession:
         highpass: float | None = None,
         reference: float | None = None,
         is_split: bool = False,
-    ) -> list[tuple[str, _PassThrough]]:
+    ) -> list[tuple[str, _PassThroughMixer]]:
         """No stems: a session is rendered as one sound."""
         return []
 
     def measured_stems(
         self, *, highpass: float | None = None, reference: float | None = None
-    ) -> list[tuple[str, _PassThrough, float]]:
+    ) -> list[tuple[str, _PassThroughMixer, float]]:
         """No instruments: a session is measured as one sound."""
         return []
 
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_channels) with the next frames."""
-        n_done = 0
-        while n_done < len(out):
-            self._do_due()
+        n_done_frames = 0
+        while n_done_frames < len(out):
+            self._do_due_items()
             n_block_frames = min(
-                _BLOCK_FRAMES, len(out) - n_done, *self._frames_until_due(len(out))
+                _BLOCK_FRAMES, len(out) - n_done_frames, *self._frames_until_due(len(out))
             )
-            out[n_done : n_done + n_block_frames] = self._engine.process(n_block_frames)
-            n_done += n_block_frames
+            out[n_done_frames : n_done_frames + n_block_frames] = self._engine.process(
+                n_block_frames
+            )
+            n_done_frames += n_block_frames
 
     def _frames_until_due(self, frames_max: int) -> Iterator[int]:
         """Numbers of frames until the next change or act, and `frames_max`."""
@@ -176,36 +180,36 @@ class ReplayedSession:
                 yield max(1, due_items[0].frame - self._engine.frame)
         yield frames_max
 
-    def _note_next(self) -> None:
+    def _note_next_change(self) -> None:
         """Note the next change. The timeline ends where that of the session ended at a skip."""
         schedule, coming_changes = self._schedule, self._due_changes
         schedule.next_frame = coming_changes[0].frame if coming_changes else math.inf
         staged_change = next((change for change in coming_changes if change.is_staged), None)
-        schedule.makings.latest_beat = math.inf
+        schedule.version_maker.latest_beat = math.inf
         if staged_change is not None and staged_change.skipped_from is not None:
-            schedule.makings.latest_beat = staged_change.skipped_from
+            schedule.version_maker.latest_beat = staged_change.skipped_from
 
-    def _do_due(self) -> None:
+    def _do_due_items(self) -> None:
         """Hand the engine the changes and acts that take effect at this frame."""
         schedule = self._schedule
         schedule.take_events()
         while self._due_changes and self._due_changes[0].frame <= self._engine.frame:
             due_change = self._due_changes.popleft()
-            self._note_next()
+            self._note_next_change()
             if not due_change.commits:
                 with _as_journal_errors(self._last_event):
                     schedule.skip(due_change.frame)
                 continue
-            lines = [self._line(commit) for commit in due_change.commits]
+            lines = [self._line_of_commit(commit) for commit in due_change.commits]
             with _as_journal_errors(due_change.commits[0].line):
-                schedule.perform(lines, self._versions)
+                schedule.perform_lines(lines, self._versions)
             self._last_event = due_change.commits[-1].line
         with _as_journal_errors(self._last_event):
             schedule.extend()
         while self._due_acts and self._due_acts[0].frame <= self._engine.frame:
             self._do_act(self._due_acts.popleft())
 
-    def _line(self, commit: JournalCommit) -> WaitingLine:
+    def _line_of_commit(self, commit: JournalCommit) -> WaitingLine:
         """A line at the frame at which it took effect."""
         line_event, sets_running = commit.line, commit.line.fields.get("goes")
 
@@ -261,17 +265,19 @@ class _ReplayedChange:
 
 def _journal_changes(journal_content: JournalContent) -> Iterator[_ReplayedChange]:
     """The changes of a journal, in the order of their frames."""
-    skips = dict(journal_content.skips)
+    beat_by_skip_frame = dict(journal_content.skips)
     for (commit_frame, _), commits in groupby(
         journal_content.commits, lambda commit: (commit.frame, commit.change)
     ):
         for skip_frame in [
-            frame_skipped for frame_skipped in skips if frame_skipped < commit_frame
+            skip_frame for skip_frame in beat_by_skip_frame if skip_frame < commit_frame
         ]:
-            yield _ReplayedChange(skip_frame, (), skips.pop(skip_frame))
-        yield _ReplayedChange(commit_frame, tuple(commits), skips.pop(commit_frame, None))
-    for frame_skipped, begin in skips.items():
-        yield _ReplayedChange(frame_skipped, (), begin)
+            yield _ReplayedChange(skip_frame, (), beat_by_skip_frame.pop(skip_frame))
+        yield _ReplayedChange(
+            commit_frame, tuple(commits), beat_by_skip_frame.pop(commit_frame, None)
+        )
+    for skip_frame, begin_beat in beat_by_skip_frame.items():
+        yield _ReplayedChange(skip_frame, (), begin_beat)
 
 
 def _line_kind(event: JournalEvent) -> LineKind:
@@ -282,25 +288,25 @@ def _line_kind(event: JournalEvent) -> LineKind:
     )
 
 
-def _frozen_of_session(
+def _load_frozen_parts(
     journal_content: JournalContent, version: Version, real_players: Collection[str]
 ) -> tuple[LoadedPart, ...]:
     """The frozen parts with which a session began. Raises JournalError."""
-    folder = journal_content.start.frozen
+    folder = journal_content.session_start.frozen
     if folder is None:
         return ()
     try:
-        return frozen_held(folder, version, real_players)
+        return load_frozen(folder, version, real_players)
     except NotFrozenError as error:
-        names = ", ".join(part.name for part in folder.parts)
+        part_names = ", ".join(part.name for part in folder.parts)
         raise JournalError(
-            f"{error}; the session plays {names} from there, and cannot be computed without"
+            f"{error}; the session plays {part_names} from there, and cannot be computed without"
         ) from None
 
 
 def _initial_versions(journal_content: JournalContent, version: Version) -> PastVersionStore:
     """The versions that exist when a session begins."""
-    history, versions = journal_content.start.history, PastVersionStore()
+    history, versions = journal_content.session_start.history, PastVersionStore()
     versions[0] = PastVersion.from_version(version, "1|1")
     for past_version in () if history is None else history.versions:
         versions[past_version.number] = past_version
@@ -312,10 +318,11 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
 
     Raises JournalError, NotTakenError.
     """
-    session_start = journal_content.start
-    with _as_journal_errors(journal_content.first):
+    session_start = journal_content.session_start
+    with _as_journal_errors(journal_content.first_event):
         version = session_start.version()
-    versions, clock = _initial_versions(journal_content, version), Clock(None, session_start.beat)
+    versions = _initial_versions(journal_content, version)
+    clock = Clock(None, session_start.beat)
     rate = version.piece.rate
     timing = Timing(rate, session_start.tick_frames)
     committed_numbers = {commit.line.get("number", int) for commit in journal_content.commits}
@@ -329,55 +336,55 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
         )
         for number, event in (
             (line_number, journal_content.lines[line_number])
-            for line_number in journal_content.order()
+            for line_number in journal_content.effect_order()
         )
-        if number not in committed_numbers and number not in journal_content.dropped
+        if number not in committed_numbers and number not in journal_content.dropped_numbers
     ]
     committed_lines = [
         (commit.frame, commit.beat, commit.line) for commit in journal_content.commits
     ]
-    for takeover_frame, last_beat, line_event in (*committed_lines, *waiting_lines):
+    for takeover_frame, line_beat, line_event in (*committed_lines, *waiting_lines):
         with _as_journal_errors(line_event):
             makes_running = line_event.fields.get("goes")
-            now_running = makes_running if isinstance(makes_running, bool) else version.is_running
-            old_tempo = version.piece.tempo_map
-            version = replace(version.taken_over(), is_running=now_running)
+            is_running = makes_running if isinstance(makes_running, bool) else version.is_running
+            old_tempo_map = version.piece.tempo_map
+            version = replace(version.taken_over(), is_running=is_running)
             version = line_edit(line_event, versions, version, journal_content.versions_from_files)(
-                version, last_beat
+                version, line_beat
             )
-            tempo = version.piece.tempo_map
+            tempo_map = version.piece.tempo_map
             versions[line_event.get("number", int)] = PastVersion.from_version(
-                version, tempo.written(last_beat), line_event.get("line", str)
+                version, tempo_map.written(line_beat), line_event.get("line", str)
             )
             sets_running = makes_running if isinstance(makes_running, bool) else None
             takeover = takeover_beats(
                 clock,
-                old_tempo,
-                tempo,
-                last_beat,
+                old_tempo_map,
+                tempo_map,
+                line_beat,
                 takeover_frame,
                 sets_running,
                 version.takeover_beat,
                 timing,
             )
             clock = takeover.clock
-    tempo = version.piece.tempo_map
-    last_beat = clock.beat(tempo, journal_content.n_frames / rate)
+    tempo_map = version.piece.tempo_map
+    last_beat = clock.beat(tempo_map, journal_content.n_frames / rate)
     if not (math.isfinite(last_beat) and journal_content.n_frames <= DURATION_MAX * rate):
         raise NotTakenError("the journal claims that the session lasted longer than a day")
-    bar, _ = tempo.bar_beat(last_beat)
+    bar, _ = tempo_map.bar_beat(last_beat)
     # Guidance is not resumed: a hand is pulled only after a line that asks for it.
     resumed_version = replace(
         version.taken_over(),
         number=0,
         line="",
         guides={},
-        base=journal_content.base,
+        file_texts=journal_content.file_texts,
         is_running=False,
     )
     return (
         resumed_version,
-        Clock(None, tempo.bars.start(bar)),
+        Clock(None, tempo_map.bars.start(bar)),
         _renumbered_history(journal_content, resumed_version, versions),
     )
 
@@ -394,7 +401,7 @@ def _renumbered_history(
         known_version = versions.get(old_number) or PastVersion.from_version(resumed_version)
         if new_number == 0:
             known_version = PastVersion.from_version(
-                resumed_version, known_version.where, known_version.line
+                resumed_version, known_version.beat_text, known_version.line
             )
         past_versions.append(replace(known_version, number=new_number, guides={}))
     return PastVersions(past_versions, history.index)
@@ -408,16 +415,24 @@ def line_edit(
 ) -> VersionEdit:
     """The version edit of a journal's line, without its other effects. Raises NotTakenError."""
     if line_event.fields.get("resets"):
-        return version_edits.hush
+        return version_edits.end_all_playing
     if (file_version := file_versions.get(line_event.number)) is not None:
         texts, glide, enter_beat = file_version
         return lambda version, beat: replace(
-            version, texts=texts, piece=piece_of(texts), glide=glide, takeover_beat=enter_beat
+            version,
+            texts=texts,
+            piece=piece_of(texts),
+            glide_duration=glide,
+            takeover_beat=enter_beat,
         )
     restored_number = line_event.fields.get("restores")
     if isinstance(restored_number, int):
-        target = versions.get(restored_number)
-        return version_edits.unchanged if target is None else target.restore
+        restored_version = versions.get(restored_number)
+        return (
+            version_edits.unchanged_version
+            if restored_version is None
+            else restored_version.restore
+        )
     commands = reparse(line_event.get("line", str), old_version)
     if any(
         type(command) in version_edits.READS_FILES for command in commands
@@ -428,35 +443,35 @@ def line_edit(
     ]
     # What `hear` needs is a line of its own, also where it was typed together with others.
     music_commands = [command for command in edit_commands if not isinstance(command, Hear)]
-    return version_edits.combined(music_commands or edit_commands)
+    return version_edits.combine_edits(music_commands or edit_commands)
 
 
 def _gap_warnings(
-    journal_content: JournalContent, hands: RecordedHands, rate: float
+    journal_content: JournalContent, hand_movements: RecordedHands, rate: float
 ) -> Iterator[str]:
     """Warnings about gaps in a journal, a missing end, and a recording that ends early."""
-    if gap_sentence := journal_content.gaps.sentence(journal_content.first.file):
+    if gap_sentence := journal_content.gaps.sentence(journal_content.first_event.file):
         yield gap_sentence
     duration = journal_content.n_frames / rate
     if not journal_content.has_ended:
         yield (
-            f"{journal_content.first.file} has no end: the session was killed, is still playing, "
-            f"or could not write; its last event is at {duration:.1f} s"
+            f"{journal_content.first_event.file} has no end: the session was killed, is still "
+            f"playing, or could not write; its last event is at {duration:.1f} s"
         )
-    if hands.hands and hands.n_frames < journal_content.n_frames:
+    if hand_movements.hands and hand_movements.n_frames < journal_content.n_frames:
         yield (
-            f"the recording of hands ends at {hands.n_frames / rate:.1f} s of "
+            f"the recording of hands ends at {hand_movements.n_frames / rate:.1f} s of "
             f"{duration:.1f} s; "
             "from there they stay where they were"
         )
 
 
-class _PassThrough:
+class _PassThroughMixer:
     """A mixer that passes frames through."""
 
-    def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
+    def process(self, frames: NDArray[np.float64], mixed_frames: NDArray[np.float64]) -> None:
         """Copy (n_frames, n_channels)."""
-        mixed[:] = frames
+        mixed_frames[:] = frames
 
     def state(self) -> bytes | None:
         """Nothing that is worth storing."""

@@ -20,7 +20,7 @@ class ReplayedSchedule(Schedule):
 
     next_frame: float = math.inf  # frame of the next change in the journal
 
-    def perform(
+    def perform_lines(
         self, lines: Sequence[WaitingLine], versions: MutableMapping[int, PastVersion]
     ) -> None:
         """Let lines take effect together at their frame, and keep their versions: a line may
@@ -33,18 +33,18 @@ class ReplayedSchedule(Schedule):
             waiting_lines, line = waiting_lines.inserted(new_line, 0)
             versions[line.number] = PastVersion.from_version(line.result())
         line_group, running = waiting_lines.lines, self.running
-        kinds = {new_line.kind for new_line in line_group}
-        if kinds == {LineKind.FADERS}:
+        line_kinds = {new_line.kind for new_line in line_group}
+        if line_kinds == {LineKind.FADERS}:
             self._move_faders(line_group)
-        elif kinds == {LineKind.ENDS}:
-            self._hand(line_group, self.makings.cut_version(running, line_group))
+        elif line_kinds == {LineKind.ENDS}:
+            self._hand_lines(line_group, self.version_maker.cut_version(running, line_group))
         else:
-            self._hand(line_group, self.makings.staged(running, line_group))
+            self._hand_lines(line_group, self.version_maker.staged(running, line_group))
         self.reports.clear()
 
     def skip(self, frame: int) -> None:
         """Go on at a frame, where the session could not play for a while before."""
-        self._extensions.send(self.makings.extended(self.running, frame))
+        self._extensions.send(self.version_maker.extended(self.running, frame))
 
     def take_events(self) -> Sequence[EngineEvent]:
         """The events of the engine; changes are noted."""
@@ -57,6 +57,10 @@ class ReplayedSchedule(Schedule):
 
     def _extension_frame(self) -> int | None:
         """The frame of the next extension: before the next change, which may extend it too."""
-        start = super()._extension_frame()
-        is_over = self.running.timeline_end >= self.makings.latest_beat
-        return None if start is None or is_over or start >= self.next_frame else start
+        extension_frame = super()._extension_frame()
+        is_over = self.running.timeline_end >= self.version_maker.latest_beat
+        return (
+            None
+            if extension_frame is None or is_over or extension_frame >= self.next_frame
+            else extension_frame
+        )

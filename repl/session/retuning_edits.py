@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @makes_edit(Retune)
-def _retuned_version(command: Retune) -> VersionEdit:
+def _retune(command: Retune) -> VersionEdit:
     """Retune, gliding for the length `over`; a scale is read once, when the line is typed."""
     texts_by_file: dict[str, str] = {}
 
@@ -26,23 +26,27 @@ def _retuned_version(command: Retune) -> VersionEdit:
         if texts_read:
             piece_from_files(
                 replace(retuned_texts, sealed=False)
-            )  # a file outside the bounds is told of
+            )  # refuses a file outside the bounds
         new_texts = {
             file: text for file, text in texts_by_file.items() if file not in version.texts.overlay
         }
-        base_texts = version.base
+        base_texts = version.file_texts
         if new_texts:
             written_texts = base_texts or version.texts
             base_texts = replace(written_texts, overlay={**new_texts, **written_texts.overlay})
         glide = GLIDE_DURATION
         if command.over is not None:
-            tempo = version.piece.tempo_map
+            tempo_map = version.piece.tempo_map
             glide = max(
                 glide,
-                tempo.seconds(tempo.after(edit_beat, command.over)) - tempo.seconds(edit_beat),
+                tempo_map.seconds(tempo_map.after(edit_beat, command.over))
+                - tempo_map.seconds(edit_beat),
             )
         return replace(
-            with_texts(version, retuned_texts), read_files=new_texts, base=base_texts, glide=glide
+            with_texts(version, retuned_texts),
+            read_files=new_texts,
+            file_texts=base_texts,
+            glide_duration=glide,
         )
 
     return edit

@@ -34,12 +34,12 @@ _AHEAD_SECONDS, _BARS_MIN, _BARS_MAX = 16.0, 4, 32
 
 @dataclass(frozen=True, slots=True)
 class RunningVersion:
-    """A version that plays from frame `start` on, and spans of earlier versions that go on.
+    """A version that plays from frame `start_frame` on, and spans of earlier versions that go on.
 
     The timeline has occurrences up to beat `timeline_end`; `force_bounds` are the forces on real
     hands; `fading_links` are removed links that still separate. `frozen` parts are played from
-    their samples. If it `is_seen`, parts that are not heard are computed too. `damp` [s] is a T60
-    for all that sounds. Versions of one `serial` differ only by faders and by how far their
+    their samples. If it `is_seen`, parts that are not heard are computed too. `damping_t60` [s] is
+    a T60 for all that sounds. Versions of one `serial` differ only by faders and by how far their
     timeline goes. `skipped_from` is the beat from which on nothing began, because the timeline
     before had ended there.
     """
@@ -48,14 +48,14 @@ class RunningVersion:
     clock: Clock
     spans: tuple[Span, ...]
     stage: Stage
-    start: int
+    start_frame: int
     timeline_end: float
     glides: tuple[Glide, ...] = ()
     force_bounds: Sequence[HandForceBounds] = ()
     fading_links: tuple[FadingLink, ...] = ()
     frozen: tuple[LoadedPart, ...] = ()
     is_seen: bool = False
-    damp: float | None = None
+    damping_t60: float | None = None
     serial: int = 0
     skipped_from: float | None = None
 
@@ -67,10 +67,10 @@ class RunningVersion:
         """Whether more than half of the timeline's bars is over at a beat."""
         if not self.clock.is_running or self.timeline_end == math.inf:
             return False
-        tempo = self.version.piece.tempo_map
-        n_bars = timeline_horizon(tempo, from_beat)[1]
-        end = tempo.bars.bar_beat(self.timeline_end)[0]
-        return from_beat > tempo.bars.start(end - n_bars // 2)
+        tempo_map = self.version.piece.tempo_map
+        n_bars = timeline_horizon(tempo_map, from_beat)[1]
+        end_bar = tempo_map.bars.bar_beat(self.timeline_end)[0]
+        return from_beat > tempo_map.bars.start(end_bar - n_bars // 2)
 
     def ongoing_gestures(self, frame: int) -> tuple[tuple[str, str], ...]:
         """Pairs of players and gestures at a frame."""
@@ -83,20 +83,19 @@ class RunningVersion:
         )
 
 
-def timeline_horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
+def timeline_horizon(tempo_map: TempoMap, from_beat: float) -> tuple[float, int]:
     """The beat up to which endless parts are put on the timeline, seen from `from_beat`, and how
     many bars that is.
     """
-    first_bar, ahead_instant = (
-        tempo.bars.bar_beat(from_beat)[0],
-        tempo.seconds(from_beat) + _AHEAD_SECONDS,
-    )
+    first_bar = tempo_map.bars.bar_beat(from_beat)[0]
+    ahead_instant = tempo_map.seconds(from_beat) + _AHEAD_SECONDS
     n_bars = _BARS_MIN
     while (
-        n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first_bar + n_bars)) < ahead_instant
+        n_bars < _BARS_MAX
+        and tempo_map.seconds(tempo_map.bars.start(first_bar + n_bars)) < ahead_instant
     ):
         n_bars += _BARS_MIN
-    return tempo.bars.start(first_bar + n_bars), n_bars
+    return tempo_map.bars.start(first_bar + n_bars), n_bars
 
 
 def rehearsal_piece(piece: Piece) -> Piece:
@@ -168,8 +167,10 @@ def stage_spans(
     `moving_glides` are parameters that glide, `leaving_links` removed links that still separate.
     """
     piece = with_fading_links(version.sounding, leaving_links)
-    tempo = clock.tempo(piece.tempo_map, 0.0 if old_stage is None else start_frame / old_stage.rate)
-    piece = replace(piece, tempo_map=tempo)
+    tempo_map = clock.engine_tempo_map(
+        piece.tempo_map, 0.0 if old_stage is None else start_frame / old_stage.rate
+    )
+    piece = replace(piece, tempo_map=tempo_map)
     new_stage = stage(
         piece,
         planned=True,

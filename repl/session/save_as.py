@@ -47,9 +47,9 @@ def texts_to_write(
 
 def _dependent_files(score_texts: Texts, changed_files: Collection[str]) -> set[str]:
     """These files, and all files that use one of them, directly or not."""
-    using_files, count = set(changed_files), -1
-    while changed_files and len(using_files) != count:
-        count = len(using_files)
+    using_files, n_before = set(changed_files), -1
+    while changed_files and len(using_files) != n_before:
+        n_before = len(using_files)
         using_files |= {
             file for file, _, _, used_file in _use_entries(score_texts) if used_file in using_files
         }

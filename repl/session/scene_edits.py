@@ -25,7 +25,7 @@ from ergon.scores.edits.texts import Texts
 if TYPE_CHECKING:
     from ergon.repl.session.waiting_lines import VersionEdit
 
-_Stamps = Sequence[tuple[str, int, int]]  # file, time of the last change [ns], bytes
+_FileStamps = Sequence[tuple[str, int, int]]  # file, time of the last change [ns], bytes
 
 
 def scene_of(score_texts: Texts, scene_name: str) -> Scene:
@@ -62,43 +62,41 @@ def scene_of(score_texts: Texts, scene_name: str) -> Scene:
 
 
 @lru_cache(maxsize=8)  # a scene of 100 modules takes 40 ms to read
-def _read_scene(stamps: _Stamps, bounds: FileBounds) -> tuple[Scene, _Stamps]:
+def _read_scene(stamps: _FileStamps, bounds: FileBounds) -> tuple[Scene, _FileStamps]:
     """The scene in a file, and the stamps of all files from which it was read."""
     texts = Texts.read(stamps[0][0], bounds)
     scene = Scene.from_texts(texts, piece_of(texts))
     return scene, _file_stamps([Path(texts.path), *map(Path, texts.overlay)])
 
 
-def _file_stamps(paths: Iterable[Path]) -> _Stamps:
+def _file_stamps(paths: Iterable[Path]) -> _FileStamps:
     stamps = []
     for path in paths:
-        state = os.stat(path)
-        stamps.append((str(path), state.st_mtime_ns, state.st_size))
+        file_status = os.stat(path)
+        stamps.append((str(path), file_status.st_mtime_ns, file_status.st_size))
     return tuple(stamps)
 
 
 @makes_edit(versions.Scene)
-def _scene(command: versions.Scene) -> VersionEdit:
+def _play_scene(command: versions.Scene) -> VersionEdit:
     """Repeat the bars of a scene; parameters go to those of the scene, over a length if one is
     given.
     """
     scenes_by_name: dict[str, Scene] = {}
 
-    def scene(version: Version, name: str) -> Scene:
+    def scene_named(version: Version, name: str) -> Scene:
         if name not in scenes_by_name:
             scenes_by_name[name] = scene_of(version.texts, name)
         return scenes_by_name[name]
 
     def edit(version: Version, edit_beat: float) -> Version:
-        target_scene, edited_texts, piece = (
-            scene(version, command.name),
-            version.texts,
-            version.piece,
-        )
+        target_scene = scene_named(version, command.name)
+        edited_texts = version.texts
+        piece = version.piece
         played_scenes = (
             [target_scene]
             if command.first_scene is None
-            else [scene(version, command.first_scene), target_scene]
+            else [scene_named(version, command.first_scene), target_scene]
         )
         for played_scene in played_scenes:
             edited_texts = scene_matter.with_scene_parts(edited_texts, piece, played_scene)
@@ -108,22 +106,24 @@ def _scene(command: versions.Scene) -> VersionEdit:
             for file, text in edited_texts.overlay.items()
             if file not in version.texts.overlay
         }
-        base_texts = version.base
+        base_texts = version.file_texts
         if new_texts and base_texts is not None:  # `use` adds files in the same way
             base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
         glide_length = None if command.over is None else command.words["over"].text
         begin_beat, glide = edit_beat, GLIDE_DURATION
         first_scene = (
-            target_scene if command.first_scene is None else scene(version, command.first_scene)
+            target_scene
+            if command.first_scene is None
+            else scene_named(version, command.first_scene)
         )
         released_parameters = tuple(scenes.released_parameters(piece, first_scene, edit_beat))
         edited_texts = scenes.with_scene_tempo(
             edited_texts, piece, target_scene, edit_beat, glide_length
         )
         if command.over is not None:
-            tempo = piece_of(edited_texts).tempo_map
-            glide_end = tempo.after(edit_beat, command.over)
-            glide = max(GLIDE_DURATION, tempo.seconds(glide_end) - tempo.seconds(edit_beat))
+            tempo_map = piece_of(edited_texts).tempo_map
+            glide_end = tempo_map.after(edit_beat, command.over)
+            glide = max(GLIDE_DURATION, tempo_map.seconds(glide_end) - tempo_map.seconds(edit_beat))
             if command.first_scene is not None:
                 edited_texts = scenes.play_scene(
                     edited_texts, piece_of(edited_texts), first_scene, edit_beat, glide_end
@@ -138,10 +138,10 @@ def _scene(command: versions.Scene) -> VersionEdit:
         played_version = with_texts(version, edited_texts)
         return replace(
             played_version,
-            glide=glide,
+            glide_duration=glide,
             released_parameters=released_parameters,
             read_files=new_texts,
-            base=base_texts,
+            file_texts=base_texts,
         )
 
     return edit

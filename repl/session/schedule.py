@@ -26,7 +26,7 @@ from ergon.repl.session.gains import can_move_faders, changed_ratios
 from ergon.repl.session.groups import StagedGroup, group_of, staged_group_of
 from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.making_time import MakingTime
-from ergon.repl.session.makings import Makings
+from ergon.repl.session.makings import VersionMaker
 from ergon.repl.session.moments import Moments
 from ergon.repl.session.past_versions import PastVersionStore
 from ergon.repl.session.places import LinePlace
@@ -64,29 +64,31 @@ class Schedule:
         self,
         engine: Engine,
         running: RunningVersion,
-        real: RealHands,
+        real_hands: RealHands,
         margin: int,
-        store: TrialStore | None = None,
+        trial_store: TrialStore | None = None,
     ) -> None:
         """Begin with a version that plays; a change reaches the engine within `margin` frames.
 
         With real hands that includes the time in which their forces fall to the limit of a
-        stiffer scene. `store` keeps results of trials.
+        stiffer scene. `trial_store` keeps results of trials.
         """
         rate = running.stage.rate
-        self.engine, self.real_hands = engine, real
-        margin += int(FORCE_FALL_TIME * rate) if real and margin else 0
+        self.engine, self.real_hands = engine, real_hands
+        margin += int(FORCE_FALL_TIME * rate) if real_hands and margin else 0
         self.timing = timing = Timing(rate, engine.tick_frames)
-        self.makings = Makings(engine, Takeovers(timing, real, store))
+        self.version_maker = VersionMaker(engine, Takeovers(timing, real_hands, trial_store))
         self.changes = engine_changes = Changes(engine, running)
         self.lines = WaitingLines(running.version, running.clock, timing)
         self.lock = threading.RLock()
         self.making_time = MakingTime(engine, rate)
         self.moments = Moments(engine, engine_changes, timing, self.making_time, margin)
-        self._drafts = Drafts(self.moments, engine_changes, timing, self.makings, self.making_time)
+        self._drafts = Drafts(
+            self.moments, engine_changes, timing, self.version_maker, self.making_time
+        )
         self.reports: deque[Report] = deque()
         self._extensions = Extensions(
-            engine, engine_changes, self.moments, self.makings, self.reports
+            engine, engine_changes, self.moments, self.version_maker, self.reports
         )
         # The version that each line makes or made, by its number.
         self.past_versions = PastVersionStore()
@@ -153,7 +155,7 @@ class Schedule:
         making is left to `make_due`. `note_draft` is called with the draft that is taken.
         """
         with self.lock:
-            self._check_dropped(request)
+            self._check_not_dropped(request)
             frame = self._drafts.joined_frame(request, self.lines)
             if frame is not None:
                 self._wait_again(self.changes.withdraw(frame))
@@ -161,20 +163,20 @@ class Schedule:
         draft = self._drafts.draft(sketch)
         with self.lock:
             if self.lines is not draft.base_lines:
-                self._check_dropped(request)
+                self._check_not_dropped(request)
                 sketch = self._drafts.sketch(request, self.lines, draft.requested)
                 checked_draft = self._drafts.draft(sketch)
                 checked_version = replace(
-                    draft.checked_version, version=checked_draft.line.result()
+                    draft.checked_version, version=checked_draft.drafted_line.result()
                 )
                 draft = replace(checked_draft, checked_version=checked_version)
             self._set_lines(draft.lines)
-            if draft.staged is not None:
-                self._staged_group = draft.staged
+            if draft.staged_group is not None:
+                self._staged_group = draft.staged_group
             note_draft(draft)
         return draft
 
-    def _check_dropped(self, request: Request) -> None:
+    def _check_not_dropped(self, request: Request) -> None:
         if request.n_drops != self.n_drops:
             raise NotTakenError("a panic has dropped this line; nothing has changed")
 
@@ -200,7 +202,7 @@ class Schedule:
         Lines that were under way are among `lines_before`.
         """
         start_by_number = {
-            line.number: line.start
+            line.number: line.start_frame
             for line in (self.waiting if lines_before is None else lines_before)
         }
         for waiting_line in lines.lines:
@@ -208,7 +210,10 @@ class Schedule:
             self.past_versions[waiting_line.number] = PastVersion.from_version(
                 waiting_line.result(), place_text
             )
-            if start_by_number.get(waiting_line.number, waiting_line.start) != waiting_line.start:
+            if (
+                start_by_number.get(waiting_line.number, waiting_line.start_frame)
+                != waiting_line.start_frame
+            ):
                 self.reports.append(LineMoved(waiting_line))
         self.reports.extend(LineSuperseded(line) for line in lines.superseded)
         self.lines = lines
@@ -228,16 +233,20 @@ class Schedule:
 
     def _wait_again(self, withdrawal: Withdrawal) -> None:
         """Let lines that were under way wait again, before the others."""
-        if withdrawal.running_before.version is not self.lines.base or withdrawal.lines:
+        if withdrawal.running_before.version is not self.lines.base_version or withdrawal.lines:
             self._let_wait([*withdrawal.lines, *self.waiting])
         self.past_versions.update(self.changes.past_versions(self.past_versions))
 
     def _drop_failed(self, failed_lines: Sequence[WaitingLine], reason: str) -> None:
         """Drop waiting lines."""
         self.reports.extend(LineDropped(waiting_line, reason) for waiting_line in failed_lines)
-        numbers = {waiting_line.number for waiting_line in failed_lines}
+        failed_numbers = {waiting_line.number for waiting_line in failed_lines}
         self._let_wait(
-            [waiting_line for waiting_line in self.waiting if waiting_line.number not in numbers]
+            [
+                waiting_line
+                for waiting_line in self.waiting
+                if waiting_line.number not in failed_numbers
+            ]
         )
 
     # --- handing over ----------------------------------------------------------------------------
@@ -249,24 +258,24 @@ class Schedule:
         """
         with self.lock:
             is_slipping = False
-            while due_group := self._first_due():
+            while due_group := self._first_due_group():
                 group_kind = due_group[0].kind
                 try:
                     if due_group[0].frame < self.moments.first_frame(0.0, group_kind):
-                        self._slip(due_group)
+                        self._slip_lines(due_group)
                         if is_slipping:  # the engine is faster than this loop: the next turn
                             return
                         is_slipping = True
                     elif group_kind is LineKind.FADERS:
                         self._move_faders(due_group)
                     elif group_kind is LineKind.ENDS:
-                        self._end(due_group)
+                        self._cut_running(due_group)
                     else:
                         self._hand_staged(due_group)
                 except REFUSALS as error:
                     self._drop_failed(due_group, str(error))
 
-    def _first_due(self) -> tuple[WaitingLine, ...]:
+    def _first_due_group(self) -> tuple[WaitingLine, ...]:
         """The next lines that can be handed over, or are late; empty if there are none."""
         moments, lines_left = self.moments, self.waiting
         until_frame, soon_frame = (
@@ -295,12 +304,14 @@ class Schedule:
     def _is_staged(self, group: Sequence[WaitingLine]) -> bool:
         return self._staged_group is not None and self._staged_group.matches(group, self.running)
 
-    def _slip(self, late_group: Sequence[WaitingLine]) -> None:
+    def _slip_lines(self, late_group: Sequence[WaitingLine]) -> None:
         """Let late lines, and those typed after them, wait for the next bar, or for the soonest
         frame.
         """
-        beat, start = self.moments.place_after_slip(late_group)
-        slipped_lines, lost_lines, moved_lines = self.lines.slipped(late_group, beat, start)
+        slip_beat, slip_frame = self.moments.place_after_slip(late_group)
+        slipped_lines, lost_lines, moved_lines = self.lines.slipped(
+            late_group, slip_beat, slip_frame
+        )
         self.reports.append(LinesSlipped(moved_lines))
         self.reports.extend(
             LineDropped(lost_line.line, lost_line.reason) for lost_line in lost_lines
@@ -309,23 +320,25 @@ class Schedule:
 
     def _move_faders(self, fader_group: Sequence[WaitingLine]) -> None:
         """Hand over gains, which need no version and no order."""
-        start = fader_group[0].start
-        assert start is not None
-        self.changes.send_gains(start, fader_group)
+        start_frame = fader_group[0].start_frame
+        assert start_frame is not None
+        self.changes.send_gains(start_frame, fader_group)
         self.past_versions.update(self.changes.past_versions(self.past_versions))
         self._let_wait(
             [waiting_line for waiting_line in self.waiting if waiting_line not in fader_group]
         )
 
-    def _end(self, group: Sequence[WaitingLine]) -> None:
+    def _cut_running(self, group: Sequence[WaitingLine]) -> None:
         """End what plays: a cut of the running stage, before all that waits."""
-        end_frame = group[0].start
+        end_frame = group[0].start_frame
         assert end_frame is not None
         withdrawal = self.changes.withdraw(end_frame)
         waiting_lines = [*withdrawal.lines, *(line for line in self.waiting if line not in group)]
         # One of the same frame that was under way ends together with these.
         other_endings = [
-            line for line in waiting_lines if line.kind is LineKind.ENDS and line.start == end_frame
+            line
+            for line in waiting_lines
+            if line.kind is LineKind.ENDS and line.start_frame == end_frame
         ]
         lines_left = [line for line in waiting_lines if line not in other_endings]
         group = sorted((*other_endings, *group), key=lambda line: line.number)
@@ -333,19 +346,21 @@ class Schedule:
             waiting_line.number for waiting_line in group if waiting_line.sets_running is False
         ]
         if stop_numbers:
-            lines_left = self._without_start(lines_left, max(stop_numbers))
-        ending = self._arranged(group, end_frame).lines
-        ending_started = [line for line in ending if line.start is not None]
+            lines_left = self._without_starts(lines_left, max(stop_numbers))
+        ending_lines = self._arranged(group, end_frame).lines
+        started_endings = [line for line in ending_lines if line.start_frame is not None]
         # Without what was taken back, the piece may stand, and has not reached the beat of some.
-        lines_left += [line for line in ending if line.start is None]
+        lines_left += [line for line in ending_lines if line.start_frame is None]
         try:
-            if ending_started:
-                self._hand(ending_started, self.makings.cut_version(self.running, ending_started))
+            if started_endings:
+                self._hand_lines(
+                    started_endings, self.version_maker.cut_version(self.running, started_endings)
+                )
         except REFUSALS as error:
-            self.reports.extend(LineDropped(line, str(error)) for line in ending_started)
+            self.reports.extend(LineDropped(line, str(error)) for line in started_endings)
         self._let_wait(lines_left)
 
-    def _without_start(
+    def _without_starts(
         self, waiting_lines: Sequence[WaitingLine], stop_line_number: int
     ) -> list[WaitingLine]:
         """Lines that wait after a stop: those that start the piece and were typed before the line
@@ -364,22 +379,24 @@ class Schedule:
         staged_group = self._staged_group
         assert staged_group is not None
         self._staged_group = None
-        self._hand(group, staged_group.result)
+        self._hand_lines(group, staged_group.running_after)
         self._let_wait(self.waiting[len(group) :])
 
-    def _hand(self, line_group: Sequence[WaitingLine], running_result: RunningVersion) -> None:
+    def _hand_lines(
+        self, line_group: Sequence[WaitingLine], running_result: RunningVersion
+    ) -> None:
         """Hand over lines, whose result was made. Raises EngineError."""
         old_running = self.running
         running_after = replace(
             running_result, version=line_group[-1].result(), serial=old_running.serial + 1
         )
         change = Change(
-            running_after.start,
+            running_after.start_frame,
             running_after.stage,
             old_running.stage,
             any(waiting_line.resets for waiting_line in line_group),
             gains=changed_ratios(old_running, running_after),
-            damp=running_after.damp,
+            damping_t60=running_after.damping_t60,
             force_bounds=running_after.force_bounds,
         )
         self.changes.send(change, line_group, running_after)
@@ -404,12 +421,12 @@ class Schedule:
                 )
             )
             if self.running is not running:  # the withdrawal came too late
-                numbers = {line.number for line in finished_change.lines}
+                finished_numbers = {line.number for line in finished_change.lines}
                 self._let_wait(
                     [
                         waiting_line
                         for waiting_line in self.waiting
-                        if waiting_line.number not in numbers
+                        if waiting_line.number not in finished_numbers
                     ]
                 )
 
@@ -421,30 +438,30 @@ class Schedule:
         Any thread may call it; the lock is free while the version is made.
         """
         with self.lock:
-            running, unmade_group = self.running, self._first_unmade()
+            running, unmade_group = self.running, self._first_unmade_group()
         if not unmade_group:
             return False
-        start_frame = self.making_time.begin_frame()
+        making_begin_frame = self.making_time.begin_frame()
         try:
             staged_group = StagedGroup(
-                unmade_group, running, self.makings.staged(running, unmade_group)
+                unmade_group, running, self.version_maker.staged(running, unmade_group)
             )
         except StoppedError:  # the session is closed
             raise
         except REFUSALS:
-            failed_line, reason = self.makings.first_failing(running, unmade_group)
+            failed_line, reason = self.version_maker.first_failing(running, unmade_group)
             with self.lock:
                 if unmade_group == staged_group_of(self.waiting):
                     self._drop_failed([failed_line], reason)
             return True
         finally:
-            self.making_time.add(start_frame)
+            self.making_time.add(making_begin_frame)
         with self.lock:
             self._staged_group = staged_group
         return True
 
-    def _first_unmade(self) -> tuple[WaitingLine, ...]:
-        until_frame = self.moments.frame_after(_AHEAD_SECONDS + self.making_time.expected)
+    def _first_unmade_group(self) -> tuple[WaitingLine, ...]:
+        until_frame = self.moments.frame_after(_AHEAD_SECONDS + self.making_time.expected_seconds)
         unmade_group = staged_group_of(self.waiting)
         if not unmade_group or unmade_group[0].frame > until_frame:
             return ()
@@ -483,12 +500,12 @@ class Schedule:
         """The place of the last lines in the order in which they take effect, by number."""
         last_numbers = self.changes.done_numbers[-_UNSETTLED_MAX:]
         numbers = [*last_numbers, *(waiting_line.number for waiting_line in self.waiting)]
-        return {number: float(place) for place, number in enumerate(numbers)}
+        return {number: float(order_index) for order_index, number in enumerate(numbers)}
 
     def rebase(self, base_texts: Texts) -> None:
         """Note that the files hold these texts now."""
         with self.lock:
             self.past_versions.rebase(base_texts)
-            version = replace(self.running.version, base=base_texts, renames=())
+            version = replace(self.running.version, file_texts=base_texts, renames=())
             self.changes.running = replace(self.running, version=version)
             self._let_wait(self.waiting)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _CHECK_PERIOD = 0.02  # [s] between two turns of a thread
 _CHECKS_PER_FILE_CHECK = 15  # turns between two looks at the score's files
-_NONE_BARRED: Mapping[type[Command], str] = MappingProxyType({})
+_NO_REFUSALS: Mapping[type[Command], str] = MappingProxyType({})
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
@@ -42,9 +42,9 @@ class Session(SessionCore):
     one makes what will be due, and one extends the timeline; none of them waits for another.
     """
 
-    def __init__(self, *arguments: Any, **named: Any) -> None:
+    def __init__(self, *arguments: Any, **keyword_arguments: Any) -> None:
         """Begin as `SessionCore` does; `run` starts the threads."""
-        super().__init__(*arguments, **named)
+        super().__init__(*arguments, **keyword_arguments)
         self._attached_ports: list[Closable] = []
         self._port_turns: list[Callable[[float], object]] = []
         self._is_closed = threading.Event()
@@ -68,15 +68,15 @@ class Session(SessionCore):
         text: str,
         *,
         releases: bool = True,
-        barred: Mapping[type[Command], str] = _NONE_BARRED,
+        refusal_by_command: Mapping[type[Command], str] = _NO_REFUSALS,
     ) -> Reply:
         """Do a line, or a block of lines as one version. Raises nothing; the music goes on.
 
-        A text with a command of a `barred` kind is refused with the sentence of that kind.
+        A text with a command of a kind in `refusal_by_command` is refused with its sentence.
         """
-        self.stops.note_line(releases)
+        self.stops.begin_line(releases)
         try:
-            reply = self._do_lines(text, barred)
+            reply = self._do_lines(text, refusal_by_command)
         except Refusal as refusal:
             reply = _refused_reply(refusal.message, refusal.try_)
         except NotTakenError as error:
@@ -85,7 +85,7 @@ class Session(SessionCore):
             first_error = error.diagnostics[0]
             reply = _refused_reply(first_error.message, None, first_error.help)
         except _core.StoppedError as error:
-            reply = _refused_reply(self.computing.refusal(error))
+            reply = _refused_reply(self.computing.refusal_text(error))
         except (EditError, _core.EngineError) as error:
             reply = _refused_reply(str(error))
         except BaseException as error:  # also pyo3's panics and SystemExit
@@ -93,7 +93,7 @@ class Session(SessionCore):
         self._write_reply(text, reply)
         return reply
 
-    def _write_reply(self, reply_text: str, reply: Reply) -> None:
+    def _write_reply(self, line_text: str, reply: Reply) -> None:
         with self.schedule.lock:
             engine_frame = (
                 self.schedule.engine.frame
@@ -101,21 +101,21 @@ class Session(SessionCore):
             self.hand_over_due()  # a journal that names a frame has all that happened before it
             self.log.write(
                 "said",
-                line=reply_text[:10_000],
+                line=line_text[:10_000],
                 taken=reply.taken,
                 reply=reply.text,
                 frame=engine_frame,
             )
 
-    def _do_lines(self, text: str, barred: Mapping[type[Command], str]) -> Reply:
+    def _do_lines(self, text: str, refusal_by_command: Mapping[type[Command], str]) -> Reply:
         if _LONE_SURROGATE.search(text):  # a journal with it could not be read
             raise NotTakenError("this line contains half of a character (a lone surrogate)")
         commands = parse(text, self.scope)
         if not commands:
             return Reply(True, "")
         for command in commands:
-            if type(command) in barred:
-                raise NotTakenError(barred[type(command)])
+            if type(command) in refusal_by_command:
+                raise NotTakenError(refusal_by_command[type(command)])
         known_commands = session_commands.SESSION_COMMANDS
         version_commands = [command for command in commands if type(command) not in known_commands]
         other_commands = [command for command in commands if type(command) in known_commands]
@@ -194,23 +194,23 @@ class Session(SessionCore):
 
     def run(self) -> None:
         """Start the threads that keep the session going until it is closed."""
-        for thread_name, turn in (
+        for thread_name, do_turn in (
             ("ergon session", self._attend),
             ("ergon feeder", self.extend_timeline),
             ("ergon maker", self.make_due),
-            ("ergon files", self._reload_changed_files),
+            ("ergon files", self._do_slow_turn),
         ):
             thread = threading.Thread(
-                target=self._repeat, args=(turn,), name=thread_name, daemon=True
+                target=self._repeat, args=(do_turn,), name=thread_name, daemon=True
             )
             self._threads.append(thread)
             thread.start()
 
-    def _repeat(self, turn: Callable[[], object]) -> None:
+    def _repeat(self, do_turn: Callable[[], object]) -> None:
         while not self._is_closed.wait(_CHECK_PERIOD):
             try:
                 with self._thread_work:
-                    turn()
+                    do_turn()
             except _core.StoppedError:  # the session is closed
                 return
             except BaseException as error:  # the next turn may succeed
@@ -218,15 +218,15 @@ class Session(SessionCore):
 
     def _attend(self) -> None:
         self.hand_over_due()
-        for turn in self._port_turns:
-            turn(time.monotonic())
+        for do_turn in self._port_turns:
+            do_turn(time.monotonic())
 
-    def _reload_changed_files(self) -> None:
+    def _do_slow_turn(self) -> None:
         """Guide hands, find the names of the next line, and read the score again if its file has
         changed.
         """
         _ = self.scope  # for the next line, which then need not wait for it
-        if (paths := self.guidance.paths_due()) is not None:
+        if (paths := self.guidance.due_paths()) is not None:
             with self.schedule.lock:
                 self.guidance.send(*paths)
         self._n_turns += 1
@@ -256,7 +256,7 @@ class Session(SessionCore):
             # them.
             self._take_events()
             self.log.take_reports()
-            self._take_sound_file()
+            self._report_sound_file()
             self.log.write("end", frame=self.schedule.engine.frame)
             self.is_over = True
             if self.journal is not None:
@@ -265,5 +265,7 @@ class Session(SessionCore):
                     self.say(journal_error)
 
 
-def _refused_reply(message: str, try_: str | None = None, help: str | None = None) -> Reply:
-    return Reply(False, f"{message} ({help})" if help else message, try_)
+def _refused_reply(
+    message: str, suggested_line: str | None = None, help_text: str | None = None
+) -> Reply:
+    return Reply(False, f"{message} ({help_text})" if help_text else message, suggested_line)

@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 _TAP_PAUSE_MAX = 3.0
 _TAP_BPM = (30.0, 300.0)  # range of tapped tempos; others are slips
 _TAPS_MAX = 8  # only the latest taps count
-_SHOWN_MAX = 1000  # characters of what `py` gives
+_SHOWN_CHARACTERS_MAX = 1000  # characters of what `py` gives
 
 
 @executes(Play)
 def _play(session: SessionCore, command: Play) -> Reply:
-    clock, tempo = session.schedule.running.clock, session.schedule.head.piece.tempo_map
+    clock, tempo_map = session.schedule.running.clock, session.schedule.head.piece.tempo_map
     if command.start is None and clock.is_running:
         raise NotTakenError(
             "the piece is already running; `play from 1|1` starts it from the beginning"
@@ -58,20 +58,20 @@ def _play(session: SessionCore, command: Play) -> Reply:
     play_beat = clock.stopped_beat
     if command.start is not None:
         try:
-            play_beat = tempo.resolve(command.start)
+            play_beat = tempo_map.resolve(command.start)
         except TextError as error:
             raise NotTakenError(error.message) from None
     play_entry = Entry(
         "play",
-        version_edits.unchanged,
+        version_edits.unchanged_version,
         LineKind.START,
         NOW,
         sets_running=True,
         enter_beat=play_beat,
         restored_number=-1,
     )
-    place, _ = session.queue(play_entry)
-    return Reply(True, f"ok from {place}")
+    beat_text, _ = session.queue(play_entry)
+    return Reply(True, f"ok from {beat_text}")
 
 
 @executes(Hear)
@@ -89,14 +89,14 @@ def _stop(session: SessionCore, command: Stop) -> Reply:
     line_time = NOW if command.when is None else command.when
     stop_entry = Entry(
         "stop",
-        version_edits.unchanged,
+        version_edits.unchanged_version,
         LineKind.ENDS,
         line_time,
         sets_running=False,
         restored_number=-1,
     )
-    place, _ = session.queue(stop_entry)
-    return Reply(True, f"ok {place} the piece stops; `play` continues from there")
+    beat_text, _ = session.queue(stop_entry)
+    return Reply(True, f"ok {beat_text} the piece stops; `play` continues from there")
 
 
 @executes(Panic)
@@ -116,7 +116,7 @@ def _release(session: SessionCore, command: Release) -> Reply:
 
 
 @executes(Quant)
-def _quant(session: SessionCore, command: Quant) -> Reply:
+def _set_quant(session: SessionCore, command: Quant) -> Reply:
     session.quant = None if isinstance(command.grid, Now) else command.grid
     session.quant_text = command.words["grid"].text
     return Reply(True, f"ok lines act on: {session.quant_text}")
@@ -144,16 +144,16 @@ def _tap(session: SessionCore, command: Tap) -> Reply:
 
 @executes(Undo)
 def _undo(session: SessionCore, command: Undo) -> Reply:
-    return _back_by(session, command, 1, "undo", "this is the first version")
+    return _go_back(session, command, 1, "undo", "this is the first version")
 
 
 @executes(Back)
 def _back(session: SessionCore, command: Back) -> Reply:
     line = f"back {command.count}"
-    return _back_by(session, command, command.count, line, "there are fewer versions than that")
+    return _go_back(session, command, command.count, line, "there are fewer versions than that")
 
 
-def _back_by(
+def _go_back(
     session: SessionCore, command: Command, n_lines: int, line_text: str, limit_text: str
 ) -> Reply:
     """Go back by `n_lines` lines. Those that still wait are cancelled, and those undone before
@@ -166,7 +166,7 @@ def _back_by(
         raise NotTakenError(f"{limit_text}; `history` lists the versions")
     reverted_numbers = history.numbers[target_index + 1 : history.index + 1]
     undone_numbers = history.undone_numbers
-    waiting = [
+    reverted_lines = [
         waiting_line
         for waiting_line in session.schedule.waiting
         if waiting_line.number in reverted_numbers
@@ -176,17 +176,19 @@ def _back_by(
             session.drop(cancelled_line)
             session.cancelled_lines.append(cancelled_line)
     restoring_lines = (
-        waiting_line for waiting_line in session.schedule.waiting if waiting_line.sets_all
+        waiting_line for waiting_line in session.schedule.waiting if waiting_line.restores_version
     )
     is_restored = any(
         waiting_line.number > min(reverted_numbers) for waiting_line in restoring_lines
     )
-    if len(waiting) == len(reverted_numbers) and not is_restored:
-        lines = " and ".join(f"'{first_line(waiting_line.line)}'" for waiting_line in waiting)
-        cancelled_text = (
-            "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
+    if len(reverted_lines) == len(reverted_numbers) and not is_restored:
+        quoted_lines = " and ".join(
+            f"'{first_line(waiting_line.line)}'" for waiting_line in reverted_lines
         )
-        return Reply(True, f"ok {lines} {cancelled_text} took effect")
+        cancelled_text = (
+            "is cancelled before it" if len(reverted_lines) == 1 else "are cancelled before they"
+        )
+        return Reply(True, f"ok {quoted_lines} {cancelled_text} took effect")
     return _restore(session, command, target_index, line_text)
 
 
@@ -198,30 +200,30 @@ def _redo(session: SessionCore, command: Redo) -> Reply:
     if not session.cancelled_lines:
         raise NotTakenError("no version was undone; `history` lists the versions")
     cancelled_line = session.cancelled_lines[-1]
-    position = None
+    named_position = None
     if cancelled_line.beat >= schedule.place(NOW, None)[0]:
-        position = parse_position(session.position_text(cancelled_line.beat))
+        named_position = parse_position(session.position_text(cancelled_line.beat))
     redo_entry = Entry(
         cancelled_line.line,
         cancelled_line.edit,
         cancelled_line.kind,
-        position,
+        named_position,
         reads_files=cancelled_line.reads_files,
         is_redo=True,
     )
-    place, _ = session.queue(redo_entry)
+    beat_text, _ = session.queue(redo_entry)
     session.cancelled_lines.pop()
-    return Reply(True, f"ok {place} {first_line(cancelled_line.line)}")
+    return Reply(True, f"ok {beat_text} {first_line(cancelled_line.line)}")
 
 
-def _restore(session: SessionCore, command: Command, index: int, line_text: str) -> Reply:
-    past_versions, number = session.schedule.past_versions, session.history.numbers[index]
+def _restore(session: SessionCore, command: Command, history_index: int, line_text: str) -> Reply:
+    past_versions, number = session.schedule.past_versions, session.history.numbers[history_index]
 
-    def restored(version: Version, beat: float) -> Version:
+    def restore_version(version: Version, beat: float) -> Version:
         return past_versions[number].restore(version, beat)
 
     beat_text, queued_version = session.queue(
-        Entry(line_text, restored, when=command.when, restored_number=number)
+        Entry(line_text, restore_version, when=command.when, restored_number=number)
     )
     session.history.go_to(number)
     change_texts = [
@@ -232,20 +234,20 @@ def _restore(session: SessionCore, command: Command, index: int, line_text: str)
 
 
 @executes(History)
-def _history(session: SessionCore, command: History) -> Reply:
+def _list_history(session: SessionCore, command: History) -> Reply:
     history_rows = []
     for history_index, number in enumerate(session.history.numbers):
         version = session.schedule.past_versions[number]
         marker = ">" if history_index == session.history.index else " "
         history_rows.append(
-            f"{marker} {history_index:3}  {version.where:>8}  "
+            f"{marker} {history_index:3}  {version.beat_text:>8}  "
             f"{first_line(version.line) or '(the score)'}"
         )
     return Reply(True, "", lines=tuple(history_rows))
 
 
 @executes(Help)
-def _help(session: SessionCore, command: Help) -> Reply:
+def _show_help(session: SessionCore, command: Help) -> Reply:
     return Reply(True, "", lines=overview() if command.verb is None else verb_help(command.verb))
 
 
@@ -265,9 +267,13 @@ def _show(session: SessionCore, command: Show) -> Reply:
                 inspection.definition_lines(*_inspection_arguments(schedule, command.name))
             ),
         )
-    playing = schedule.running.ongoing_gestures(schedule.engine.frame)
+    gestures_in_flight = schedule.running.ongoing_gestures(schedule.engine.frame)
     return Reply(
-        True, "", lines=tuple(inspection.playing_lines(schedule.head, playing, schedule.beat_now()))
+        True,
+        "",
+        lines=tuple(
+            inspection.playing_lines(schedule.head, gestures_in_flight, schedule.beat_now())
+        ),
     )
 
 
@@ -278,8 +284,8 @@ def _list_instruments(session: SessionCore, command: ListInstruments) -> Reply:
         return Reply(
             True, "", lines=tuple(listings.instrument_lines(head_version.texts, head_version.piece))
         )
-    rows = listings.family_lines(head_version.texts, head_version.piece, command.family)
-    return Reply(True, "", lines=tuple(rows))
+    family_rows = listings.family_lines(head_version.texts, head_version.piece, command.family)
+    return Reply(True, "", lines=tuple(family_rows))
 
 
 @executes(ListGestures)
@@ -297,9 +303,13 @@ def _list_scenes(session: SessionCore, command: ListScenes) -> Reply:
 def _look(session: SessionCore, command: Look) -> Reply:
     schedule = session.schedule
     if command.name is None:
-        playing = schedule.running.ongoing_gestures(schedule.engine.frame)
+        gestures_in_flight = schedule.running.ongoing_gestures(schedule.engine.frame)
         return Reply(
-            True, "", lines=tuple(bars.draw_bars(schedule.head.piece, playing, schedule.beat_now()))
+            True,
+            "",
+            lines=tuple(
+                bars.draw_bars(schedule.head.piece, gestures_in_flight, schedule.beat_now())
+            ),
         )
     with session.computing.limited(computing.LINE_STEPS):
         return Reply(
@@ -310,29 +320,29 @@ def _look(session: SessionCore, command: Look) -> Reply:
 
 
 @executes(Trace)
-def _scope(session: SessionCore, command: Trace) -> Reply:
+def _draw_trace(session: SessionCore, command: Trace) -> Reply:
     with session.computing.limited(computing.LINE_STEPS):
         trace_lines = inspection.draw_trace(
             session.schedule.running,
             session.schedule.engine.frame,
             command.name,
             session.schedule.engine.tick_frames,
-            session.captures.path,
+            session.captures.hands_recording,
         )
     return Reply(True, "", lines=tuple(trace_lines))
 
 
 @executes(TraceOn)
-def _scope_on(session: SessionCore, command: TraceOn) -> Reply:
+def _switch_trace(session: SessionCore, command: TraceOn) -> Reply:
     if command.name is not None:
-        _scope(session, Trace(command.name))  # refuses what cannot be drawn
+        _draw_trace(session, Trace(command.name))  # refuses what cannot be drawn
     session.traced_player = command.name
     session.draw_trace()
     return Reply(True, "ok")
 
 
 @executes(Meters)
-def _meters(session: SessionCore, command: Meters) -> Reply:
+def _show_meters(session: SessionCore, command: Meters) -> Reply:
     peaks = session.schedule.engine.status().peaks
     channel_rows = [
         f"{channel:3}  {decibels_of(peak):6.1f} dB"
@@ -345,17 +355,20 @@ def _meters(session: SessionCore, command: Meters) -> Reply:
 
 @executes(Save)
 def _save(session: SessionCore, command: Save) -> Reply:
-    written_lines = files.save_version(
+    written_files = files.save_version(
         session, None if command.file is None else Path(command.file)
     )
-    if not written_lines:
+    if not written_files:
         return Reply(True, "ok nothing to write: the files already hold this version")
-    return Reply(True, f"ok wrote {', '.join(written_lines)}")
+    return Reply(True, f"ok wrote {', '.join(written_files)}")
 
 
 @executes(Record)
 def _record(session: SessionCore, command: Record) -> Reply:
-    if session.captures.path is None or command.player not in session.schedule.real_hands:
+    if (
+        session.captures.hands_recording is None
+        or command.player not in session.schedule.real_hands
+    ):
         raise NotTakenError(
             f"no real hand plays {command.player}: start ergon with --live {command.player}=DEVICE"
         )
@@ -392,30 +405,30 @@ def _record_audio(session: SessionCore, command: RecordAudio) -> Reply:
 
 @executes(Keep)
 def _keep(session: SessionCore, command: Keep) -> Reply:
-    written_lines = files.write_last_bars(session, command.length, command.name)
+    written_files = files.write_last_bars(session, command.length, command.name)
     scene_of(
         session.schedule.head.texts, command.name
     )  # read it now, so that `scene` answers at once
-    return Reply(True, f"ok wrote {', '.join(written_lines)}")
+    return Reply(True, f"ok wrote {', '.join(written_files)}")
 
 
 @executes(Py)
-def _py(session: SessionCore, command: Py) -> Reply:
+def _evaluate_python(session: SessionCore, command: Py) -> Reply:
     """Evaluate an expression of the user; an error in it is reported as theirs."""
-    scope: dict[str, Any] = {
+    python_names: dict[str, Any] = {
         "session": session,
         "piece": session.schedule.head.piece,
         "math": math,
         "__builtins__": __builtins__,
     }
     try:
-        value = eval(command.expression, scope)
-        return Reply(True, "" if value is None else repr(value)[:_SHOWN_MAX])
+        value = eval(command.expression, python_names)
+        return Reply(True, "" if value is None else repr(value)[:_SHOWN_CHARACTERS_MAX])
     except StoppedError:
         raise
     except BaseException as error:  # also `exit()`
         error_text = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise NotTakenError(f"your Python raised {error_text[:_SHOWN_MAX]}") from None
+        raise NotTakenError(f"your Python raised {error_text[:_SHOWN_CHARACTERS_MAX]}") from None
 
 
 @executes(Quit)

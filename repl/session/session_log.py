@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ergon.scores.edits.merging import ValuePlace
     from ergon.scores.edits.texts import Texts
 
-_DELAY_REPORTED = 1.0  # [s] by which a line that acts now may be late without a message
+_UNREPORTED_DELAY_MAX = 1.0  # [s] by which a line that acts now may be late without a message
 _VERSIONS_SEARCHED = 200  # latest lines that are searched for the one that a reload discards
 
 
@@ -50,7 +50,7 @@ class SessionLog:
         self._reported_scales: dict[str, float] = {}
         self._frozen_names = {part.name for part in schedule.running.frozen}
         # By kind of trouble: what was reported last, and at which frame.
-        self._troubles: dict[str, tuple[str, float]] = {}
+        self._shown_troubles: dict[str, tuple[str, float]] = {}
         # By the number of a waiting line that read files: what the journal has of its version.
         self._journal_texts: dict[int, tuple[Texts, dict[str, object]]] = {}
 
@@ -65,10 +65,10 @@ class SessionLog:
             messages.append(self._messages.popleft())
         return messages
 
-    def write(self, event: str, **fields: Any) -> None:
+    def write(self, event_name: str, **fields: Any) -> None:
         """Write an event to the journal."""
         if self.journal is not None:
-            self.journal.append(event, **fields)
+            self.journal.append(event_name, **fields)
 
     def note_read(self, number: int, version: Version) -> None:
         """Note that the journal has the texts of a line's version, which read files."""
@@ -87,30 +87,30 @@ class SessionLog:
         if not reports:
             return
         while reports:
-            self._note(reports.popleft())
+            self._note_report(reports.popleft())
         self._history.sort(self._schedule.effect_order())
 
-    def _note(self, report: Report) -> None:
+    def _note_report(self, report: Report) -> None:
         match report:
             case LineMoved(waiting_line):
                 self._note_moved(waiting_line)
             case LinesSlipped(group_lines):
                 self._note_slipped(group_lines)
-            case LineDropped(waiting_line, why):
+            case LineDropped(waiting_line, reason):
                 self.say(
                     f"line {waiting_line.number} '{first_line(waiting_line.line)}' could not take "
-                    f"effect and is dropped: {why}"
+                    f"effect and is dropped: {reason}"
                 )
                 self.note_dropped(waiting_line)
             case LineSuperseded(waiting_line):
                 self.note_dropped(waiting_line)
-            case LinesDone(frame, change, group_lines, after):
-                self._note_done(frame, change, group_lines, after)
+            case LinesDone(frame, change, group_lines, running_after):
+                self._note_done(frame, change, group_lines, running_after)
             case TimelineFailed(sentence):
                 self.say(sentence)
 
     def _note_moved(self, line: WaitingLine) -> None:
-        fields = {} if line.start is None else {"start": line.start}
+        fields = {} if line.start_frame is None else {"start": line.start_frame}
         self.write("late", number=line.number, beat=line.beat, **fields)
 
     def _note_slipped(self, lines: Sequence[WaitingLine]) -> None:
@@ -119,10 +119,10 @@ class SessionLog:
         if not typed_lines:
             return
         first_slipped, *lines_after = typed_lines
-        assert first_slipped.start is not None
-        delay = (first_slipped.start - schedule.engine.frame) / schedule.rate
+        assert first_slipped.start_frame is not None
+        delay = (first_slipped.start_frame - schedule.engine.frame) / schedule.rate
         is_soon = first_slipped.is_now or not schedule.running.clock.is_running
-        if is_soon and delay <= _DELAY_REPORTED:
+        if is_soon and delay <= _UNREPORTED_DELAY_MAX:
             return
         delay_text = f"in {delay:.1f} s" if is_soon else "at the next bar"
         others_text = f", together with {len(lines_after)} typed after it" if lines_after else ""
@@ -177,10 +177,10 @@ class SessionLog:
         assert skip_begin is not None
         skip_end = running_after.beat(engine_frame)
         self.write("skip", frame=engine_frame, begin=skip_begin, end=skip_end)
-        tempo = running_after.version.piece.tempo_map
+        tempo_map = running_after.version.piece.tempo_map
         self.say(
             "the program was suspended, or the machine was too busy: what was to begin from "
-            f"{tempo.written(skip_begin)} to {tempo.written(skip_end)} was skipped"
+            f"{tempo_map.written(skip_begin)} to {tempo_map.written(skip_end)} was skipped"
         )
 
     # --- sentences -------------------------------------------------------------------------------
@@ -217,8 +217,8 @@ class SessionLog:
         """Messages about typed values that were replaced by those of the files."""
         messages = []
         for place in version.discarded_places:
-            line = self._line_that_changed(place)
-            typed_text = f"'{first_line(line)}'" if line else "what was typed"
+            typed_line = self._line_that_changed(place)
+            typed_text = f"'{first_line(typed_line)}'" if typed_line else "what was typed"
             messages.append(
                 f"{place} was changed by {typed_text} and in the file; the value in the file "
                 "is kept, "
@@ -244,7 +244,7 @@ class SessionLog:
         rate = self._schedule.rate
         for trouble in troubles:
             trouble_kind = trouble.rstrip("0123456789")
-            last_trouble, shown_frame = self._troubles.get(trouble_kind, ("", -rate))
+            last_trouble, shown_frame = self._shown_troubles.get(trouble_kind, ("", -rate))
             if trouble != last_trouble and engine_frame >= shown_frame + rate:
-                self._troubles[trouble_kind] = trouble, engine_frame
+                self._shown_troubles[trouble_kind] = trouble, engine_frame
                 self.say(f"{self.position_at(engine_frame)} {trouble}")

@@ -25,7 +25,7 @@ _PLACES_MAX = 1000  # places in one answer; those beyond are left out
 
 
 @dataclass(frozen=True, slots=True)
-class _Begun:
+class _BegunSound:
     """A gesture or strike that has begun [s of the engine]: its start, its end, its place in the
     score, and its name.
     """
@@ -46,20 +46,20 @@ class SoundingPlaces:
         list(self._played_versions.pop_before(schedule.engine.frame))
         self._running: RunningVersion | None = None
         self._window_start = self._window_end = 0.0
-        self._window_places: list[_Begun] = []
+        self._window_sounds: list[_BegunSound] = []
 
     def __call__(self) -> Sounding:
         """What has begun since the last call, in order of time."""
         engine_frame, sounding_places = self._schedule.engine.frame, []
-        for running, first_frame, last_frame in self._played_versions.pop_before(engine_frame):
+        for running, first_frame, stop_frame in self._played_versions.pop_before(engine_frame):
             rate, texts = running.stage.rate, running.version.texts
-            for event in self._between(running, first_frame / rate, last_frame / rate):
-                sounding_places.append(_shown_place(event, texts))
+            for begun_sound in self._begun_between(running, first_frame / rate, stop_frame / rate):
+                sounding_places.append(_shown_place(begun_sound, texts))
         return Sounding(engine_frame / self._schedule.rate, tuple(sounding_places[:_PLACES_MAX]))
 
-    def _between(
+    def _begun_between(
         self, running: RunningVersion, since_instant: float, before_instant: float
-    ) -> Iterator[_Begun]:
+    ) -> Iterator[_BegunSound]:
         """What begins in a version between two instants [s]."""
         if running.clock.begin_instant is None:
             return
@@ -69,22 +69,22 @@ class SoundingPlaces:
         ):
             self._running, self._window_start = running, since_instant
             self._window_end = max(before_instant, since_instant + _WINDOW_SECONDS)
-            self._window_places = sorted(
-                _begun_places(running, since_instant, self._window_end),
-                key=lambda begun_place: begun_place.start,
+            self._window_sounds = sorted(
+                _begun_sounds(running, since_instant, self._window_end),
+                key=lambda begun_sound: begun_sound.start,
             )
         yield from (
-            begun_place
-            for begun_place in self._window_places
-            if since_instant <= begun_place.start < before_instant
+            begun_sound
+            for begun_sound in self._window_sounds
+            if since_instant <= begun_sound.start < before_instant
         )
 
 
-def _shown_place(event: _Begun, score_texts: Texts) -> SoundingPlace:
+def _shown_place(begun_sound: _BegunSound, score_texts: Texts) -> SoundingPlace:
     """A place with the characters that stand there in the session's text, which may differ from
     the file.
     """
-    place = event.place
+    place = begun_sound.place
     shown_text = (
         score_texts.text
         if place.file == score_texts.path
@@ -95,46 +95,58 @@ def _shown_place(event: _Begun, score_texts: Texts) -> SoundingPlace:
     marked_text = line[place.column - 1 : place.column - 1 + place.length]
     file = str(Path(place.file).absolute())
     return SoundingPlace(
-        file, place.line, place.column, marked_text, event.start, event.end, event.name
+        file,
+        place.line,
+        place.column,
+        marked_text,
+        begun_sound.start,
+        begun_sound.end,
+        begun_sound.name,
     )
 
 
-def _begun_places(
+def _begun_sounds(
     running: RunningVersion, since_instant: float, before_instant: float
-) -> Iterator[_Begun]:
+) -> Iterator[_BegunSound]:
     for gesture in running.stage.gestures:
         if since_instant <= gesture.written_start < before_instant:
-            yield _Begun(gesture.written_start, gesture.stop, gesture.place, gesture.name)
+            yield _BegunSound(gesture.written_start, gesture.stop, gesture.place, gesture.name)
     piece = running.stage.piece
     first_beat, last_beat = (
         piece.tempo_map.beats(instant) for instant in (since_instant, before_instant)
     )
     for strikes in piece.strikes:
-        yield from _strokes_between(piece, strikes, first_beat - SAME, last_beat + SAME)
+        yield from _strikes_between(piece, strikes, first_beat - SAME, last_beat + SAME)
 
 
-def _strokes_between(
+def _strikes_between(
     piece: Piece, strikes: Strikes, first_beat: float, last_beat: float
-) -> Iterator[_Begun]:
+) -> Iterator[_BegunSound]:
     """What strikes begin between two beats."""
-    tempo = piece.tempo_map
+    tempo_map = piece.tempo_map
 
-    def begun_stroke(beat: float, end: float, what: str, place: Place = strikes.place) -> _Begun:
-        return _Begun(tempo.seconds(beat), tempo.seconds(max(beat, end)), place, what)
+    def begun_stroke(
+        beat: float, end_beat: float, sound_name: str, place: Place = strikes.place
+    ) -> _BegunSound:
+        return _BegunSound(
+            tempo_map.seconds(beat), tempo_map.seconds(max(beat, end_beat)), place, sound_name
+        )
 
     if strikes.is_melody:
         for stroke_beat, _, hit in strikes.played_hits(piece, first_beat, last_beat):
             if first_beat <= stroke_beat < last_beat:
                 stroke_end = (
-                    stroke_beat if hit.duration is None else tempo.after(stroke_beat, hit.duration)
+                    stroke_beat
+                    if hit.duration is None
+                    else tempo_map.after(stroke_beat, hit.duration)
                 )
                 yield begun_stroke(stroke_beat, stroke_end, hit.struck_text, hit.place)
     elif strikes.passing is not None:
         assert strikes.length is not None
-        for stroke_beat in strikes.rounds(tempo):
+        for stroke_beat in strikes.rounds(tempo_map):
             if first_beat <= stroke_beat < last_beat:
                 yield begun_stroke(
-                    stroke_beat, tempo.after(stroke_beat, strikes.length), strikes.name
+                    stroke_beat, tempo_map.after(stroke_beat, strikes.length), strikes.name
                 )
     elif strikes.pattern is not None:
         pattern_steps = strikes.place_beats(piece)
@@ -154,10 +166,12 @@ def _strokes_between(
                     note_word if strikes.voices else strikes.name,
                 )
     elif strikes.rate is not None:
-        stroke_beat, stop = tempo.resolve(strikes.at), strikes.stop_beat(tempo)
+        stroke_beat, stop_beat = tempo_map.resolve(strikes.at), strikes.stop_beat(tempo_map)
         if first_beat <= stroke_beat < last_beat:
-            yield begun_stroke(stroke_beat, stroke_beat if stop is None else stop, strikes.name)
+            yield begun_stroke(
+                stroke_beat, stroke_beat if stop_beat is None else stop_beat, strikes.name
+            )
     else:
-        beats = strikes.beats(tempo)
+        beats = strikes.beats(tempo_map)
         for step_index in range(n_before(beats, first_beat), n_before(beats, last_beat)):
             yield begun_stroke(beats[step_index], -math.inf, strikes.name)

@@ -14,7 +14,7 @@ from ergon.repl.session.version import first_line
 from ergon.repl.session.waiting_lines import REFUSALS
 
 if TYPE_CHECKING:
-    from ergon.repl.session.computing import Computing
+    from ergon.repl.session.computing import Computations
     from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.session_log import SessionLog
     from ergon.repl.session.waiting_lines import WaitingLine
@@ -33,26 +33,31 @@ class Stops:
     def __init__(
         self,
         schedule: Schedule,
-        computing: Computing,
+        computations: Computations,
         log: SessionLog,
-        queue: Callable[[Entry], Any],
-        drop: Callable[[WaitingLine], None],
+        queue_line: Callable[[Entry], Any],
+        drop_line: Callable[[WaitingLine], None],
     ) -> None:
-        """Begin without a stop; `queue` lets a line wait for its frame, `drop` removes it."""
-        self._schedule, self._computing, self._log, self._queue = schedule, computing, log, queue
-        self._drop = drop
+        """Begin without a stop; `queue_line` lets a line wait for its frame, `drop_line` removes
+        it.
+        """
+        self._schedule = schedule
+        self._computations = computations
+        self._log = log
+        self._queue_line = queue_line
+        self._drop_line = drop_line
         self._n_stops = 0
-        self._n_panics = self._n_resets = 0  # panics, and those whose reset is done
+        self._n_panics = self._n_finished_resets = 0  # panics, and those whose reset is done
         # For the line that a thread does: whether it may release, and the number of stops before.
         self._line_state = threading.local()
         self._is_let_go_reported = False  # whether it was reported that forces are off
         self._lock = threading.RLock()
-        self._reset_number: int | None = None  # the line of the last reset
+        self._last_reset_version: int | None = None  # the line of the last reset
         self.panicked = False
 
-    def note_line(self, releases: bool) -> None:
+    def begin_line(self, may_release: bool) -> None:
         """Note that this thread begins a line."""
-        self._line_state.state = releases, self._n_stops
+        self._line_state.state = may_release, self._n_stops
 
     @property
     def has_let_go(self) -> bool:
@@ -72,13 +77,13 @@ class Stops:
     @property
     def may_release(self) -> bool:
         """Whether no stop was entered after the line that is being done."""
-        releases, count = getattr(self._line_state, "state", (True, self._n_stops))
-        return releases and count == self._n_stops
+        may_release, n_stops_before = getattr(self._line_state, "state", (True, self._n_stops))
+        return may_release and n_stops_before == self._n_stops
 
     def panic(self) -> None:
         """End sound and force now; waiting lines and gestures are dropped soon after."""
         self._schedule.engine.panic()
-        self._computing.cancel()
+        self._computations.cancel()
         self._n_stops += 1
         self._n_panics += 1
         self._say_panic()
@@ -116,8 +121,8 @@ class Stops:
         comes later would stop what was started since.
         """
         with self._lock:
-            self._n_resets = self._n_panics
-            self._reset_number = None
+            self._n_finished_resets = self._n_panics
+            self._last_reset_version = None
             self._cancel_reset()
             self._schedule.engine.release()
             self.panicked = self._is_let_go_reported = False
@@ -125,25 +130,30 @@ class Stops:
     def _cancel_reset(self) -> None:
         with self._schedule.lock:
             for line in [line for line in self._schedule.waiting if line.resets]:
-                self._drop(line)
+                self._drop_line(line)
 
     def reset_after_panic(self) -> None:
         """Reset after a panic: no line waits, no gesture plays, every mass is at its start."""
         with self._lock, self._schedule.lock:
-            if self._n_resets == self._n_panics:
+            if self._n_finished_resets == self._n_panics:
                 return
-            self._n_resets = self._n_panics
-            if self._schedule.head.number == self._reset_number:
+            self._n_finished_resets = self._n_panics
+            if self._schedule.head.number == self._last_reset_version:
                 return  # nothing was typed since the last one
             dropped_lines = self._schedule.drop_all()
             for line in dropped_lines:
                 self._log.note_dropped(line)
             self._say_cancelled([line.line for line in dropped_lines if line.line])
             stop_entry = Entry(
-                "panic", version_edits.hush, LineKind.ENDS, NOW, sets_running=False, resets=True
+                "panic",
+                version_edits.end_all_playing,
+                LineKind.ENDS,
+                NOW,
+                sets_running=False,
+                resets=True,
             )
             try:
-                _, queued_version = self._queue(stop_entry)
-                self._reset_number = queued_version.version.number
+                _, queued_version = self._queue_line(stop_entry)
+                self._last_reset_version = queued_version.version.number
             except REFUSALS as error:
                 self._log.say(f"the piece could not be reset after the panic: {error}")

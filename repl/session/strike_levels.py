@@ -26,16 +26,20 @@ class StrikeLevels:
         """Whether any strikes have a level of their own."""
         return bool(self.gains or self.muted or self.solo)
 
-    def level_key(self, name: str) -> str:
+    def level_key(self, strikes_name: str) -> str:
         """The name under which strikes have their level: that of the first of a numbered row."""
-        base_name = unnumbered(name)
-        return base_name if not self._has(name) and self._has(base_name) else name
+        base_name = unnumbered(strikes_name)
+        return (
+            base_name
+            if not self._has_level(strikes_name) and self._has_level(base_name)
+            else strikes_name
+        )
 
-    def ratio(self, name: str) -> float:
+    def ratio(self, strikes_name: str) -> float:
         """The ratio that scales impulses."""
-        key = self.level_key(name)
-        is_heard = key not in self.muted and (not self.solo or key in self.solo)
-        return self.gains.get(key, 1.0) if is_heard else 0.0
+        level_key = self.level_key(strikes_name)
+        is_heard = level_key not in self.muted and (not self.solo or level_key in self.solo)
+        return self.gains.get(level_key, 1.0) if is_heard else 0.0
 
     def scaled(self, piece: Piece) -> Piece:
         """The piece whose strikes have these levels; the same object if none has one."""
@@ -48,8 +52,8 @@ class StrikeLevels:
         )
         return replace(piece, strikes=scaled_strikes)
 
-    def _has(self, name: str) -> bool:
-        return name in self.gains or name in self.muted or name in self.solo
+    def _has_level(self, strikes_name: str) -> bool:
+        return strikes_name in self.gains or strikes_name in self.muted or strikes_name in self.solo
 
 
 def unnumbered(name: str) -> str:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import StrikePoints
 
-_MAX_STRUCK = 128  # one for each MIDI note
+_STRUCK_MATS_MAX = 128  # one for each MIDI note
 
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
 PlaceAndRange = tuple[
@@ -50,14 +50,14 @@ class Stroke(NamedTuple):
 # The engine's numbers of struck places: each place keeps its number as long as this process runs,
 # so that a strike finds it in every version.
 _place_numbers: dict[Place, int] = {}
-_next_number = itertools.count(1)
+_number_counter = itertools.count(1)
 
 
 def place_number(struck_place: Place) -> int:
     """The engine's number of a struck place."""
     if struck_place not in _place_numbers:
         # Another thread may number it now.
-        _place_numbers.setdefault(struck_place, next(_next_number))
+        _place_numbers.setdefault(struck_place, next(_number_counter))
     return _place_numbers[struck_place]
 
 
@@ -150,12 +150,12 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
     if not hear.notes:
         return [_act_of_part(piece, hear.target, note_members[len(note_members) // 2])]
     struck_acts = []
-    for note_number in hear.notes:
-        member_name = _member_of(piece, instrument_name, note_number)
+    for note_word in hear.notes:
+        member_name = _member_of(piece, instrument_name, note_word)
         if member_name is None:
             range_text = f"{_note_of(note_members[0])} to {_note_of(note_members[-1])}"
             raise NotTakenError(
-                f"{instrument_name} has no note {note_number}; its notes are {range_text}"
+                f"{instrument_name} has no note {note_word}; its notes are {range_text}"
             )
         struck_acts.append(_act_of_part(piece, hear.target, member_name))
     return struck_acts
@@ -193,14 +193,16 @@ def places_of_note(piece: Piece, map_notes: MapNotes, note_number: int) -> list[
             for target in act.targets
             for place in _member_mats(target, map_notes.target)
         ]
-    members = _member_mats(_check_target(piece, map_notes.target), map_notes.target)
-    member = note_number - map_notes.low if len(members) > 1 else 0
-    return [(members[member], None)] if member < len(members) else []
+    struck_mats = _member_mats(_check_target(piece, map_notes.target), map_notes.target)
+    mat_index = note_number - map_notes.low if len(struck_mats) > 1 else 0
+    return [(struck_mats[mat_index], None)] if mat_index < len(struck_mats) else []
 
 
-def _types_lines(piece: Piece, notes: MapNotes) -> bool:
+def _types_lines(piece: Piece, map_notes: MapNotes) -> bool:
     """Whether notes run a block or let a player play, instead of striking."""
-    return notes.gesture is not None or (notes.impulse is None and notes.target in piece.blocks)
+    return map_notes.gesture is not None or (
+        map_notes.impulse is None and map_notes.target in piece.blocks
+    )
 
 
 def maps_of(version: Version, note_number: int) -> Iterator[MapNotes]:
@@ -271,9 +273,9 @@ def _pressing_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[
     ]
 
 
-def _note_places(version: Version, notes: MapNotes, note: int) -> list[PlaceAndRange]:
+def _note_places(version: Version, map_notes: MapNotes, note_number: int) -> list[PlaceAndRange]:
     """What a note strikes, as the engine knows it. Raises NotTakenError."""
-    places_and_ranges = places_of_note(version.piece, notes, note)
+    places_and_ranges = places_of_note(version.piece, map_notes, note_number)
     return [
         (_sounding_place(version, place), impulse_range)
         for place, impulse_range in places_and_ranges
@@ -309,9 +311,13 @@ def _acts_at_note(piece: Piece, target_path: str, note_number: int) -> list[Act]
     """The act that plays an instrument at a note; none if it does not have the note.
     Raises NotTakenError.
     """
-    name = target_path.partition(".")[0]
-    part = _member_of(piece, name, note_number) if name in piece.families else name
-    return [] if part is None else [_act_of_part(piece, target_path, part)]
+    instrument_name = target_path.partition(".")[0]
+    part_name = (
+        _member_of(piece, instrument_name, note_number)
+        if instrument_name in piece.families
+        else instrument_name
+    )
+    return [] if part_name is None else [_act_of_part(piece, target_path, part_name)]
 
 
 def _member_of(piece: Piece, instrument_name: str, note: int | str) -> str | None:
@@ -329,8 +335,8 @@ def _member_of(piece: Piece, instrument_name: str, note: int | str) -> str | Non
 
 
 @lru_cache(64)
-def _members_by_pitch(members: tuple[str, ...], tuned: Tuning | None) -> dict[float, str]:
-    with tuning.used(tuned):
+def _members_by_pitch(members: tuple[str, ...], family_tuning: Tuning | None) -> dict[float, str]:
+    with tuning.used(family_tuning):
         return {pitch(_note_of(member)) or 0.0: member for member in members}
 
 
@@ -359,10 +365,10 @@ def _member_mats(strike_target: Target, target_text: str) -> list[Place]:
     """The MATs of a target, in their order. Raises NotTakenError."""
     if strike_target.first == "centre":
         return [(strike_target.part, strike_target.module, -1)]
-    if strike_target.count > _MAX_STRUCK:
+    if strike_target.count > _STRUCK_MATS_MAX:
         raise NotTakenError(
-            f"{target_text} has {strike_target.count:,} masses, and notes strike {_MAX_STRUCK} at "
-            "most; name some of them"
+            f"{target_text} has {strike_target.count:,} masses, and notes strike "
+            f"{_STRUCK_MATS_MAX} at most; name some of them"
         )
     first_member = strike_target.first
     return [

@@ -87,9 +87,9 @@ def _route(command: Route, version: Version, beat: float) -> Texts:
 
 @edits_texts(MovePan)
 def _move_pan(command: MovePan, version: Version, beat: float) -> Texts:
-    end = version.piece.tempo_map.after(beat, command.over)
+    end_beat = version.piece.tempo_map.after(beat, command.over)
     texts, piece = families.with_definitions(version.texts, version.piece, [command.name])
-    return space.move_pan(texts, piece, command.name, command.pan, beat, end)
+    return space.move_pan(texts, piece, command.name, command.pan, beat, end_beat)
 
 
 @edits_texts(Filter)
@@ -98,8 +98,8 @@ def _filter(command: Filter, version: Version, beat: float) -> Texts:
     if not command.fields:
         return space.without_route_field(edited_texts, piece, command.name, command.kind)
     filter_text = command.fields.get("")
-    text = edit.flow(dict(command.fields)) if filter_text is None else filter_text
-    return space.set_route_fields(edited_texts, piece, command.name, {command.kind: text})
+    field_text = edit.flow(dict(command.fields)) if filter_text is None else filter_text
+    return space.set_route_fields(edited_texts, piece, command.name, {command.kind: field_text})
 
 
 @edits_texts(Room)
@@ -110,8 +110,8 @@ def _room(command: Room, version: Version, beat: float) -> Texts:
 @edits_texts(Fade)
 def _fade(command: Fade, version: Version, beat: float) -> Texts:
     texts, piece = version.texts, version.piece
-    end = piece.tempo_map.after(beat, command.over)
-    return space.with_fade(texts, piece, command.name, beat, end, fades_in=command.is_in)
+    end_beat = piece.tempo_map.after(beat, command.over)
+    return space.with_fade(texts, piece, command.name, beat, end_beat, fades_in=command.is_in)
 
 
 @edits_texts(Remove)

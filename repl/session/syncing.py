@@ -40,36 +40,40 @@ def _beginning_beats(piece: Piece, voice_name: str, after_beat: float) -> Iterat
         raise NotTakenError(f"{voice_name} strikes by chance: there is no beat to wait for")
     for voice in strikes:
         yield _strikes_beginnings(piece, voice, after_beat)
-    for play, starts in zip(piece.parts, piece.starts, strict=True):
-        if play.player == voice_name and starts:
-            yield _next_round_beat(starts, after_beat) if isinstance(starts, PlaceBeats) else starts
+    for play, start_beats in zip(piece.parts, piece.starts, strict=True):
+        if play.player == voice_name and start_beats:
+            yield (
+                _next_round_beat(start_beats, after_beat)
+                if isinstance(start_beats, PlaceBeats)
+                else start_beats
+            )
 
 
 def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Sequence[float]:
-    tempo = piece.tempo_map
+    tempo_map = piece.tempo_map
     if strikes.rhythm is not None:
-        begin = tempo.resolve(strikes.at)
-        cycle_index = strikes.rhythm.cycle_count(tempo, begin, after_beat - SAME)
-        beat = strikes.rhythm.cycle_begin(tempo, begin, cycle_index)
-        return [beat] if cycle_index < strikes.cycles(tempo) else []
+        begin_beat = tempo_map.resolve(strikes.at)
+        cycle_index = strikes.rhythm.cycle_count(tempo_map, begin_beat, after_beat - SAME)
+        cycle_beat = strikes.rhythm.cycle_begin(tempo_map, begin_beat, cycle_index)
+        return [cycle_beat] if cycle_index < strikes.cycles(tempo_map) else []
     if strikes.pattern is not None:
         return _next_round_beat(strikes.place_beats(piece), after_beat)
     if strikes.length is not None or strikes.passing is not None:
-        return strikes.rounds(tempo)
+        return strikes.rounds(tempo_map)
     if strikes.hits:
-        return sorted({beat for beat, *_ in strikes.played_hits(piece)})
-    return strikes.beats(tempo)
+        return sorted({cycle_beat for cycle_beat, *_ in strikes.played_hits(piece)})
+    return strikes.beats(tempo_map)
 
 
 def _next_round_beat(pattern_steps: PlaceBeats, after_beat: float) -> Sequence[float]:
     """The beat of the next place on which a round of a pattern begins."""
     pattern = pattern_steps.places.pattern
     round_places = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
-    place = n_before(pattern_steps, after_beat - SAME)
-    place += -(place + pattern.skip) % round_places
-    return [pattern_steps.beat(place)] if place < len(pattern_steps) else []
+    place_index = n_before(pattern_steps, after_beat - SAME)
+    place_index += -(place_index + pattern.skip) % round_places
+    return [pattern_steps.beat(place_index)] if place_index < len(pattern_steps) else []
 
 
 def _next_beat(beats: Sequence[float], after_beat: float) -> float | None:
-    place = n_before(beats, after_beat - SAME)
-    return beats[place] if place < len(beats) else None
+    beat_index = n_before(beats, after_beat - SAME)
+    return beats[beat_index] if beat_index < len(beats) else None

@@ -11,7 +11,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.repl.session.clock import JOIN_DURATION, Timing
 from ergon.repl.session.frozen_parts import place_samples, unchanged_parts
 from ergon.repl.session.running import RunningVersion, stage_spans, timeline_horizon
-from ergon.repl.session.waiting_lines import WaitingLine, line_beat
+from ergon.repl.session.waiting_lines import WaitingLine, takeover_beats_of
 from ergon.scores.staging.cutting import cut_stage
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
@@ -34,13 +34,13 @@ class Takeovers:
     store: TrialStore | None = None
 
     def staged(
-        self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float = math.inf
+        self, running: RunningVersion, lines: Sequence[WaitingLine], latest_beat: float = math.inf
     ) -> RunningVersion:
         """The version after lines that take over together from `running`.
 
-        Nothing begins on beat `latest` or later. Raises StageError, NotTakenError.
+        Nothing begins on beat `latest_beat` or later. Raises StageError, NotTakenError.
         """
-        running_after = self._next_version(running, lines, latest)
+        running_after = self._next_version(running, lines, latest_beat)
         return replace(
             running_after, stage=self._staged(running_after, running), serial=running.serial + 1
         )
@@ -53,7 +53,7 @@ class Takeovers:
         running_after = self._next_version(running, lines, running.timeline_end)
         stage = cut_stage(
             running.stage,
-            running_after.start,
+            running_after.start_frame,
             ends_gestures=any(waiting_line.result().ends_gestures for waiting_line in lines),
             is_stopped=not running_after.clock.is_running,
             resets_masses=any(waiting_line.resets for waiting_line in lines),
@@ -64,19 +64,25 @@ class Takeovers:
         return replace(running_after, stage=stage, serial=running.serial + 1)
 
     def extended(
-        self, running: RunningVersion, start: int, latest: float = math.inf
+        self, running: RunningVersion, start_frame: int, latest_beat: float = math.inf
     ) -> RunningVersion:
-        """A version whose timeline goes on from frame `start`; it is inaudible at any frame.
+        """A version whose timeline goes on from frame `start_frame`; it is inaudible at any frame.
 
-        Nothing begins on beat `latest` or later. Raises StageError, NotTakenError.
+        Nothing begins on beat `latest_beat` or later. Raises StageError, NotTakenError.
         """
-        tempo = running.version.piece.tempo_map
-        enter_beat = running.clock.beat(tempo, start / self.timing.rate + self.timing.takeover_lead)
-        spans, timeline_end, skipped_from = self._spans(
-            running, running, start, enter_beat, enter_beat, latest
+        tempo_map = running.version.piece.tempo_map
+        enter_beat = running.clock.beat(
+            tempo_map, start_frame / self.timing.rate + self.timing.takeover_lead
+        )
+        spans, timeline_end, skipped_from = self._spans_after(
+            running, running, start_frame, enter_beat, enter_beat, latest_beat
         )
         running_after = replace(
-            running, spans=spans, start=start, timeline_end=timeline_end, skipped_from=skipped_from
+            running,
+            spans=spans,
+            start_frame=start_frame,
+            timeline_end=timeline_end,
+            skipped_from=skipped_from,
         )
         return replace(running_after, stage=self._staged(running_after, running))
 
@@ -87,7 +93,7 @@ class Takeovers:
             new_running.clock,
             new_running.spans,
             running.stage,
-            new_running.start,
+            new_running.start_frame,
             self.real_hands,
             self.store,
             new_running.glides,
@@ -97,64 +103,69 @@ class Takeovers:
         )
 
     def _next_version(
-        self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float
+        self, running: RunningVersion, lines: Sequence[WaitingLine], latest_beat: float
     ) -> RunningVersion:
         """What the lines make of a running version, with the stage of before."""
-        running_after = replace(running, damp=None, skipped_from=None)
+        running_after = replace(running, damping_t60=None, skipped_from=None)
         for line in lines:
-            running_after = self._following_version(running_after, line, latest)
+            running_after = self._following_version(running_after, line, latest_beat)
         return running_after
 
     def _following_version(
-        self, running: RunningVersion, line: WaitingLine, latest: float
+        self, running: RunningVersion, line: WaitingLine, latest_beat: float
     ) -> RunningVersion:
         """The running version after one line, with the stage of before."""
-        assert line.start is not None
-        old_version, version, frame = running.version, line.result(), line.start
-        clock, leave_beat, enter_beat = line_beat(
+        assert line.start_frame is not None
+        old_version, version, start_frame = running.version, line.result(), line.start_frame
+        clock, leave_beat, enter_beat = takeover_beats_of(
             running.clock, old_version, version, line, self.timing
         )
         running_after = replace(running, version=version, clock=clock)
-        spans, timeline_end, skipped_from = self._spans(
-            running, running_after, frame, leave_beat, enter_beat, latest
+        spans, timeline_end, skipped_from = self._spans_after(
+            running, running_after, start_frame, leave_beat, enter_beat, latest_beat
         )
-        start = frame / self.timing.rate
+        start_instant = start_frame / self.timing.rate
         old_and_new = old_version.sounding, version.sounding
-        moving_glides = version_glides(*old_and_new, running.glides, start, version.glide)
-        fading = fading_links(*old_and_new, running.glides, running.fading_links, start)
+        moving_glides = version_glides(
+            *old_and_new, running.glides, start_instant, version.glide_duration
+        )
+        links_fading = fading_links(
+            *old_and_new, running.glides, running.fading_links, start_instant
+        )
         return replace(
             running_after,
             spans=spans,
-            start=frame,
+            start_frame=start_frame,
             timeline_end=timeline_end,
             skipped_from=running.skipped_from if skipped_from is None else skipped_from,
-            glides=(*moving_glides, *(link.glide for link in fading)),
-            fading_links=fading,
+            glides=(*moving_glides, *(link.glide for link in links_fading)),
+            fading_links=links_fading,
             frozen=unchanged_parts(running.frozen, old_version, version, self.real_hands),
-            damp=running.damp if version.damp is None else version.damp,
+            damping_t60=running.damping_t60 if version.damping_t60 is None else version.damping_t60,
         )
 
-    def _spans(
+    def _spans_after(
         self,
         running: RunningVersion,
         running_after: RunningVersion,
-        start: int,
+        start_frame: int,
         leave_beat: float,
         enter_beat: float,
-        latest: float,
+        latest_beat: float,
     ) -> tuple[tuple[Span, ...], float, float | None]:
         """What plays of the versions up to `running`, which ends on beat `leave_beat`, and of
         `running_after`, which goes on from beat `enter_beat`; up to which beat; and from which
         beat on nothing began.
         """
-        start_instant = start / self.timing.rate
+        start_instant = start_frame / self.timing.rate
         version, clock = running_after.version, running_after.clock
         old_spans: Sequence[Span] = ()
         if running_after is running or not version.ends_gestures:
             old_spans = continuing_spans(running, leave_beat, start_instant, running.stage)
-        timeline_end = min(timeline_horizon(version.piece.tempo_map, enter_beat)[0], latest)
+        timeline_end = min(timeline_horizon(version.piece.tempo_map, enter_beat)[0], latest_beat)
         piece = replace(
-            version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_instant)
+            version.sounding,
+            tempo_map=clock.engine_tempo_map(version.piece.tempo_map, start_instant),
         )
         new_spans = (
             (Span(piece, Window(enter_beat, timeline_end, start_instant)),)
@@ -173,8 +184,8 @@ def continuing_spans(
     """
     tracked_spans = [(gesture.written_start, gesture.stop) for gesture in stage.gestures]
     running_spans = []
-    for index, (piece, window) in enumerate(old_running.spans):
-        is_last = index == len(old_running.spans) - 1 and old_running.clock.is_running
+    for span_index, (piece, window) in enumerate(old_running.spans):
+        is_last = span_index == len(old_running.spans) - 1 and old_running.clock.is_running
         span_end = min(window.until_beat, leave_beat) if is_last else window.until_beat
         first_instant, last_instant = (
             piece.tempo_map.seconds(beat) for beat in (window.since_beat, span_end)

@@ -24,18 +24,20 @@ def tuning_lines(piece: Piece) -> Iterator[str]:
         used_tuning = piece.tuning_of(family_name) or tuning.PLAIN
         if family_name in piece.tunings:
             yield f"tuning of {family_name}: {used_tuning.words()}"
-        words = [member.rpartition(".")[2] for member in members]
+        note_words = [member.rpartition(".")[2] for member in members]
         note_texts = [
-            f"{word} {_hertz_text(used_tuning, word)}" for word in words[:_NOTES_SHOWN_MAX]
+            f"{word} {_hertz_text(used_tuning, word)}" for word in note_words[:_NOTES_SHOWN_MAX]
         ]
         others_texts = (
-            [f"and {len(words) - _NOTES_SHOWN_MAX} more"] if len(words) > _NOTES_SHOWN_MAX else []
+            [f"and {len(note_words) - _NOTES_SHOWN_MAX} more"]
+            if len(note_words) > _NOTES_SHOWN_MAX
+            else []
         )
         yield f"{family_name}: {', '.join([*note_texts, *others_texts])}"
 
 
-def _hertz_text(used_tuning: tuning.Tuning, word: str) -> str:
+def _hertz_text(used_tuning: tuning.Tuning, note_word: str) -> str:
     try:
-        return f"{used_tuning.hertz(word) or 0.0:.2f} Hz"
+        return f"{used_tuning.hertz(note_word) or 0.0:.2f} Hz"
     except TextError:  # a key that the tuning leaves out
         return "without a pitch"

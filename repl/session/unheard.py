@@ -45,12 +45,12 @@ def check_unheard(old_piece: Piece, stage: Stage) -> None:
         refusals = [
             module_error
             for module_error in error.refusals or [error]
-            if _is_in(changed_names, module_error.module)
+            if _is_in_parts(changed_names, module_error.module)
         ]
         if refusals:
             error.refusals = refusals
             raise stage_error(piece, Collector(), error) from error
 
 
-def _is_in(parts: Sequence[str], module: str | None) -> bool:
+def _is_in_parts(parts: Sequence[str], module: str | None) -> bool:
     return module is not None and any(module.startswith(f"{part}.") for part in parts)

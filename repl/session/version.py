@@ -58,7 +58,7 @@ class HandGuide:
     viscosity.
     """
 
-    player: str
+    guiding_player: str
     stiffness: float
     viscosity: float
 
@@ -67,9 +67,9 @@ class HandGuide:
 class Version:
     """The result of one accepted line (or block of lines) on the version before it.
 
-    How it takes over: if it `ends_gestures`, every gesture in flight ends; `damp` [s] is a T60
-    for all that sounds; changed parameters glide for `glide` [s]; with a `takeover_beat`, the
-    piece goes on from that beat, whatever the beat was before.
+    How it takes over: if it `ends_gestures`, every gesture in flight ends; `damping_t60` [s] is a
+    T60 for all that sounds; changed parameters glide for `glide_duration` [s]; with a
+    `takeover_beat`, the piece goes on from that beat, whatever the beat was before.
 
     What it has: `guides` has the guide of each real hand, by player; `maps` the MIDI maps and
     `rules` the rules of blocks, by name; `strike_levels` the levels of strikes; `sounds_as` the
@@ -79,7 +79,7 @@ class Version:
     From files: `read_texts` has the texts that the line read from the disk, and `discarded_places`
     the places where typed values gave way to them; `read_files` has the texts of further files
     that the line brought in; `released_parameters` has the parameters whose automation a scene has
-    ended; `base` is the content of the files when they were last read or
+    ended; `file_texts` is the content of the files when they were last read or
     saved, and `renames` are the renamings since then, as (old, new).
     """
 
@@ -89,8 +89,8 @@ class Version:
     piece: Piece
     faders: Faders = Faders()
     ends_gestures: bool = False
-    damp: float | None = None
-    glide: float = GLIDE_DURATION
+    damping_t60: float | None = None
+    glide_duration: float = GLIDE_DURATION
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
     takeover_beat: float | None = None
     maps: Mapping[str, MapControl | MapNotes | Hear] = field(default_factory=dict)
@@ -101,7 +101,7 @@ class Version:
     read_files: Mapping[str, str] = field(default_factory=dict)
     discarded_places: Sequence[ValuePlace] = ()
     released_parameters: Sequence[str] = ()
-    base: Texts | None = None
+    file_texts: Texts | None = None
     is_running: bool = False
     strike_levels: StrikeLevels = field(default_factory=StrikeLevels)
 
@@ -112,8 +112,8 @@ class Version:
         return replace(
             self,
             ends_gestures=False,
-            damp=None,
-            glide=GLIDE_DURATION,
+            damping_t60=None,
+            glide_duration=GLIDE_DURATION,
             takeover_beat=None,
             read_texts=None,
             read_files={},
@@ -133,21 +133,21 @@ def is_same_music(first_version: Version, other_version: Version) -> bool:
         first_version.texts is other_version.texts
         and first_version.piece is other_version.piece
         and first_version.sounds_as is other_version.sounds_as
-        and first_version.base is other_version.base
+        and first_version.file_texts is other_version.file_texts
         and first_version.strike_levels == other_version.strike_levels
         and (first_version.guides, first_version.maps, first_version.rules)
         == (other_version.guides, other_version.maps, other_version.rules)
         and (
             first_version.ends_gestures,
-            first_version.damp,
-            first_version.glide,
+            first_version.damping_t60,
+            first_version.glide_duration,
             first_version.takeover_beat,
             first_version.is_running,
         )
         == (
             other_version.ends_gestures,
-            other_version.damp,
-            other_version.glide,
+            other_version.damping_t60,
+            other_version.glide_duration,
             other_version.takeover_beat,
             other_version.is_running,
         )
@@ -159,7 +159,7 @@ class PastVersion:
     """What is needed to restore an earlier version. Its piece, which is 1000 times as large, is
     left out.
 
-    `where` is the beat at which it took effect, as written.
+    `beat_text` is the beat at which it took effect, as written.
     """
 
     number: int
@@ -167,8 +167,8 @@ class PastVersion:
     texts: Texts
     faders: Faders
     guides: Mapping[str, HandGuide]
-    where: str = ""
-    base: Texts | None = None
+    beat_text: str = ""
+    file_texts: Texts | None = None
     maps: Mapping[str, MapControl | MapNotes | Hear] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
@@ -188,7 +188,7 @@ class PastVersion:
             version.faders,
             version.guides,
             where_text,
-            version.base,
+            version.file_texts,
             version.maps,
             version.rules,
             version.sounds_as,
@@ -210,7 +210,7 @@ class PastVersion:
             sounds_as=self.sounds_as,
             renames=self.renames,
             strike_levels=self.strike_levels,
-            base=self.base or version.base,
+            file_texts=self.file_texts or version.file_texts,
         )
 
 

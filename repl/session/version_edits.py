@@ -68,12 +68,12 @@ if TYPE_CHECKING:
 _WRITTEN_GLIDE_MIN = 0.1
 
 
-def unchanged(version: Version, beat: float) -> Version:
+def unchanged_version(version: Version, beat: float) -> Version:
     """Return the same version."""
     return version
 
 
-def combined(commands: Sequence[Command]) -> VersionEdit:
+def combine_edits(commands: Sequence[Command]) -> VersionEdit:
     """Combine several commands into one edit."""
     version_edits = [VERSION_EDITS[type(command)](command) for command in commands]
 
@@ -85,7 +85,7 @@ def combined(commands: Sequence[Command]) -> VersionEdit:
     return edit
 
 
-def hush(version: Version, beat: float) -> Version:
+def end_all_playing(version: Version, beat: float) -> Version:
     """End all players and strikes, and all rules of blocks."""
     texts = parts.end_all_parts(version.texts, version.piece, beat)
     return replace(with_texts(version, texts), ends_gestures=True, rules={})
@@ -110,14 +110,14 @@ def _plays(command: Plays, version: Version, beat: float) -> Texts:
 
 
 @edits_texts(Do)
-def _do(command: Do, version: Version, beat: float) -> Texts:
+def _transform_part(command: Do, version: Version, beat: float) -> Texts:
     return parts.transform(
         version.texts, version.piece, command.player, beat, command.transform_texts
     )
 
 
 @edits_texts(StrikeModules)
-def _strikes(command: StrikeModules, version: Version, beat: float) -> Texts:
+def _strike_modules(command: StrikeModules, version: Version, beat: float) -> Texts:
     # First what is struck: a text that strikes what is not there cannot be read for its routes.
     texts, piece = families.with_definitions(version.texts, version.piece, command.struck)
     texts = strikes.strike(texts, piece, command.name, beat, command.fields)
@@ -125,7 +125,7 @@ def _strikes(command: StrikeModules, version: Version, beat: float) -> Texts:
 
 
 @edits_texts(DoStrikes)
-def _do_strikes(command: DoStrikes, version: Version, beat: float) -> Texts:
+def _transform_strikes(command: DoStrikes, version: Version, beat: float) -> Texts:
     return transformed.transform(version.texts, version.piece, command.name, beat, command.do)
 
 
@@ -147,16 +147,16 @@ def _rest(command: Rest, version: Version, beat: float) -> Texts:
 
 
 @edits_texts(Tempo)
-def _tempo(command: Tempo, version: Version, beat: float) -> Texts:
-    end = "" if command.end is None else f" -> {command.end:.12g}"
+def _change_tempo(command: Tempo, version: Version, beat: float) -> Texts:
+    end_text = "" if command.end is None else f" -> {command.end:.12g}"
     ramp_length = command.words["over"].text if command.over is not None else None
     return times.change_tempo(
-        version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", ramp_length
+        version.texts, version.piece, beat, f"{command.bpm:.12g}{end_text}", ramp_length
     )
 
 
 @edits_texts(SetMeter)
-def _meter(command: SetMeter, version: Version, beat: float) -> Texts:
+def _change_meter(command: SetMeter, version: Version, beat: float) -> Texts:
     return times.change_meter(version.texts, version.piece, beat, str(command.meter))
 
 
@@ -165,9 +165,9 @@ def _nudge(command: Nudge, version: Version, beat: float) -> Texts:
     """Make the beat that begins longer (or shorter) by a length; the next beats have the old
     tempo.
     """
-    tempo = version.piece.tempo_map
-    bpm = tempo.bpm(beat)
-    shift_seconds = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
+    tempo_map = version.piece.tempo_map
+    bpm = tempo_map.bpm(beat)
+    shift_seconds = tempo_map.seconds(tempo_map.after(beat, command.by)) - tempo_map.seconds(beat)
     beat_length = 60.0 / bpm + shift_seconds
     if not 30.0 / bpm <= beat_length <= 120.0 / bpm:
         raise NotTakenError(
@@ -203,16 +203,26 @@ def _set_gliding(command: Set) -> VersionEdit:
     def edit(version: Version, edit_beat: float) -> Version:
         if command.over is None:
             return with_texts(version, _set(command, version, edit_beat))
-        tempo, command_words = version.piece.tempo_map, command.words
-        duration = tempo.seconds(tempo.after(edit_beat, command.over)) - tempo.seconds(edit_beat)
+        tempo_map, command_words = version.piece.tempo_map, command.words
+        duration = tempo_map.seconds(tempo_map.after(edit_beat, command.over)) - tempo_map.seconds(
+            edit_beat
+        )
         is_written = duration >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
         if version.is_running and is_written:
             value, glide_length = command_words["change"].text, command_words["over"].text
-            args = command.target, edit_beat, value, {"over": glide_length}, value_on_beat
-            return with_texts(version, automation.glide(version.texts, version.piece, *args))
+            glide_arguments = (
+                command.target,
+                edit_beat,
+                value,
+                {"over": glide_length},
+                value_on_beat,
+            )
+            return with_texts(
+                version, automation.glide(version.texts, version.piece, *glide_arguments)
+            )
         automation.check_can_glide(version.piece, command.target)
         edited_version = with_texts(version, _set(command, version, edit_beat))
-        return replace(edited_version, glide=max(GLIDE_DURATION, duration))
+        return replace(edited_version, glide_duration=max(GLIDE_DURATION, duration))
 
     return edit
 
@@ -257,7 +267,7 @@ def _guide(command: Guide) -> VersionEdit:
 @makes_edit(Hear)
 @makes_edit(MapControl)
 @makes_edit(MapNotes)
-def _map(command: midi_maps.Map) -> VersionEdit:
+def _add_map(command: midi_maps.Map) -> VersionEdit:
     """Map a MIDI controller or notes, or let what `hear` strikes be ready."""
 
     def edit(version: Version, beat: float) -> Version:
@@ -289,11 +299,11 @@ def _load(command: Load) -> VersionEdit:
             is_trusted = bounds_before is not None and bounds_before.allows_any_file
             folder = Path(command.file).parent
             loaded_texts.append(
-                _file_version(command.file, FileBounds.around(folder, trust=is_trusted))
+                _read_texts(command.file, FileBounds.around(folder, trust=is_trusted))
             )
         texts = loaded_texts[0]
         loaded_version = replace(version, texts=texts, piece=piece_from_files(texts))
-        loaded_version = replace(loaded_version, read_texts=texts, base=texts, renames=())
+        loaded_version = replace(loaded_version, read_texts=texts, file_texts=texts, renames=())
         return replace(
             loaded_version,
             takeover_beat=edit_beat if has_events_from(loaded_version.piece, edit_beat) else 0.0,
@@ -313,8 +323,8 @@ def _reload(command: Reload) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         path = version.texts.path
         if path not in reloaded_texts:
-            reloaded_texts[path] = _file_version(path, version.texts.bounds)
-        texts_before = version.base or version.texts
+            reloaded_texts[path] = _read_texts(path, version.texts.bounds)
+        texts_before = version.file_texts or version.texts
         disk_texts = family_edits.with_brought_files(reloaded_texts[path], texts_before)
         piece_from_files(disk_texts)  # its own mistakes come before those of the merge
         current_texts = disk_texts
@@ -323,24 +333,24 @@ def _reload(command: Reload) -> VersionEdit:
             new_name,
         ) in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
-                renamed = [
-                    renaming.rename(renamed_texts, piece_of(renamed_texts), old_name, new_name)
-                    for renamed_texts in (texts_before, current_texts)
+                renamed_pair = [
+                    renaming.rename(old_texts, piece_of(old_texts), old_name, new_name)
+                    for old_texts in (texts_before, current_texts)
                 ]
-                texts_before, current_texts = renamed
+                texts_before, current_texts = renamed_pair
         texts, discarded_places = merging.merged_texts(texts_before, current_texts, version.texts)
         reloaded_version = with_texts(version, texts)
         return replace(
             reloaded_version,
             read_texts=disk_texts,
-            base=disk_texts,
+            file_texts=disk_texts,
             discarded_places=tuple(discarded_places),
         )
 
     return edit
 
 
-def _file_version(path: str, bounds: FileBounds | None) -> Texts:
+def _read_texts(path: str, bounds: FileBounds | None) -> Texts:
     try:
         return Texts.read(path, bounds)
     except OSError as error:
@@ -349,12 +359,12 @@ def _file_version(path: str, bounds: FileBounds | None) -> Texts:
 
 @makes_edit(Hush)
 def _hush(command: Hush) -> VersionEdit:
-    return hush
+    return end_all_playing
 
 
 @makes_edit(Damp)
 def _damp(command: Damp) -> VersionEdit:
-    return lambda version, beat: replace(hush(version, beat), damp=command.time)
+    return lambda version, beat: replace(end_all_playing(version, beat), damping_t60=command.time)
 
 
 READS_FILES = (Load, Reload, Retune, Scene, Use)
@@ -389,11 +399,11 @@ def command_summary(command: Command, running: RunningVersion, position_text: st
     ):
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, Guide):
-        source = command.by
+        guiding_player = command.by
         return (
             f"{command.player}: no longer guided"
-            if source is None
-            else f"{command.player}: guided by {source}"
+            if guiding_player is None
+            else f"{command.player}: guided by {guiding_player}"
         )
     return ""
 
@@ -401,14 +411,17 @@ def command_summary(command: Command, running: RunningVersion, position_text: st
 def _defined_text(command: Define, running: RunningVersion) -> str:
     piece = running.version.piece
     if command.name not in piece.gestures:
-        axes = space_path.played_names(command.name, piece.gestures)
-        n_points = max(len(piece.gestures[name].points) for name in axes)
-        return f"{command.name}: a path in space of {n_points} points, played by {', '.join(axes)}"
+        axis_names = space_path.played_names(command.name, piece.gestures)
+        n_points = max(len(piece.gestures[name].points) for name in axis_names)
+        return (
+            f"{command.name}: a path in space of {n_points} points, played by "
+            f"{', '.join(axis_names)}"
+        )
     gesture = piece.gestures[command.name]
     reply_sentence = f"{command.name}: {len(gesture.points)} points"
-    last = gesture.points[-1].at
+    last_position = gesture.points[-1].at
     if "throw" not in {point.curve for point in gesture.points[1:]}:
-        seconds = last.beats * 60.0 / piece.tempo_map.bpm(0.0) + last.seconds
+        seconds = last_position.beats * 60.0 / piece.tempo_map.bpm(0.0) + last_position.seconds
         reply_sentence += f", {int(seconds * running.stage.rate + 0.5):,} ergons"
     if any(command.name in play.names for play in piece.parts):
         return reply_sentence

@@ -16,7 +16,7 @@ from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session.clock import Clock, TakeoverBeats, Timing, takeover_beats
-from ergon.repl.session.line_kinds import RULES, KindRule, LineKind, keep_order
+from ergon.repl.session.line_kinds import RULE_BY_KIND, KindRule, LineKind, keep_order
 from ergon.repl.session.version import NotTakenError, Version, is_same_music
 from ergon.scores.staging.refusals import StageError
 
@@ -34,12 +34,12 @@ VersionEdit = Callable[[Version, float], Version]
 class WaitingLine:
     """An accepted line that has not taken effect yet.
 
-    It acts on beat `beat`, and takes over at frame `start`; None: the piece is stopped, and has not
-    reached that beat. It starts the piece at its beat (`sets_running`), or stops it there (False).
-    A line that `resets` puts all masses at their start; one that `is_now` acts as soon as possible;
-    one that `sets_all` restores an earlier version. The beat of one that `is_named` was asked for.
-    `base` and `version` are the versions before and after it, `clock` the clock after it. `n_slips`
-    counts how often it was not ready in time.
+    It acts on beat `beat`, and takes over at frame `start_frame`; None: the piece is stopped, and
+    has not reached that beat. It starts the piece at its beat (`sets_running`), or stops it there
+    (False). A line that `resets` puts all masses at their start; one that `is_now` acts as soon as
+    possible; one that `restores_version` restores an earlier version. The beat of one that
+    `is_named` was asked for. `version_before` and `version` are the versions before and after it,
+    `clock` the clock after it. `n_slips` counts how often it was not ready in time.
     """
 
     number: int
@@ -47,14 +47,14 @@ class WaitingLine:
     edit: VersionEdit
     kind: LineKind
     beat: float
-    start: int | None
+    start_frame: int | None
     sets_running: bool | None = None
     resets: bool = False
     is_now: bool = False
     reads_files: bool = False
-    sets_all: bool = False
+    restores_version: bool = False
     is_named: bool = False
-    base: Version | None = None
+    version_before: Version | None = None
     version: Version | None = None
     clock: Clock | None = None
     n_slips: int = 0
@@ -62,7 +62,7 @@ class WaitingLine:
     @property
     def rule(self) -> KindRule:
         """How it acts."""
-        return RULES[self.kind]
+        return RULE_BY_KIND[self.kind]
 
     def lead(self, timing: Timing) -> float:
         """How long before its beat it takes over [s]."""
@@ -71,19 +71,19 @@ class WaitingLine:
     @property
     def frame(self) -> float:
         """Its frame; infinite if the piece must reach its beat first."""
-        return math.inf if self.start is None else self.start
+        return math.inf if self.start_frame is None else self.start_frame
 
     def result(self) -> Version:
         """The version after it."""
         assert self.version is not None
         return self.version
 
-    def moved_to(self, beat: float, start: int | None) -> WaitingLine:
+    def moved_to(self, beat: float, start_frame: int | None) -> WaitingLine:
         """The line at another frame and beat. A line that starts or stops the piece keeps its
         beat.
         """
         beat = beat if self.sets_running is None else self.beat
-        return replace(self, beat=beat, start=start)
+        return replace(self, beat=beat, start_frame=start_frame)
 
     def is_before(self, other_line: WaitingLine) -> bool:
         """Whether it takes effect before a line that was typed later.
@@ -91,7 +91,7 @@ class WaitingLine:
         Lines of one frame are in the order of typing. Lines for which the piece must first be
         played are in the order of their beats.
         """
-        if self.start is None and other_line.start is None:
+        if self.start_frame is None and other_line.start_frame is None:
             return self.beat <= other_line.beat + SAME
         return self.frame <= other_line.frame
 
@@ -102,8 +102,8 @@ class WaitingLine:
         every one typed after it: the version that it restores has nothing of these. Lines that
         need no stage wait for neither.
         """
-        is_restoring = self.sets_all or earlier.sets_all
-        is_quick = (earlier if self.sets_all else self).rule.is_quick
+        is_restoring = self.restores_version or earlier.restores_version
+        is_quick = (earlier if self.restores_version else self).rule.is_quick
         keeps_order = keep_order(earlier.kind, self.kind) or (is_restoring and not is_quick)
         return self.number > earlier.number and keeps_order
 
@@ -121,13 +121,13 @@ class LostLine(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WaitingLines:
-    """Lines in the order of effect, which follow the version `base` with its `clock`.
+    """Lines in the order of effect, which follow the version `base_version` with its `clock`.
 
     `superseded` are those that were left out when the lines were last arranged: each would
     restore a version after a line typed later has restored another.
     """
 
-    base: Version
+    base_version: Version
     clock: Clock
     timing: Timing
     lines: tuple[WaitingLine, ...] = ()
@@ -136,31 +136,38 @@ class WaitingLines:
     @property
     def head(self) -> Version:
         """The version after all lines."""
-        return self.lines[-1].result() if self.lines else self.base
+        return self.lines[-1].result() if self.lines else self.base_version
 
     def version_at(self, beat: float) -> Version:
         """The version at a coming beat: with all lines that take effect by then."""
         versions = (line.result() for line in reversed(self.lines) if line.beat <= beat + SAME)
-        return next(versions, self.base)
+        return next(versions, self.base_version)
 
-    def inserted(self, new_line: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
+    def inserted(
+        self, new_line: WaitingLine, soonest_frame: int
+    ) -> tuple[WaitingLines, WaitingLine]:
         """The lines with one more, and the entry of that line.
 
-        If it needs what a later line defines, it takes effect together with that line. Lines
-        whose beat gets another frame take over at frame `soonest` at the earliest. Raises one of
+        If it needs what a later line defines, it takes effect together with that line. Lines whose
+        beat gets another frame take over at frame `soonest_frame` at the earliest. Raises one of
         `REFUSALS` if it cannot be made, or if a line after it could not.
         """
-        first_index = sum(other.is_before(new_line) for other in self.lines)
+        first_index = sum(other_line.is_before(new_line) for other_line in self.lines)
         try:
-            return self._with_line(new_line, first_index, soonest)
+            return self._with_line(new_line, first_index, soonest_frame)
         except _BreaksLaterLineError:
             raise
         except (NotTakenError, EditError) as refusal:
             for place_index in self._later_places(first_index):
-                other = self.lines[place_index - 1]
-                moved = replace(new_line, beat=other.beat, start=other.start, is_now=other.is_now)
+                other_line = self.lines[place_index - 1]
+                moved_line = replace(
+                    new_line,
+                    beat=other_line.beat,
+                    start_frame=other_line.start_frame,
+                    is_now=other_line.is_now,
+                )
                 try:
-                    return self._with_line(moved, place_index, soonest)
+                    return self._with_line(moved_line, place_index, soonest_frame)
                 except (NotTakenError, EditError):
                     continue
             raise refusal from None
@@ -173,42 +180,46 @@ class WaitingLines:
                 yield place_index
 
     def _with_line(
-        self, new_line: WaitingLine, place: int, soonest: int
+        self, new_line: WaitingLine, place_index: int, soonest_frame: int
     ) -> tuple[WaitingLines, WaitingLine]:
-        earlier, later = self.lines[:place], self.lines[place:]
-        previous, clock = self._state_after(earlier)
-        followed_line = self._follow(new_line, previous, clock)
-        arranged_lines, lost = self._arranged((*earlier, followed_line), later, soonest)
-        if lost:
-            (failed, reason), *_ = lost
-            due_text = followed_line.result().piece.tempo_map.written(failed.beat)
+        earlier_lines, later_lines = self.lines[:place_index], self.lines[place_index:]
+        version_before, clock = self._state_after(earlier_lines)
+        followed_line = self._follow(new_line, version_before, clock)
+        arranged_lines, lost_lines = self._arranged(
+            (*earlier_lines, followed_line), later_lines, soonest_frame
+        )
+        if lost_lines:
+            (failed_line, failure_reason), *_ = lost_lines
+            due_text = followed_line.result().piece.tempo_map.written(failed_line.beat)
             raise _BreaksLaterLineError(
-                f"after this line, the waiting line '{failed.line}' (due at {due_text}) would fail"
-                f": {reason}; `undo` cancels waiting lines, the last one first"
+                f"after this line, the waiting line '{failed_line.line}' (due at {due_text}) "
+                f"would fail: {failure_reason}; `undo` cancels waiting lines, the last one first"
             )
         return arranged_lines, followed_line
 
-    def without(self, number: int, soonest: int) -> WaitingLines:
+    def without(self, number: int, soonest_frame: int) -> WaitingLines:
         """The lines without that of a number. Raises NotTakenError if one after it would fail."""
-        place = next(
+        place_index = next(
             i for i, waiting_line in enumerate(self.lines) if waiting_line.number == number
         )
-        arranged_lines, lost = self._arranged(self.lines[:place], self.lines[place + 1 :], soonest)
-        if lost:
+        arranged_lines, lost_lines = self._arranged(
+            self.lines[:place_index], self.lines[place_index + 1 :], soonest_frame
+        )
+        if lost_lines:
             raise NotTakenError(
-                f"the waiting line '{lost[0].line.line}' needs this one: {lost[0].reason}; `undo` "
-                "cancels waiting lines, the last one first"
+                f"the waiting line '{lost_lines[0].line.line}' needs this one: "
+                f"{lost_lines[0].reason}; `undo` cancels waiting lines, the last one first"
             )
         return arranged_lines
 
     def followed_by(
-        self, new_lines: Sequence[WaitingLine], soonest: int
+        self, new_lines: Sequence[WaitingLine], soonest_frame: int
     ) -> tuple[WaitingLines, list[LostLine]]:
         """These lines and `new_lines` behind them, sorted by their frames."""
-        return self._arranged(self.lines, new_lines, soonest)
+        return self._arranged(self.lines, new_lines, soonest_frame)
 
     def slipped(
-        self, late_lines: Sequence[WaitingLine], line_beat: float, start_frame: int
+        self, late_lines: Sequence[WaitingLine], slip_beat: float, start_frame: int
     ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
         """The lines after some were late and wait for another beat; also those that could not be
         made any more, and those that moved.
@@ -216,43 +227,53 @@ class WaitingLines:
         A fence: lines that were typed after them and would overtake them move too.
         """
         moving_lines = [*late_lines]
-        for waiting in sorted(self.lines, key=lambda waiting_line: waiting_line.number):
+        for waiting_line in sorted(self.lines, key=lambda waiting_line: waiting_line.number):
             is_fenced = any(
-                waiting.follows(line) or self._begins_after(waiting, line) for line in moving_lines
+                waiting_line.follows(line) or self._begins_after(waiting_line, line)
+                for line in moving_lines
             )
-            if is_fenced and waiting not in late_lines and waiting.frame < start_frame:
-                moving_lines.append(waiting)
+            is_early = waiting_line not in late_lines and waiting_line.frame < start_frame
+            if is_fenced and is_early:
+                moving_lines.append(waiting_line)
         moved_numbers = {line.number for line in moving_lines}
         while True:
-            slipped_lines, lost, moved = self._moved(moved_numbers, line_beat, start_frame)
+            slipped_lines, lost_lines, moved_lines = self._moved(
+                moved_numbers, slip_beat, start_frame
+            )
             # What needs a late line waits for it too.
             dependent_numbers = {
                 lost_line.line.number
-                for lost_line in lost
+                for lost_line in lost_lines
                 if lost_line.line.number > min(moved_numbers)
             } - moved_numbers
             if not dependent_numbers:
-                return slipped_lines, lost, moved
+                return slipped_lines, lost_lines, moved_lines
             moved_numbers |= dependent_numbers
 
     def _moved(
-        self, numbers: Container[int], beat: float, start: int
+        self, moved_numbers: Container[int], slip_beat: float, start_frame: int
     ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
         """The lines after some have moved to another beat, in the order of typing."""
-        moved = [
-            _slipped_line(waiting_line, beat, start)
+        moved_lines = [
+            _slipped_line(waiting_line, slip_beat, start_frame)
             for waiting_line in self.lines
-            if waiting_line.number in numbers
+            if waiting_line.number in moved_numbers
         ]
-        moved.sort(key=lambda waiting_line: waiting_line.number)
+        moved_lines.sort(key=lambda waiting_line: waiting_line.number)
         other_lines = [
-            waiting_line for waiting_line in self.lines if waiting_line.number not in numbers
+            waiting_line for waiting_line in self.lines if waiting_line.number not in moved_numbers
         ]
-        earlier = [waiting_line for waiting_line in other_lines if waiting_line.frame <= start]
-        later = [waiting_line for waiting_line in other_lines if waiting_line.frame > start]
+        earlier_lines = [
+            waiting_line for waiting_line in other_lines if waiting_line.frame <= start_frame
+        ]
+        later_lines = [
+            waiting_line for waiting_line in other_lines if waiting_line.frame > start_frame
+        ]
         empty_queue = replace(self, lines=())
-        lines, lost = empty_queue._arranged((), [*earlier, *moved, *later], start)
-        return lines, lost, moved
+        lines, lost_lines = empty_queue._arranged(
+            (), [*earlier_lines, *moved_lines, *later_lines], start_frame
+        )
+        return lines, lost_lines, moved_lines
 
     def fence(self, new_line: WaitingLine) -> WaitingLine | None:
         """The last earlier line that a new one must not overtake: one that has slipped, or that
@@ -270,73 +291,90 @@ class WaitingLines:
         ]
         return max(obstacles, key=lambda line: line.frame, default=None)
 
-    def _begins_after(self, new_line: WaitingLine, earlier: WaitingLine) -> bool:
+    def _begins_after(self, new_line: WaitingLine, earlier_line: WaitingLine) -> bool:
         """Whether a line starts the piece on the very beat that an earlier one is for."""
         return (
             new_line.sets_running is True
-            and new_line.number > earlier.number
+            and new_line.number > earlier_line.number
             and not self.clock.is_running
-            and abs(earlier.beat - new_line.beat) <= SAME
+            and abs(earlier_line.beat - new_line.beat) <= SAME
         )
 
     def _state_after(self, waiting_lines: Sequence[WaitingLine]) -> tuple[Version, Clock]:
         if not waiting_lines:
-            return self.base, self.clock
-        last = waiting_lines[-1]
-        assert last.clock is not None
-        return last.result(), last.clock
+            return self.base_version, self.clock
+        last_line = waiting_lines[-1]
+        assert last_line.clock is not None
+        return last_line.result(), last_line.clock
 
     def _arranged(
-        self, before: tuple[WaitingLine, ...], after: Sequence[WaitingLine], soonest: int
+        self,
+        lines_before: tuple[WaitingLine, ...],
+        lines_after: Sequence[WaitingLine],
+        soonest_frame: int,
     ) -> tuple[WaitingLines, list[LostLine]]:
-        """The lines `before`, which stay, and those `after` them with their new frames and
-        versions.
+        """The lines in `lines_before`, which stay, and those in `lines_after`, with their new
+        frames and versions.
         """
-        version, clock = self._state_after(before)
-        tempo = version.piece.tempo_map
-        if before and before[-1].start is not None:
-            soonest = max(soonest, before[-1].start)
-        framed_lines = [self._framed(waiting_line, clock, tempo, soonest) for waiting_line in after]
+        version, clock = self._state_after(lines_before)
+        tempo_map = version.piece.tempo_map
+        if lines_before and lines_before[-1].start_frame is not None:
+            soonest_frame = max(soonest_frame, lines_before[-1].start_frame)
+        framed_lines = [
+            self._framed(waiting_line, clock, tempo_map, soonest_frame)
+            for waiting_line in lines_after
+        ]
         framed_lines.sort(key=_effect_key)
-        arranged_lines, lost, superseded = [*before], [], []
-        restored_number = max((line.number for line in before if line.sets_all), default=-1)
+        arranged_lines, lost_lines, superseded = [*lines_before], [], []
+        restored_number = max(
+            (line.number for line in lines_before if line.restores_version), default=-1
+        )
         for waiting_line in framed_lines:
-            if waiting_line.sets_all and waiting_line.number < restored_number:
+            if waiting_line.restores_version and waiting_line.number < restored_number:
                 superseded.append(waiting_line)
                 continue
             try:
                 followed_line = self._follow(waiting_line, version, clock)
             except REFUSALS as error:
-                lost.append(LostLine(waiting_line, str(error)))
+                lost_lines.append(LostLine(waiting_line, str(error)))
                 continue
             arranged_lines.append(followed_line)
             version, clock = self._state_after(arranged_lines)
-            if waiting_line.sets_all:
+            if waiting_line.restores_version:
                 restored_number = waiting_line.number
-        return replace(self, lines=tuple(arranged_lines), superseded=tuple(superseded)), lost
+        return replace(self, lines=tuple(arranged_lines), superseded=tuple(superseded)), lost_lines
 
     def _framed(
-        self, line: WaitingLine, clock: Clock, tempo: TempoMap, soonest: int
+        self, line: WaitingLine, clock: Clock, tempo_map: TempoMap, soonest_frame: int
     ) -> WaitingLine:
         """A line with the frame of its beat; if that is past, it takes over as soon as it can."""
-        if line.sets_running is not None or (line.is_now and line.start is not None):
+        if line.sets_running is not None or (line.is_now and line.start_frame is not None):
             return line
         start_frame: int | None
         if not clock.is_running:
             is_waiting = line.beat > clock.stopped_beat + SAME
-            start_frame = None if is_waiting else soonest if line.start is None else line.start
+            start_frame = (
+                None
+                if is_waiting
+                else soonest_frame
+                if line.start_frame is None
+                else line.start_frame
+            )
         else:
             start_frame = self.timing.takeover_frame(
-                clock, tempo, line.beat, line.lead(self.timing)
+                clock, tempo_map, line.beat, line.lead(self.timing)
             )
-            if line.start is not None and abs(start_frame - line.start) <= self.timing.tick_frames:
+            if (
+                line.start_frame is not None
+                and abs(start_frame - line.start_frame) <= self.timing.tick_frames
+            ):
                 return line
-            start_frame = max(soonest, start_frame)
-        return line if start_frame == line.start else replace(line, start=start_frame)
+            start_frame = max(soonest_frame, start_frame)
+        return line if start_frame == line.start_frame else replace(line, start_frame=start_frame)
 
     def _follow(self, line: WaitingLine, version: Version, clock: Clock) -> WaitingLine:
         """A line after another version. Raises one of `REFUSALS`."""
-        base_version = line.base
+        base_version = line.version_before
         if base_version is version and line.version is not None:
             new_version = line.version
         elif _differ_by_faders(line, version):
@@ -350,67 +388,71 @@ class WaitingLines:
                 and not names_of(base_version) <= names_of(version)
             ):
                 reparse(line.line, version)
-        new_clock = line_beat(clock, version, new_version, line, self.timing).clock
+        new_clock = takeover_beats_of(clock, version, new_version, line, self.timing).clock
         if base_version is version and line.clock == new_clock and line.version is new_version:
             return line
-        return replace(line, base=version, version=new_version, clock=new_clock)
+        return replace(line, version_before=version, version=new_version, clock=new_clock)
 
 
 def _has_priority(earlier: WaitingLine, new_line: WaitingLine) -> bool:
     """Whether an earlier line goes first, though a new one that follows it could act sooner."""
     asks_for_less = new_line.is_named or earlier.is_named or new_line.is_now > earlier.is_now
-    return bool(earlier.n_slips or earlier.sets_all or not asks_for_less)
+    return bool(earlier.n_slips or earlier.restores_version or not asks_for_less)
 
 
-def _slipped_line(line: WaitingLine, beat: float, start: int) -> WaitingLine:
+def _slipped_line(line: WaitingLine, slip_beat: float, start_frame: int) -> WaitingLine:
     """A line that acts on a later beat, and is edited again for it."""
-    moved = line.moved_to(beat, start)
-    return replace(moved, version=None, clock=None, n_slips=line.n_slips + 1)
+    moved_line = line.moved_to(slip_beat, start_frame)
+    return replace(moved_line, version=None, clock=None, n_slips=line.n_slips + 1)
 
 
 def _effect_key(waiting_line: WaitingLine) -> tuple[float, float]:
     """The order of effect, as in `WaitingLine.is_before`."""
     return (
         (math.inf, waiting_line.beat)
-        if waiting_line.start is None
-        else (waiting_line.start, waiting_line.number)
+        if waiting_line.start_frame is None
+        else (waiting_line.start_frame, waiting_line.number)
     )
 
 
-def line_beat(
-    clock: Clock, old_version: Version, edited: Version, waiting_line: WaitingLine, timing: Timing
+def takeover_beats_of(
+    clock: Clock,
+    old_version: Version,
+    new_version: Version,
+    waiting_line: WaitingLine,
+    timing: Timing,
 ) -> TakeoverBeats:
     """Where a line leaves the piece of the version before, and where that of its own goes on."""
-    if waiting_line.start is None:
+    if waiting_line.start_frame is None:
         return TakeoverBeats(clock, waiting_line.beat, waiting_line.beat)
-    tempos = old_version.piece.tempo_map, edited.piece.tempo_map
+    tempos = old_version.piece.tempo_map, new_version.piece.tempo_map
     return takeover_beats(
         clock,
         *tempos,
         waiting_line.beat,
-        waiting_line.start,
+        waiting_line.start_frame,
         waiting_line.sets_running,
-        edited.takeover_beat,
+        new_version.takeover_beat,
         timing,
     )
 
 
-def version_after_line(before: Version, line: WaitingLine) -> Version:
+def version_after_line(version_before: Version, line: WaitingLine) -> Version:
     """The version after a line. Raises one of `REFUSALS`."""
-    is_running = before.is_running if line.sets_running is None else line.sets_running
-    return line.edit(replace(before.taken_over(), is_running=is_running), line.beat)
+    is_running = version_before.is_running if line.sets_running is None else line.sets_running
+    return line.edit(replace(version_before.taken_over(), is_running=is_running), line.beat)
 
 
 def _differ_by_faders(waiting_line: WaitingLine, version: Version) -> bool:
     """Whether a version differs from the one before a line by faders alone, which the line does
     not set.
     """
-    base_version, version_made = waiting_line.base, waiting_line.version
+    base_version, line_version = waiting_line.version_before, waiting_line.version
     if (
         base_version is None
-        or version_made is None
-        or waiting_line.sets_all
-        or version_made.faders is not base_version.faders
+        or line_version is None
+        or waiting_line.restores_version
+        or line_version.faders is not base_version.faders
     ):
         return False
     return is_same_music(base_version.taken_over(), version.taken_over())

@@ -58,7 +58,7 @@ class Connection:
     def _read_greeting(self) -> Mapping[str, Any]:
         self._socket.settimeout(_TIMEOUT_SECONDS)
         try:
-            request_line = self._file.readline(MAX_LINE)
+            greeting_line = self._file.readline(MAX_LINE)
         except OSError:
             raise ProtocolError("the process at the socket does not answer") from None
         self._socket.settimeout(None)
@@ -69,19 +69,19 @@ class Connection:
             else struct.pack("ll", _TIMEOUT_SECONDS, 0)
         )
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_SNDTIMEO, timeout_option)
-        about = decode_message(request_line)
-        if "error" in about:
-            raise ProtocolError(str(about["error"]))
-        if self._expected_answer and about.get("answer") != self._expected_answer:
+        greeting = decode_message(greeting_line)
+        if "error" in greeting:
+            raise ProtocolError(str(greeting["error"]))
+        if self._expected_answer and greeting.get("answer") != self._expected_answer:
             raise ProtocolError("another program has taken the port of the session")
-        if about.get("ergon") != PROTOCOL_VERSION:
+        if greeting.get("ergon") != PROTOCOL_VERSION:
             raise ProtocolError(
-                f"the session speaks version {about.get('ergon')} of the "
+                f"the session speaks version {greeting.get('ergon')} of the "
                 f"protocol, this prompt version {PROTOCOL_VERSION}"
             )
-        return about
+        return greeting
 
-    def ask(self, do: str, **request_fields: Any) -> Future[Any]:
+    def ask(self, request_name: str, **request_fields: Any) -> Future[Any]:
         """Send a request; the future has its answer, or ConnectionLostError or
         RequestRefusedError."""
         answer: Future[Any] = Future()
@@ -92,7 +92,7 @@ class Connection:
                 return answer
             self._waiting_answers[request_id] = answer
         try:
-            line = encode(id=request_id, do=do, **request_fields)
+            line = encode(id=request_id, do=request_name, **request_fields)
             with self._send_lock:
                 self._socket.sendall(line)
         except OSError:  # also a timeout, after which a part of the line may be sent
@@ -119,9 +119,11 @@ class Connection:
         self._socket.close()
 
     def _resolve_answer(self, answer_fields: Mapping[str, Any]) -> None:
-        number = answer_fields.get("id")
+        request_id = answer_fields.get("id")
         with self._lock:
-            answer = self._waiting_answers.pop(number, None) if isinstance(number, int) else None
+            answer = (
+                self._waiting_answers.pop(request_id, None) if isinstance(request_id, int) else None
+            )
         if answer is None:
             return
         if "error" in answer_fields:
@@ -132,6 +134,6 @@ class Connection:
     def _mark_closed(self) -> None:
         with self._lock:
             self.is_closed = True
-            waiting_requests, self._waiting_answers = self._waiting_answers, {}
-        for answer in waiting_requests.values():
+            unanswered, self._waiting_answers = self._waiting_answers, {}
+        for answer in unanswered.values():
             answer.set_exception(ConnectionLostError())

@@ -78,11 +78,11 @@ class ServerSocket:
 
     def _remove(self) -> None:
         try:
-            mode = self.path.lstat().st_mode
+            file_mode = self.path.lstat().st_mode
         except FileNotFoundError:
             return
-        is_address = stat.S_ISREG(mode) and loopback.read_address(self.path) is not None
-        if not stat.S_ISSOCK(mode) and not is_address:
+        is_address_file = stat.S_ISREG(file_mode) and loopback.read_address(self.path) is not None
+        if not stat.S_ISSOCK(file_mode) and not is_address_file:
             raise SocketError(f"{self.path} already exists and is not a socket")
         self.path.unlink()
 

@@ -53,8 +53,8 @@ def bind_loopback(path: Path) -> tuple[socket.socket, Address]:
         bound_socket.bind((HOST, 0))
         port = bound_socket.getsockname()[1]
         address = Address(port, secrets.token_hex(_SECRET_BYTES), secrets.token_hex(_SECRET_BYTES))
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(handle, "w", encoding="ascii") as file:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w", encoding="ascii") as file:
             json.dump(asdict(address), file)
     except OSError:
         bound_socket.close()

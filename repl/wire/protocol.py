@@ -64,26 +64,26 @@ def encode(**fields: Any) -> bytes:
     return json.dumps(fields, ensure_ascii=True, allow_nan=False).encode() + b"\n"
 
 
-def decode_message(request_line: bytes) -> dict[str, Any]:
+def decode_message(message_line: bytes) -> dict[str, Any]:
     """The fields of a line. Raises ProtocolError."""
     try:
-        line_fields = parse_json(request_line)
+        message_fields = parse_json(message_line)
     except MalformedTextError:
         raise ProtocolError("this line is not JSON") from None
-    if not isinstance(line_fields, dict):
+    if not isinstance(message_fields, dict):
         raise ProtocolError("a line must be a JSON object: {...}")
-    return line_fields
+    return message_fields
 
 
 def read_request_id(fields: dict[str, Any]) -> int | str | None:
     """The id of a request, as its answer repeats it. Raises ProtocolError."""
-    value = fields.get("id")
-    if value is None:
+    request_id = fields.get("id")
+    if request_id is None:
         return None
-    if type(value) is int and abs(value) <= _INTEGER_MAX:
-        return value
-    if isinstance(value, str) and len(value) <= MAX_ID:
-        return value
+    if type(request_id) is int and abs(request_id) <= _INTEGER_MAX:
+        return request_id
+    if isinstance(request_id, str) and len(request_id) <= MAX_ID:
+        return request_id
     raise ProtocolError(f"an id must be a whole number, or a word of {MAX_ID} characters at most")
 
 

@@ -33,7 +33,7 @@ class RemoteSession:
         Raises NoSessionError, SocketError, ProtocolError.
         """
         self._path = path
-        self._command = command
+        self._join_command = command
         self._connection = Connection(path)
         self.about = self._connection.about
         self._messages: deque[str] = deque(maxlen=1000)
@@ -118,7 +118,7 @@ class RemoteSession:
         self._end_event.set()
         self._thread.join()
         if not self._end_reason and self._ask_briefly(False, "leave"):
-            self._messages.append(f"the music goes on; `{self._command}` connects to it again")
+            self._messages.append(f"the music goes on; `{self._join_command}` connects to it again")
         self._connection.close()
 
     def end(self) -> None:
@@ -142,12 +142,14 @@ class RemoteSession:
         """Whether Enter ends the text."""
         return self._ask_briefly(True, "is_whole", text=text)
 
-    def _ask_briefly(self, fallback: Answer, do: str, **request_fields: Any) -> Answer:
+    def _ask_briefly(self, fallback: Answer, request_name: str, **request_fields: Any) -> Answer:
         """The answer to a short request, or `fallback` if it does not come soon."""
         if self._connection.is_closed or self._is_slow:
             return fallback
         try:
-            answer: Answer = self._connection.ask(do, **request_fields).result(_SHORT_TIMEOUT)
+            answer: Answer = self._connection.ask(request_name, **request_fields).result(
+                _SHORT_TIMEOUT
+            )
         except TimeoutError:
             self._is_slow = True
             return fallback
@@ -185,7 +187,9 @@ class RemoteSession:
         if not self._is_lost:
             self._is_lost = True
             journal = self.about.get("journal", "JOURNAL")
-            resume_advice = f"`{self._command} --resume {journal}` in another terminal restores it"
+            resume_advice = (
+                f"`{self._join_command} --resume {journal}` in another terminal restores it"
+            )
             self._messages.append(f"the session no longer answers; {resume_advice}")
         try:
             connection = Connection(self._path)
@@ -200,10 +204,10 @@ class _PendingAnswer:
     """A request under way, and the function that uses its answer."""
 
     def __init__(
-        self, answer: Future[Any] | None = None, use: Callable[[Any], object] | None = None
+        self, answer: Future[Any] | None = None, use_answer: Callable[[Any], object] | None = None
     ) -> None:
-        self._answer, self._handle = answer, use
-        self._since = time.monotonic()
+        self._answer, self._use_answer = answer, use_answer
+        self._asked_instant = time.monotonic()
         self._is_reported = False
 
     def is_due(self, report: Callable[[str], object] | None = None) -> bool:
@@ -214,12 +218,12 @@ class _PendingAnswer:
             if (
                 report
                 and not self._is_reported
-                and time.monotonic() - self._since > _ANSWER_TIMEOUT
+                and time.monotonic() - self._asked_instant > _ANSWER_TIMEOUT
             ):
                 self._is_reported = True
                 report(f"the session has not answered for {_ANSWER_TIMEOUT:.0f} s")
             return False
-        if self._answer.exception() is None and self._handle is not None:
+        if self._answer.exception() is None and self._use_answer is not None:
             with contextlib.suppress(ProtocolError, TypeError):  # the next one may be better
-                self._handle(self._answer.result())
+                self._use_answer(self._answer.result())
         return True

@@ -44,7 +44,7 @@ class PromptConnection:
         """Keep the number of the prompt and the writer to it."""
         self.number = number
         self.messages: deque[str] = deque(maxlen=_MESSAGES_MAX)
-        self.n_waiting = 0  # lines
+        self.n_waiting_lines = 0  # lines
         self.read_sounding: Callable[[], Sounding] | None = None  # since it first asked what sounds
         self._writer = writer
 
@@ -141,9 +141,9 @@ class SessionServer:
             )
             worker = threading.Thread(target=self._do_lines, name="ergon lines", daemon=True)
             worker.start()
-            listener = asyncio.create_task(self._listen())
+            message_task = asyncio.create_task(self._broadcast_messages())
             await self._has_ended.wait()
-            listener.cancel()
+            message_task.cancel()
             # The server stays open for a moment, so that a prompt that is just connecting gets the
             # last line too.
             with contextlib.suppress(NotImplementedError):  # Windows
@@ -160,13 +160,13 @@ class SessionServer:
         self._has_ended.set()
         return True
 
-    async def _listen(self) -> None:
+    async def _broadcast_messages(self) -> None:
         while True:
             await asyncio.sleep(_CHECK_PERIOD)
-            for message in self._messages():
+            for message in self._read_messages():
                 self._broadcast(message)
 
-    def _messages(self) -> list[str]:
+    def _read_messages(self) -> list[str]:
         try:
             return list(self._session.messages())
         except Exception as error:
@@ -188,8 +188,8 @@ class SessionServer:
                 return
             self._prompts[prompt.number] = prompt
             address = self._server_socket.address
-            answer = {} if address is None else {"answer": address.answer}
-            prompt.send(ergon=PROTOCOL_VERSION, prompt=prompt.number, **answer, **self._about)
+            answer_field = {} if address is None else {"answer": address.answer}
+            prompt.send(ergon=PROTOCOL_VERSION, prompt=prompt.number, **answer_field, **self._about)
             await self._serve(prompt, reader)
         except OSError:
             pass  # the prompt disconnected
@@ -287,9 +287,9 @@ class SessionServer:
     def _queue_line(
         self, prompt: PromptConnection, request_id: Any, text: str, releases: bool
     ) -> None:
-        if prompt.n_waiting >= _LINES_MAX:
+        if prompt.n_waiting_lines >= _LINES_MAX:
             raise ProtocolError(f"{_LINES_MAX} lines of this prompt are waiting already")
-        prompt.n_waiting += 1
+        prompt.n_waiting_lines += 1
         self._queue.enter(text, (prompt, request_id, releases))
 
     def _do_lines(self) -> None:
@@ -301,7 +301,9 @@ class SessionServer:
             self._current_prompt = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
-                self._loop.call_soon_threadsafe(self._reply, prompt, request_id, line_text, reply)
+                self._loop.call_soon_threadsafe(
+                    self._send_reply, prompt, request_id, line_text, reply
+                )
             if reply.leaves:
                 return
 
@@ -313,9 +315,11 @@ class SessionServer:
         ) as error:  # a session raises nothing; if it does, the other prompts go on
             return Reply(False, f"internal error: {type(error).__name__}: {error}")
 
-    def _reply(self, prompt: PromptConnection, number: Any, line_text: str, reply: Reply) -> None:
-        prompt.n_waiting -= 1
-        prompt.send(id=number, **{"is": encode_reply(reply)})
+    def _send_reply(
+        self, prompt: PromptConnection, request_id: Any, line_text: str, reply: Reply
+    ) -> None:
+        prompt.n_waiting_lines -= 1
+        prompt.send(id=request_id, **{"is": encode_reply(reply)})
         if line_text.strip():
             outcome = f"{'' if reply.taken else 'not taken: '}{reply.text}"
             line = " / ".join(line_text.split("\n"))

@@ -153,9 +153,9 @@ def test_engine_error_outcome_with_module_and_frame() -> None:
 
     core = Core()
     core.EngineError, core.DivergedError = EngineError, DivergedError
-    result = app._engine(EngineError("bell.m: M must be positive"), core)
+    result = app._engine_outcome(EngineError("bell.m: M must be positive"), core)
     assert (result.exit_code, result.message) == (1, "bell.m: M must be positive")
-    result = app._engine(DivergedError("'bell.m' is not finite"), core)
+    result = app._engine_outcome(DivergedError("'bell.m' is not finite"), core)
     assert (result.exit_code, result.message) == (4, "'bell.m' is not finite")
     assert result.place["frame"] == 4410
 

@@ -144,7 +144,7 @@ def test_devices_lists_sound_names_and_ports(
         port("/dev/ttyUSB0", 0x0403, "FT232R"),
     ]
     monkeypatch.setattr(_core, "serial_ports", lambda: plugged)
-    monkeypatch.setattr(ports, "BY_ID", folder / "by-id")
+    monkeypatch.setattr(ports, "SERIAL_LINKS_FOLDER", folder / "by-id")
     (folder / "by-id").mkdir()
     (folder / "by-id/usb-Teensy_77").symlink_to("/dev/ttyACM0")
     assert app.run(["devices", "--json"]) == 0

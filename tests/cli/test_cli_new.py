@@ -95,7 +95,7 @@ def shipped(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = contents("bell", "first sound")
     path.write_text(text["score.yaml"])
     (path.parent / "instruments" / "bell.yaml").write_text(text["instruments/bell.yaml"])
-    monkeypatch.setattr(demo, "bundled", lambda: {"one-gesture": path})
+    monkeypatch.setattr(demo, "bundled_scores", lambda: {"one-gesture": path})
     return path
 
 

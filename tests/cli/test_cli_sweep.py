@@ -99,9 +99,9 @@ def test_sweep_second_run_computes_missing_variants(monkeypatch: pytest.MonkeyPa
 
     def counting(content: object, options: object, name: str) -> object:
         computed.append(name)
-        return sweep_variant.compute(content, options, name)  # type: ignore[arg-type]
+        return sweep_variant.compute_variant(content, options, name)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(module, "compute", counting)
+    monkeypatch.setattr(module, "compute_variant", counting)
     vary = ("--vary", "hum.m.K=4kN/m..6kN/m:3", "-q")
     assert sweep(*vary) == 0
     assert len(computed) == 3

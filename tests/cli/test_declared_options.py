@@ -65,7 +65,7 @@ def test_command_and_library_have_the_same_defaults(name):
 )
 def test_declared_option_values_parsed(accepts, text, value):
     options_class = make_dataclass("Own", [("size", object, option(None, "A value.", accepts))])
-    command = click.command()(options.declared(options_class)(lambda size: size))
+    command = click.command()(options.from_dataclass(options_class)(lambda size: size))
     read = command(["--size", text], standalone_mode=False)
     assert read == (value if isinstance(value, str) else pytest.approx(value))
 

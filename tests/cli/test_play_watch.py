@@ -72,7 +72,9 @@ def test_watch_refuses_options_of_renders(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("a.yaml").write_text(SCORE)
-    monkeypatch.setattr(local_session, "begin", lambda *_: pytest.fail("a session was opened"))
+    monkeypatch.setattr(
+        local_session, "begin_session", lambda *_: pytest.fail("a session was opened")
+    )
     assert app.run(["play", "a.yaml", "--watch", *option]) == 2
     assert f"--watch excludes {option[0]}" in capsys.readouterr().err
 
@@ -87,6 +89,6 @@ def test_watch_with_frozen_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         opened.append(options)
         raise Refused("that is all")
 
-    monkeypatch.setattr(local_session, "begin", begin)
+    monkeypatch.setattr(local_session, "begin_session", begin)
     assert app.run(["play", "a.yaml", "--watch", "--frozen", "a.frozen"]) == 2
     assert [Path(options.frozen) for options in opened] == [Path("a.frozen")]

@@ -153,7 +153,7 @@ def test_ctrl_c_repeated_during_rescue(monkeypatch: pytest.MonkeyPatch):
         def __del__(self):
             signal.raise_signal(signal.SIGINT)
 
-    again, count = signals._again, []
+    again, count = signals._send_again, []
 
     def interrupt_first(number, over):
         count.append(number)
@@ -161,7 +161,7 @@ def test_ctrl_c_repeated_during_rescue(monkeypatch: pytest.MonkeyPatch):
             signal.raise_signal(number)
         again(number, over)
 
-    monkeypatch.setattr(signals, "_again", interrupt_first)
+    monkeypatch.setattr(signals, "_send_again", interrupt_first)
 
     def drop():
         Dropped()

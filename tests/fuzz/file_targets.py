@@ -186,10 +186,10 @@ def _read_devices(text: str, folder: Path) -> None:
     try:
         urls = [*boards.device_urls().values(), "frame:/dev/ttyACM0", "haply:127.0.0.1:1?id=A14"]
         for url in urls[:6]:
-            calibration.known_axes(url)
+            calibration.stored_calibrations(url)
             calibration.calibrated_axes(url)
         calibration.store_axis("frame:/dev/ttyACM0", 0, axis)
-        assert calibration.known_axes("frame:/dev/ttyACM0")[0] == axis
+        assert calibration.stored_calibrations("frame:/dev/ttyACM0")[0] == axis
     finally:
         if before is None:
             del os.environ["XDG_CONFIG_HOME"]

@@ -31,6 +31,8 @@ LONGER = {
     ("core-rs/live/src/perform/prepare.rs", "prepare"): 144,
     ("core-rs/live/src/safety/plausibility/playing_hands.rs", "play_cases"): 108,
     ("core-rs/engine/src/plan/make.rs", "plan_stepped"): 97,
+    ("ergon/api/local_session.py", "begin_session"): 85,
+    ("ergon/live/perform.py", "perform"): 87,
 }
 
 

@@ -21,10 +21,10 @@ from ergon.api.play import PreparedPlay, begin, prepare
 from ergon.common.report import Report
 from ergon.live.boards import BoardError, boards
 from ergon.live.datagrams import encode_message
-from ergon.live.led_address import Finger, parse_led_address
-from ergon.live.led_gamepad import GamepadAxis, GamepadPort, events
-from ergon.live.led_sources import MidiValues, OscValues
 from ergon.live.midi_ports import ProcessPort
+from ergon.live.pointer_address import Finger, parse_pointer_address
+from ergon.live.pointer_gamepad import GamepadAxis, GamepadPort, stick_events
+from ergon.live.pointer_sources import MidiPositionReceiver, OscPositionReceiver
 
 SCORE = """\
 ergon: 1
@@ -115,14 +115,14 @@ def led(
 
 def lead_of(ready: PreparedPlay) -> _core.Lead:
     (board,) = ready.hands.boards
-    assert board.lead is not None
-    return board.lead
+    assert board.pointer is not None
+    return board.pointer
 
 
 def by_osc(
     ready: PreparedPlay, shares: np.ndarray = SHARES, times: Iterable[float] = TIMES
 ) -> None:
-    values = OscValues(parse_led_address("osc:/x?lockstep"), lead_of(ready))
+    values = OscPositionReceiver(parse_pointer_address("osc:/x?lockstep"), lead_of(ready))
     for time, share in zip(times, shares, strict=True):
         values.receive([2.0 * (share - 0.5)], time)
 
@@ -130,7 +130,7 @@ def by_osc(
 def by_bend(
     ready: PreparedPlay, wheel: np.ndarray = VALUES, times: Iterable[float] = TIMES
 ) -> None:
-    values = MidiValues(parse_led_address("midi:bend?lockstep"), lead_of(ready))
+    values = MidiPositionReceiver(parse_pointer_address("midi:bend?lockstep"), lead_of(ready))
     port = ProcessPort()
     port.listen(values.receive)
     for time, value in zip(times, wheel, strict=True):
@@ -140,12 +140,12 @@ def by_bend(
 def by_pad(ready: PreparedPlay, data: bytes, steps: int) -> None:
     """Through the port of a gamepad, from a pipe of its events; its stick has so many steps."""
     os.mkfifo("pad")
-    values = GamepadAxis(parse_led_address("gamepad:ly?lockstep"), lead_of(ready))
+    values = GamepadAxis(parse_pointer_address("gamepad:ly?lockstep"), lead_of(ready))
     writer = os.open("pad", os.O_RDWR)
     port = GamepadPort(Path("pad"), [values])
     values.range = (0, steps)
     os.write(writer, data)
-    n_rows = len(list(events(data)))
+    n_rows = len(list(stick_events(data)))
     until(lambda: lead_of(ready).tally["taken"] == n_rows, "all positions of the pad")
     port.close()
     os.close(writer)
@@ -158,7 +158,7 @@ def test_led_take_by_osc_midi_and_evdev(work_folder: Path):
         struct.pack("llHHi", int(t), round(1e6 * (t % 1.0)), 3, 1, 0x4000 - value)
         for t, value in zip(TIMES, wheel, strict=True)
     )
-    instants = [instant for *_, instant in events(data)]
+    instants = [instant for *_, instant in stick_events(data)]
     score = SCORE.replace("[k, m]", "[m, k]").replace("[l, m]", "[m, l]")
     pad = led("gamepad:ly?lockstep", lambda it: by_pad(it, data, 0x4000), "pad-hand", score)
     osc = led("osc:/x?lockstep", lambda it: by_osc(it, wheel / 0x4000, instants), "osc", score)
@@ -221,7 +221,7 @@ def test_led_finger_motion_against_dop853(work_folder: Path):
 
 def test_lifted_finger_leaves_key_in_place(work_folder: Path):
     def feed(ready: PreparedPlay) -> None:
-        values = OscValues(parse_led_address("osc:/x?lockstep"), lead_of(ready))
+        values = OscPositionReceiver(parse_pointer_address("osc:/x?lockstep"), lead_of(ready))
         for time in np.arange(0.0, 0.6, 0.01):
             values.receive([-0.3 * min(1.0, time / 0.3)], time)
         values.receive([], 0.61)
@@ -303,7 +303,7 @@ def test_led_summary_of_rate_latency_and_error(work_folder: Path):
 )
 def test_midi_controller_of_7_or_14_bits(messages: list[str], shares: list[float]):
     lead = NotedLead()
-    values = MidiValues(parse_led_address("midi:cc2?lockstep"), lead)  # type: ignore[arg-type]
+    values = MidiPositionReceiver(parse_pointer_address("midi:cc2?lockstep"), lead)  # type: ignore[arg-type]
     for message in messages:
         values.receive(bytes.fromhex(message), 0.0)
     assert lead.placed == pytest.approx([TRAVEL * (share - 0.5) for share in shares])
@@ -311,8 +311,8 @@ def test_midi_controller_of_7_or_14_bits(messages: list[str], shares: list[float
 
 def test_midi_channel_filter_of_address():
     lead = NotedLead()
-    address = parse_led_address("midi:pressure?channel=3&lockstep")
-    values = MidiValues(address, lead)  # type: ignore[arg-type]
+    address = parse_pointer_address("midi:pressure?channel=3&lockstep")
+    values = MidiPositionReceiver(address, lead)  # type: ignore[arg-type]
     values.receive(bytes([0xD1, 127]), 0.0)
     values.receive(bytes([0xD2, 127]), 0.0)
     assert lead.placed == [0.05]
@@ -334,8 +334,8 @@ EVENTS = b"".join(
 
 def test_gamepad_stick_values_to_positions():
     lead = NotedLead()
-    values = GamepadAxis(parse_led_address("gamepad:ly?lockstep"), lead)  # type: ignore[arg-type]
-    rows = [row for row in events(EVENTS) if row[0] == values.code]
+    values = GamepadAxis(parse_pointer_address("gamepad:ly?lockstep"), lead)  # type: ignore[arg-type]
+    rows = [row for row in stick_events(EVENTS) if row[0] == values.code]
     for _, value, instant in rows:
         values.receive(value, instant)
     assert [instant for *_, instant in rows] == pytest.approx([12.0, 12.008, 12.009])
@@ -347,7 +347,7 @@ def test_unplugged_gamepad_leaves_key(tmp_path: Path):
     os.mkfifo(pipe)
     writer = os.open(pipe, os.O_RDWR)
     lead = NotedLead()
-    values = GamepadAxis(parse_led_address("gamepad:ly"), lead)  # type: ignore[arg-type]
+    values = GamepadAxis(parse_pointer_address("gamepad:ly"), lead)  # type: ignore[arg-type]
     port = GamepadPort(pipe, [values])
     os.write(writer, EVENTS)
     until(lambda: len(lead.placed) == 3, "three places")
@@ -358,7 +358,7 @@ def test_unplugged_gamepad_leaves_key(tmp_path: Path):
 
 
 def test_parse_led_address_with_options():
-    address = parse_led_address("page:ada?K=1kN/m&Z=3Ns/m&M=10g&delay=5ms&travel=30mm")
+    address = parse_pointer_address("page:ada?K=1kN/m&Z=3Ns/m&M=10g&delay=5ms&travel=30mm")
     assert address.finger == Finger(1000.0, 3.0, 0.01)
     assert (address.delay, address.travel) == (0.005, 0.03)
 
@@ -380,7 +380,7 @@ def test_parse_led_address_with_options():
 )
 def test_parse_led_address_refuses_wrong_urls(url: str, words: str):
     with pytest.raises(BoardError) as error:
-        parse_led_address(url)
+        parse_pointer_address(url)
     assert words in str(error.value)
 
 

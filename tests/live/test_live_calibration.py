@@ -19,9 +19,9 @@ from ergon.live.calibration import (
     AxisCalibration,
     axis_key,
     calibrated_axes,
-    confirmed_axes,
-    known_axes,
+    confirm_axes,
     store_axis,
+    stored_calibrations,
 )
 from ergon.live.display import event_sentence
 
@@ -69,7 +69,7 @@ def test_store_axis_preserves_other_lines_of_config(config: Path, end: str):
     store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
     text = config.read_bytes().decode()
     assert text.startswith(single + end + '[calibration."frame:/dev/ttyACM0#2"]' + end)
-    assert known_axes("frame:/dev/ttyACM0") == {2: AXIS}
+    assert stored_calibrations("frame:/dev/ttyACM0") == {2: AXIS}
     # Again: only its own table is another one.
     other = AxisCalibration(1, 1e-5, -1.0, (0.0, 0.02), 1.0)
     store_axis("frame:/dev/ttyACM9", 0, other)
@@ -77,7 +77,7 @@ def test_store_axis_preserves_other_lines_of_config(config: Path, end: str):
     changed = config.read_bytes().decode()
     assert changed.startswith(begin)
     assert changed.endswith(text[text.index(f"{end}# what others") :])
-    assert known_axes("frame:/dev/ttyACM9") == {0: other}
+    assert stored_calibrations("frame:/dev/ttyACM9") == {0: other}
     assert boards.device_urls() == {
         "tgr0": "frame:/dev/ttyACM0",
         "far": "frame+udp:10.0.0.7:9999?wide#3",
@@ -111,26 +111,26 @@ def test_known_axes_refuses_wrong_numbers_with_place(config: Path, field: str, v
     lines[index] = f"{field} = {value}"
     config.write_text("\n".join(lines) + "\n")
     with pytest.raises(BoardError, match=rf'{config}: \[calibration."emul:#0"\]'):
-        known_axes("emul:")
+        stored_calibrations("emul:")
 
 
 def test_known_axes_refuses_sign_other_than_one(config: Path):
     store_axis("emul:", 0, AXIS)
     config.write_text(config.read_text().replace(f"sign = {AXIS.sign}", "sign = 1.9"))
     with pytest.raises(BoardError):
-        known_axes("emul:")
+        stored_calibrations("emul:")
 
 
 def test_store_axis_in_new_file_and_through_symlink(config: Path, tmp_path: Path):
     store_axis("emul:?mass=0.1", 0, AXIS)
-    assert known_axes("emul:?mass=0.1") == {0: AXIS}
-    assert known_axes("emul:") == {}
+    assert stored_calibrations("emul:?mass=0.1") == {0: AXIS}
+    assert stored_calibrations("emul:") == {}
     real = tmp_path / "elsewhere.toml"
     config.rename(real)
     config.symlink_to(real)
     store_axis("emul:", 1, AXIS)
     assert config.is_symlink()
-    assert known_axes("emul:") == {1: AXIS}
+    assert stored_calibrations("emul:") == {1: AXIS}
 
 
 def test_axis_key_ignores_url_options():
@@ -172,7 +172,7 @@ def test_calibrate_finds_ends_and_gain_of_hand_motion(config: Path, capsys: Capt
     assert record["gain"] == pytest.approx(2.0, rel=0.05)
     assert record["range"] == [-0.03, 0.03]
     assert record["force_max"] == 3.0
-    result = known_axes(url)[0]
+    result = stored_calibrations(url)[0]
     assert (result.zero, result.force_max) == (record["zero"], 3.0)
 
 
@@ -180,17 +180,19 @@ def test_calibrate_corrects_reversed_motor(config: Path, capsys: Capture):
     with Board(-1e-3) as board:
         assert app.run(["devices", "calibrate", board.in_lockstep, "--seconds", "0"]) == 0
         assert "the other way round, which is corrected" in capsys.readouterr().err
-        assert known_axes(board.in_lockstep)[0].sign == -1
+        assert stored_calibrations(board.in_lockstep)[0].sign == -1
         # A fifth of its force is as much as it gets.
         assert 0.1 < board.strongest < 4.01
-        device = _core.Device(board.in_lockstep, [known_axes(board.in_lockstep)[0].for_core(0)])
+        device = _core.Device(
+            board.in_lockstep, [stored_calibrations(board.in_lockstep)[0].for_core(0)]
+        )
         assert device.direction(0, 1e-3) == 1.0
         device.close()
         assert (
             app.run(["devices", "calibrate", board.in_lockstep, "--turned", "--seconds", "0"]) == 0
         )
-    assert known_axes(board.in_lockstep)[0].gain == -1.0
-    assert known_axes(board.in_lockstep)[0].range == pytest.approx((-0.05, 0.05))
+    assert stored_calibrations(board.in_lockstep)[0].gain == -1.0
+    assert stored_calibrations(board.in_lockstep)[0].range == pytest.approx((-0.05, 0.05))
 
 
 def test_calibrate_refuses_unmoved_and_unknown_axes(config: Path, capsys: Capture):
@@ -243,14 +245,14 @@ def test_duet_checks_axis_direction_before_each_start(
         assert not config.exists()
         assert app.run([*duet, f"remi={board.in_lockstep}", "--plain", "--record", "a.take"]) == 0
         assert "let go of the key" in capsys.readouterr().err
-        assert known_axes(board.in_lockstep)[0].sign == -1
+        assert stored_calibrations(board.in_lockstep)[0].sign == -1
         # Who answers at an address is not known by what answered there before.
         assert app.run([*duet, f"remi={board.in_lockstep}", "--plain"]) == 0
         assert "let go of the key" in capsys.readouterr().err
         board.gain = 1e-3
         assert app.run([*duet, f"remi={board.in_lockstep}", "--plain"]) == 0
         assert "taken for another board" in capsys.readouterr().err
-        assert known_axes(board.in_lockstep)[0].sign == 1
+        assert stored_calibrations(board.in_lockstep)[0].sign == 1
         board.gain = -1e-3
     about = json.loads(_core.read_recording("a.take").about)
     assert about["axes"][0]["device"] == f"{board.in_lockstep}#0"
@@ -294,12 +296,12 @@ def test_calibration_by_usb_identity_at_any_port(config: Path, monkeypatch: pyte
     monkeypatch.setattr(_core, "serial_identity", plugged.get)
     store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
     assert '[calibration."usb:16c0:0483:11#2"]' in config.read_text()
-    assert known_axes("frame:/dev/ttyACM0") == {2: AXIS}
+    assert stored_calibrations("frame:/dev/ttyACM0") == {2: AXIS}
     assert calibrated_axes("frame:/dev/ttyACM0") == {2}
-    assert known_axes("frame:/dev/ttyACM1") == {}
+    assert stored_calibrations("frame:/dev/ttyACM1") == {}
     # Plugged in the other way round.
     plugged["/dev/ttyACM0"], plugged["/dev/ttyACM1"] = plugged["/dev/ttyACM1"], "usb:16c0:0483:11"
-    assert known_axes("frame:/dev/ttyACM0") == {}
+    assert stored_calibrations("frame:/dev/ttyACM0") == {}
     assert calibrated_axes("frame:/dev/ttyACM1") == {2}
 
 
@@ -308,15 +310,15 @@ def test_calibration_by_path_valid_until_identity_known(
 ):
     monkeypatch.setattr(_core, "serial_identity", lambda path: None)
     store_axis("frame:/dev/ttyACM0", 0, AXIS)
-    assert known_axes("frame:/dev/ttyACM0") == {0: AXIS}
+    assert stored_calibrations("frame:/dev/ttyACM0") == {0: AXIS}
     assert calibrated_axes("frame:/dev/ttyACM0") == set()
     # The board that is there now has a number: what is found of it is its own.
     monkeypatch.setattr(_core, "serial_identity", lambda path: "usb:16c0:0483:11")
-    assert known_axes("frame:/dev/ttyACM0") == {0: AXIS}
+    assert stored_calibrations("frame:/dev/ttyACM0") == {0: AXIS}
     assert calibrated_axes("frame:/dev/ttyACM0") == set()
     other = AxisCalibration(1, 0.0, 1.0, (-0.05, 0.05), 1.0)
     store_axis("frame:/dev/ttyACM0", 0, other)
-    assert known_axes("frame:/dev/ttyACM0") == {0: other}
+    assert stored_calibrations("frame:/dev/ttyACM0") == {0: other}
     assert calibrated_axes("frame:/dev/ttyACM0") == {0}
 
 
@@ -380,5 +382,5 @@ def test_axes_as_known_pushes_still_axes_again(
     device = PassedOverDevice(still, held)
     monkeypatch.setattr(_core, "Device", lambda url, axes: device)
     known = {number: AxisCalibration(1, 0.0, 1.0, (-0.01, 0.01), 2.0) for number in range(4)}
-    assert list(confirmed_axes("frame:x", known)) == moved
+    assert list(confirm_axes("frame:x", known)) == moved
     assert device.pushes == [[0, 1, 2, 3], *pushed_again]

@@ -123,7 +123,7 @@ def played(
     osc = OscServer(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
     performance = perform(staged, order)
     try:
-        osc.begin(performance, staged, order.gain, order.start)
+        osc.begin(performance, staged, order.gain, order.start_frame)
         yield performance, osc
     finally:
         osc.stop_serving()

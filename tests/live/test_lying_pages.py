@@ -8,7 +8,7 @@ import pytest
 from patience import until
 from raw_page import RawPage
 
-from ergon.live.led_hands import summary
+from ergon.live.pointer_hands import path_summary
 from tests.live.test_page_hands import Playing, playing
 
 FLOOD = 1_000_000  # positions; a page that sends a thousandth of it is cut off
@@ -17,8 +17,8 @@ FLOOD = 1_000_000  # positions; a page that sends a thousandth of it is cut off
 def named(piece: Playing, player: str) -> str:
     """What the summary of the performance says of a player's key."""
     (board,) = [board for board in piece.ready.hands.boards if board.axes[0][1] == player]
-    assert board.lead is not None
-    return summary(board, board.lead)
+    assert board.pointer is not None
+    return path_summary(board, board.pointer)
 
 
 @pytest.mark.parametrize("lie", [math.nan, math.inf, -math.inf])

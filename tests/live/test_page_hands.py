@@ -52,7 +52,7 @@ class Playing:
 
     def lead(self, player: str) -> _core.Lead:
         boards = self.ready.hands.boards
-        (lead,) = [board.lead for board in boards if board.axes[0][1] == player]
+        (lead,) = [board.pointer for board in boards if board.axes[0][1] == player]
         assert lead is not None
         return lead
 

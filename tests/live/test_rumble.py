@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from patience import until
 
-from ergon.live.led_address import parse_led_address
-from ergon.live.led_gamepad import GamepadAxis, GamepadPort
+from ergon.live.pointer_address import parse_pointer_address
+from ergon.live.pointer_gamepad import GamepadAxis, GamepadPort
 from ergon.live.rumble import FULL_FORCE, Rumble, RumbleEnvelope
 from tests.live.test_led_hands import NotedLead
 
@@ -85,7 +85,7 @@ def test_gamepad_port_rumbles_with_finger_force(pad: Pad, tmp_path: Path):
     pipe = tmp_path / "pad"
     os.mkfifo(pipe)
     writer = os.open(pipe, os.O_RDWR)
-    values = GamepadAxis(parse_led_address("gamepad:ly"), PulledLead())  # type: ignore[arg-type]
+    values = GamepadAxis(parse_pointer_address("gamepad:ly"), PulledLead())  # type: ignore[arg-type]
     port = GamepadPort(pipe, [values])
     assert port.has_rumble
     until(lambda: len(pad.effects) > 20, "an effect that is renewed")

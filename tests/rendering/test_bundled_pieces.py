@@ -7,9 +7,9 @@ import pytest
 from sweep import few
 
 import ergon
-from ergon.cli.bundled import bundled
+from ergon.cli.bundled import bundled_scores
 
-PIECES = bundled()
+PIECES = bundled_scores()
 SECONDS = 8  # by then parts have fallen asleep and were woken
 QUICK = {"change-ringing"}
 

@@ -91,7 +91,7 @@ class Played:
         for board in self.boards:
             board.wait()
         self.session.do_once()
-        if (path := self.session.guidance.paths_due()) is not None:
+        if (path := self.session.guidance.due_paths()) is not None:
             self.session.guidance.send(*path)
 
     def take_effect(self) -> None:

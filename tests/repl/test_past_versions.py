@@ -45,7 +45,7 @@ def test_rebase_keeps_texts():
     store[0] = PastVersion(0, "", Texts("s.yaml", "ergon: 1"), Faders(), {}, renames=(("a", "b"),))
     base = Texts("s.yaml", "saved")
     store.rebase(base)
-    assert (store[0].texts.text, store[0].base, store[0].renames) == ("ergon: 1", base, ())
+    assert (store[0].texts.text, store[0].file_texts, store[0].renames) == ("ergon: 1", base, ())
 
 
 @pytest.mark.parametrize(
@@ -70,4 +70,4 @@ def test_past_version_memory_with_growing_text():
         text += f"{number} "
         store[number] = PastVersion(number, "", Texts("s.yaml", text), Faders(), {})
     packed = {id(text): text for _, text in store._versions.values()}.values()
-    assert sum(len(text.compressed) + len(text.text) for text in packed) < 50_000
+    assert sum(len(text.compressed) + len(text.replacement) for text in packed) < 50_000

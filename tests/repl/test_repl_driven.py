@@ -47,7 +47,7 @@ def watched(session: Session, board: Paced, seconds: float) -> tuple[np.ndarray,
 
     def look() -> None:
         session.do_once()
-        if (path := session.guidance.paths_due()) is not None:
+        if (path := session.guidance.due_paths()) is not None:
             session.guidance.send(*path)
         status = engine.performance.status()
         beat = session.schedule.running.beat(status.frame)
@@ -78,7 +78,7 @@ def test_drive_in_a_session(tmp_path: Path):
             lambda stage: LiveEngine(stage, order),
             margin=0.006,
             real={"ada": None},
-            driven={"ada"},
+            driven_players={"ada"},
         )
         with closing(session):
             try:

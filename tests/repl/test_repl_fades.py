@@ -33,7 +33,7 @@ def test_link_route_and_level_edits_do_not_click(tmp_path: Path, lines: list[str
     result = []
     for line in lines:
         player_session.ok(f"{line} now")
-        position = player_session.session.schedule.running.start
+        position = player_session.session.schedule.running.start_frame
         player_session.run(0.25)
         result.append((line, position))
     player_session.close()
@@ -52,7 +52,7 @@ def test_route_change_with_delayed_route_does_not_click(tmp_path: Path) -> None:
     player_session.ok("play")
     player_session.run(0.3)
     player_session.ok("route bells 3 now")
-    position = player_session.session.schedule.running.start
+    position = player_session.session.schedule.running.start_frame
     player_session.run(0.25)
     player_session.close()
     assert np.array_equal(player_session.again(), player_session.sound)

@@ -71,7 +71,7 @@ class Led:
 
         def look() -> None:
             self.session.do_once()
-            if (path := self.session.guidance.paths_due()) is not None:
+            if (path := self.session.guidance.due_paths()) is not None:
                 self.session.guidance.send(*path)
             status = engine.performance.status()
             beat = self.session.schedule.running.beat(status.frame)

@@ -294,7 +294,10 @@ def test_journal_with_numbered_hear_notes(session):
     first, *rest = session.journal.read_text().splitlines()
     fields = json.loads(first) | {"maps": [["hear", "bar", 60, 70], ["hear", "bar", "3to2"]]}
     session.journal.write_text("\n".join([json.dumps(fields), *rest]) + "\n")
-    assert [*read_journal(session.journal).start.maps] == ["hear bar C4 A#4", "hear bar 3to2"]
+    assert [*read_journal(session.journal).session_start.maps] == [
+        "hear bar C4 A#4",
+        "hear bar 3to2",
+    ]
     assert np.array_equal(session.again(), session.sound)
 
 

@@ -366,7 +366,7 @@ def test_live_strikes_render_to_the_bit(tmp_path):
         ):
             assert session.submit(line).taken
         engine = session.schedule.engine
-        frame = session.schedule.running.start + 4410
+        frame = session.schedule.running.start_frame + 4410
         for step in range(24):
             until(lambda after=frame: engine.frame > after, "the engine goes on")
             port.send(bytes([0x90, 48 + step, 10 + 4 * step]))

@@ -197,9 +197,9 @@ def test_osc_inputs_rate_limit_with_fast_values():
         asked.now = index / 1000
         for name in "ab":
             asked.inputs.handler_of(name)([index])
-        asked.inputs.send_due()
+        asked.inputs.send_due_values()
     asked.now = 1.1
-    asked.inputs.send_due()
+    asked.inputs.send_due_values()
     assert 200 <= len(asked.received) <= 222
     assert dict(asked.received) == {"a": 999.0, "b": 999.0}
     assert abs(sum(name == "a" for name, _ in asked.received) - len(asked.received) / 2) <= 1
@@ -212,7 +212,7 @@ def test_osc_input_value_resent_after_full_queue():
     asked.inputs.handler_of("a")([0.25])
     assert asked.received == []
     asked.takes = True
-    asked.inputs.send_due()
+    asked.inputs.send_due_values()
     assert asked.received == [("a", 0.25)]
     for wrong in ([], [1.0, 2.0], ["1"], [10**400]):
         with pytest.raises(OscRequestError, match="finite number"):

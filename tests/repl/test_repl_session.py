@@ -320,9 +320,9 @@ def test_lines_of_one_frame_keep_their_order_in_the_journal(session):
     session.ok("stop now")
     session.run(0.5)
     # As on a slow machine: this line waits longer than the other.
-    schedule.making_time.seconds = 10.0
+    schedule.making_time.slowest_seconds = 10.0
     session.ok("set bell.m.f 400Hz")
-    schedule.making_time.seconds = 0.0
+    schedule.making_time.slowest_seconds = 0.0
     session.ok("play from 100|1")
     session.ok("ada plays knock every 1 now")
     session.run(3.0)
@@ -393,7 +393,7 @@ def test_version_starts_at_multiple_of_ticks(session):
     session.ok("play")
     session.run(0.1)
     session.ok("ada plays knock now")
-    assert session.session.schedule.running.start % EVERY == 0
+    assert session.session.schedule.running.start_frame % EVERY == 0
 
 
 def test_strikes_end_and_begin_at_bar(tmp_path):

@@ -50,11 +50,11 @@ def test_bar_frames_after_jump_are_ordered(stepped_session: Stepped) -> None:
     stepped_session.ok("play from 100|1")
     running = stepped_session.session.schedule.running
     result = bar_frames(
-        running.stage, running.start, running.start + int(10 * stepped_session.rate)
+        running.stage, running.start_frame, running.start_frame + int(10 * stepped_session.rate)
     )
     assert result == sorted(set(result))
     assert len(result) >= 4
-    assert result[0] >= running.start
+    assert result[0] >= running.start_frame
 
 
 def test_load_with_other_channel_count_is_refused(stepped_session: Stepped, tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def test_unbearable_coupling_is_refused_while_playing(tmp_path: Path):
 def test_force_scale_timing_across_stiffer_version(tmp_path: Path):
     with rig(tmp_path, "firm", Scene().text) as single:
         single.ok(STIFF)
-        position = single.session.schedule.running.start
+        position = single.session.schedule.running.start_frame
         last = single.session.schedule.running.force_bounds[0].last_scale.scale
         seen = _ticks(single, position + 40 * 44)
         # The tick whose first frame is that of the change is the first to end behind it.
@@ -119,7 +119,7 @@ def test_force_scale_timing_across_stiffer_version(tmp_path: Path):
         running = single.session.schedule.running
         (bearing,) = running.force_bounds
         assert bearing.last_scale.scale == 1.0
-        bounds = [(running.start + 44 * ticks, scale) for ticks, scale in bearing.bounds]
+        bounds = [(running.start_frame + 44 * ticks, scale) for ticks, scale in bearing.bounds]
         for frame, scale in _ticks(single, bounds[-1][0] + 300 * 44):
             allowed = [bound for begins, bound in bounds if begins < frame]
             assert scale <= (allowed[-1] if allowed else last) + 1e-9

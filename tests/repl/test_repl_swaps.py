@@ -89,7 +89,7 @@ def clicks(count: int, folder: Path) -> list[tuple[str, float]]:
         swaps = []
         for number, edit in enumerate(edits(count)):
             edited(stepped, edit, number)
-            swaps.append((edit, stepped.session.schedule.running.start))
+            swaps.append((edit, stepped.session.schedule.running.start_frame))
             stepped.run(0.25)
         sound = stepped.sound
     finally:

@@ -121,7 +121,7 @@ def test_late_lines_are_postponed_once(session: Stepped):
     session.ok("play")
     session.run(0.1)
     session.ok("gain bell -1dB")
-    schedule.making_time.seconds = 0.01
+    schedule.making_time.slowest_seconds = 0.01
     for _ in range(12):
         session.ok("gain bell -1dB")
     session.engine.process(int(3 * session.rate) // 64 * 64)  # the session does not get to look

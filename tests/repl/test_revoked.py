@@ -40,7 +40,7 @@ def damped(like: Stage, frame: int) -> Change:
     """A change that damps what sounds."""
     going = StageTakeover(spans=(), running_stage=like, start_frame=frame)
     new = stage(like.piece, planned=True, on_fault="mute", takeover=going)
-    return Change(frame, new, like, damp=0.1)
+    return Change(frame, new, like, damping_t60=0.1)
 
 
 def test_revoke_reports_later_changes_as_late(begun: Stage) -> None:

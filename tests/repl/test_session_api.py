@@ -216,7 +216,7 @@ def test_names_can_be_completed_and_explained():
     assert {"plays", "define", "look", "hush", "state"} <= set(dir(session))
     assert "ada plays knock every 1 times 8" in (session.plays.__doc__ or "")
     assert not hasattr(session, "plyas")
-    assert set(building.FUNCTIONS.values()) == {form.verb for form in FORMS}
+    assert set(building.VERB_BY_FUNCTION.values()) == {form.verb for form in FORMS}
 
 
 def test_calls_on_stepped_session(tmp_path: Path):

@@ -139,7 +139,7 @@ BREAKS = {
     ),
     "robust/test_second_user.py::test_osc_and_pages_reject_second_user": (
         "ergon/live/osc_senders.py",
-        "if any(row.user not in (_ROOT, os.geteuid()) for row in senders):",
+        "if any(row.user_id not in (_ROOT, os.geteuid()) for row in senders):",
         "if False:",
     ),
     "live/test_live_osc_senders.py::test_osc_from_second_user_ignored": (
@@ -185,7 +185,7 @@ BREAKS = {
     ),
     "repl/test_repl_osc.py::test_osc_line_requiring_password_is_refused": (
         "repl/session/osc.py",
-        ", barred=_TYPED_ONLY)",
+        ", refusal_by_command=_TYPED_ONLY)",
         ")",
     ),
 }

@@ -221,7 +221,7 @@ def test_journal_reads_only_files_of_its_folder(piece):
             '{{"v": 1, "event": "session", "score": "{}", "text": "{}", "every": 64,'
             ' "gain": 1.0, "limit": 1.0}}\n'.format(secret / "s.yaml", text)
         )
-        loaded = read_journal(Path("s.jsonl")).start.texts.load()
+        loaded = read_journal(Path("s.jsonl")).session_start.texts.load()
         assert [d.code for d in loaded.diagnostics] == ["E107"]
         assert all("secret" not in d.message for d in loaded.diagnostics)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sweep import few
 
 from ergon import _core
-from ergon.cli.demo import bundled, score_title
+from ergon.cli.demo import bundled_scores, score_title
 from ergon.notation.tables import value_kinds
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
@@ -182,8 +182,8 @@ def test_library_instruments_have_outputs() -> None:
 
 
 def test_library_scores_have_title_length_and_comments() -> None:
-    assert set(bundled()) == set(SECONDS)
-    for path in bundled().values():
+    assert set(bundled_scores()) == set(SECONDS)
+    for path in bundled_scores().values():
         assert score_title(path)
         text = path.read_text(encoding="utf-8")
         assert sum("# " in line for line in text.splitlines()) >= 6

@@ -55,7 +55,7 @@ def after_act(stepped: Stepped, act: Act, seconds: float = 1.0) -> Sounds:
     """The sound of a session after an act at the next frame; the session itself goes on."""
     schedule = stepped.session.schedule
     running, frame = schedule.running, schedule.soonest_frame()
-    assert stepped.engine.frame >= running.start
+    assert stepped.engine.frame >= running.start_frame
     texted = _by_text(schedule, running, act, frame)
     cut = cut_of(running, texted, act, frame)
     old = stepped.engine._simulation.fork()
@@ -68,7 +68,7 @@ def after_line(stepped: Stepped, sounds: Sounds, line: WaitingLine, seconds: flo
     schedule = stepped.session.schedule
     texted, cut = (_staged(schedule, on, line) for on in (sounds.texted, sounds.cut))
     n_frames = int(seconds * stepped.rate)
-    return _sounds(line.start, sounds.stepped_on, texted, cut, n_frames)
+    return _sounds(line.start_frame, sounds.stepped_on, texted, cut, n_frames)
 
 
 def line_at(stepped: Stepped, sounds: Sounds, text: str) -> WaitingLine:
@@ -85,7 +85,7 @@ def line_at(stepped: Stepped, sounds: Sounds, text: str) -> WaitingLine:
 def _edit(version: Version, text: str) -> VersionEdit:
     if text == "play":
         return _same
-    return version_edits.combined(reparse(text, version))
+    return version_edits.combine_edits(reparse(text, version))
 
 
 def _same(version: Version, beat: float) -> Version:
@@ -99,7 +99,7 @@ def cut_of(running: RunningVersion, texted: RunningVersion, act: Act, frame: int
 
 
 def _by_text(schedule: Schedule, running: RunningVersion, act: Act, frame: int) -> RunningVersion:
-    edit = _same if act == "stop" else version_edits.hush
+    edit = _same if act == "stop" else version_edits.end_all_playing
     goes = None if act == "hush" else False
     beat = running.beat(frame)
     line = WaitingLine(_UNUSED, act, edit, LineKind.ENDS, beat, frame, goes)
@@ -108,7 +108,9 @@ def _by_text(schedule: Schedule, running: RunningVersion, act: Act, frame: int) 
 
 def _staged(schedule: Schedule, on: RunningVersion, line: WaitingLine) -> RunningVersion:
     version = version_after_line(on.version, line)
-    return schedule.makings.staged(on, [replace(line, base=on.version, version=version)])
+    return schedule.version_maker.staged(
+        on, [replace(line, version_before=on.version, version=version)]
+    )
 
 
 def process(simulation: _core.Simulation, n_frames: int) -> NDArray[np.float64]:

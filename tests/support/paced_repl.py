@@ -87,7 +87,7 @@ class Driver:
         for board in self.paces:
             board.wait()
         self.session.do_once()
-        if (path := self.session.guidance.paths_due()) is not None:
+        if (path := self.session.guidance.due_paths()) is not None:
             with self.session.lock:
                 self.session.guidance.send(*path)
 

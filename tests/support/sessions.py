@@ -56,7 +56,7 @@ class Stepped:
         result = read_journal(journal, resumes=True)
         version, clock, past = resumed_state(result)
         single = cls.__new__(cls)
-        folder = result.start.frozen
+        folder = result.session_start.frozen
         single._open(free_path(journal), version, clock, past, result.disk, True, True, folder)
         return single
 
@@ -77,7 +77,7 @@ class Stepped:
             is_seen=is_seen,
         )
         if written is not None:
-            listened = 1.0, 1.0, None, past, version.base
+            listened = 1.0, 1.0, None, past, version.file_texts
             beside = {"maps": version.maps, "rules": version.rules}
             beside["sounds_as"] = version.sounds_as
             beside["strike_levels"] = version.strike_levels

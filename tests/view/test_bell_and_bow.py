@@ -16,7 +16,7 @@ from scipy.integrate import ode
 from ergon import _core
 from ergon.api.play import PlayOptions, begin, prepare
 from ergon.common.report import Report
-from ergon.live.led_address import Finger
+from ergon.live.pointer_address import Finger
 
 # The bow is a key of a viol, the bell is pressed by a contact; travels are those of the keys.
 SCORE = """\
@@ -109,7 +109,7 @@ def test_page_fingers_play_bell_and_bow(
     ready = prepare("s.yaml", options, Report())
     performance = begin(ready.stage, ready.config, Report())
     events: list[str] = []
-    leads = {board.axes[0][1]: board.lead for board in ready.hands.boards}
+    leads = {board.axes[0][1]: board.pointer for board in ready.hands.boards}
 
     def has(event: str, times: int) -> bool:
         events.extend(what for _, what, _ in performance.events())

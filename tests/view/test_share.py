@@ -28,7 +28,7 @@ from ergon.api.share import check_estimate
 from ergon.api.shared_page import shared_page
 from ergon.api.viewing import flac_file
 from ergon.cli import app
-from ergon.cli.bundled import bundled
+from ergon.cli.bundled import bundled_scores
 from ergon.common.report import Report
 
 WIDTH, HEIGHT = 480, 300
@@ -188,7 +188,7 @@ def test_share_of_a_long_piece_before_it_is_computed(
 @pytest.mark.parametrize("name", ["one-gesture", "rain"])
 def test_check_estimate_within_a_factor_of_the_size(name: str, tmp_path: Path):
     """Twice the true size is not refused, an eighth of it is."""
-    score = bundled()[name]
+    score = bundled_scores()[name]
     options = FileOptions(motion=True, until="3s")
     report = Report()
     prepared = prepare(read(score, options, report), str(tmp_path / "a.wav"), options, report)

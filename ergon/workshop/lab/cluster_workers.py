@@ -68,7 +68,7 @@ class Workers:
             version(),
             median(yardstick() for _ in range(TIMING_ROUNDS)),
         )
-        results = self.cluster.computed(
+        results = self.cluster.compute_items(
             # The most expensive first, so that none of them is left alone at the end.
             sorted(settings_to_run, key=lambda setting: -setting.oversampling),
             lambda pool, setting: pool.submit(
@@ -111,7 +111,7 @@ class Surveyors:
     ) -> Iterator[tuple[str, list[Spot]]]:
         """Each column with its spots. Raises ClusterError."""
         engine_version = version()
-        for (map_name, _), spots in self.cluster.computed(
+        for (map_name, _), spots in self.cluster.compute_items(
             wanted_columns,
             lambda pool, column: pool.submit(survey, engine_version, self.choice, *column),
         ):

@@ -13,18 +13,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .boards import BoardError
-from .led_address import GAMEPAD_AXES
-from .led_sources import key_position
+from .pointer_address import GAMEPAD_AXES
+from .pointer_sources import key_position
 from .rumble import Rumble
 
 if TYPE_CHECKING:
     from ergon import _core
 
-    from .led_address import LedAddress
+    from .pointer_address import PointerAddress
 
-_EVENT = struct.Struct("llHHi")  # seconds, microseconds, type, code, value
-_ABS_INFO = struct.Struct("6i")  # value, least, greatest, fuzz, flat, resolution
-_ABSOLUTE = 3  # the type of events of sticks
+_EVENT_STRUCT = struct.Struct("llHHi")  # seconds, microseconds, type, code, value
+_AXIS_INFO_STRUCT = struct.Struct("6i")  # value, least, greatest, fuzz, flat, resolution
+_ABSOLUTE_TYPE = 3  # the type of events of sticks
 _GET_RANGE = 0x80184540  # EVIOCGABS(0)
 _SET_CLOCK = 0x400445A0  # EVIOCSCLOCKID
 _EVENTS_AT_ONCE = 64
@@ -38,35 +38,37 @@ _PAD_NAMES = "*-event-joystick"
 class GamepadAxis:
     """Passes events of one axis on as positions of a key."""
 
-    def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
+    def __init__(self, address: PointerAddress, pointer: _core.Lead) -> None:
         """The ends of the axis are those of the key."""
-        self._address, self._lead = address, lead
+        self._address, self._pointer = address, pointer
         self.code, self._sign = GAMEPAD_AXES[address.control]
         self.range = _USUAL_RANGE
 
     def receive(self, value: int, instant: float) -> None:
         """Take a value that came at an instant [s, time.monotonic; in lockstep, of the ticks]."""
-        low, high = self.range
-        signed_share = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
+        low_end, high_end = self.range
+        signed_fraction = self._sign * (2.0 * (value - low_end) / (high_end - low_end) - 1.0)
         is_lockstep = self._address.lockstep
-        report_instant = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
-        self._lead.place(report_instant, key_position(self._lead, signed_share))
+        report_instant = (
+            instant if is_lockstep else self._pointer.now() - (time.monotonic() - instant)
+        )
+        self._pointer.place(report_instant, key_position(self._pointer, signed_fraction))
 
     @property
     def force(self) -> float:
         """The force of the pointer on its finger [N], without a sign."""
-        return abs(self._lead.force)
+        return abs(self._pointer.force)
 
     def disconnect(self) -> None:
         """The gamepad is gone: the stand-in plays."""
-        self._lead.set_present(False)
+        self._pointer.set_present(False)
 
 
-def events(event_bytes: bytes) -> Iterator[tuple[int, int, float]]:
+def stick_events(event_bytes: bytes) -> Iterator[tuple[int, int, float]]:
     """(number of the axis, value, instant [s]) of each event of a stick; others are left out."""
-    for seconds, micro, kind, code, value in _EVENT.iter_unpack(event_bytes):
-        if kind == _ABSOLUTE:
-            yield code, value, seconds + 1e-6 * micro
+    for seconds, microseconds, event_type, code, value in _EVENT_STRUCT.iter_unpack(event_bytes):
+        if event_type == _ABSOLUTE_TYPE:
+            yield code, value, seconds + 1e-6 * microseconds
 
 
 def gamepads() -> list[Path]:
@@ -105,7 +107,7 @@ class GamepadPort:
         self._axes = axes
         self._rumble = Rumble(self._file)
         self._end_event = threading.Event()
-        self._rumble_instant = 0.0  # when [s]
+        self._rumble_instant = 0.0  # of the last force that the motors signalled [s]
         self._configure()
         self._thread = threading.Thread(target=self._run, name="ergon gamepad", daemon=True)
         self._thread.start()
@@ -118,10 +120,12 @@ class GamepadPort:
             fcntl.ioctl(self._file, _SET_CLOCK, struct.pack("i", time.CLOCK_MONOTONIC))
         for axis in self._axes:
             with contextlib.suppress(OSError):
-                range_bytes = fcntl.ioctl(self._file, _GET_RANGE + axis.code, bytes(_ABS_INFO.size))
-                _, low, high, *_ = _ABS_INFO.unpack(range_bytes)
-                if low < high:
-                    axis.range = (low, high)
+                range_bytes = fcntl.ioctl(
+                    self._file, _GET_RANGE + axis.code, bytes(_AXIS_INFO_STRUCT.size)
+                )
+                _, low_end, high_end, *_ = _AXIS_INFO_STRUCT.unpack(range_bytes)
+                if low_end < high_end:
+                    axis.range = (low_end, high_end)
 
     def _run(self) -> None:
         while not self._end_event.is_set():
@@ -131,15 +135,15 @@ class GamepadPort:
             if not ready_files:
                 continue
             try:
-                event_bytes = os.read(self._file, _EVENTS_AT_ONCE * _EVENT.size)
+                event_bytes = os.read(self._file, _EVENTS_AT_ONCE * _EVENT_STRUCT.size)
             except OSError:  # unplugged
                 event_bytes = b""
             if not event_bytes:
                 for axis in self._axes:
                     axis.disconnect()
                 return
-            for code, value, event_instant in events(
-                event_bytes[: len(event_bytes) // _EVENT.size * _EVENT.size]
+            for code, value, event_instant in stick_events(
+                event_bytes[: len(event_bytes) // _EVENT_STRUCT.size * _EVENT_STRUCT.size]
             ):
                 for axis in self._axes:
                     if axis.code == code:
@@ -152,9 +156,9 @@ class GamepadPort:
 
     def _update_rumble(self) -> None:
         """Let the motors tell of the greatest force on its fingers."""
-        now = time.monotonic()
-        if self._rumble.is_available and now >= self._rumble_instant + _RUMBLE_SECONDS:
-            self._rumble_instant = now
+        instant_now = time.monotonic()
+        if self._rumble.is_available and instant_now >= self._rumble_instant + _RUMBLE_SECONDS:
+            self._rumble_instant = instant_now
             self._rumble.set_force(max((axis.force for axis in self._axes), default=0.0))
 
     def close(self) -> None:

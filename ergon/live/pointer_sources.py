@@ -1,4 +1,6 @@
-"""Where positions of led keys come from: messages of MIDI and OSC, from threads of their own."""
+"""Where positions of keys without a device come from: messages of MIDI and OSC, from threads of
+their own.
+"""
 
 from __future__ import annotations
 
@@ -23,22 +25,22 @@ from .midi_ports import InputPort, MidiError, SystemInput
 if TYPE_CHECKING:
     from ergon import _core
 
-    from .led_address import LedAddress
+    from .pointer_address import PointerAddress
 
 _LOOPBACK = "127.0.0.1"
 _POLL_SECONDS = 0.2  # [s] between two looks whether a thread is to end
 _FINE_OFFSET = 32  # a controller below this has its finer bits in the one that is 32 higher
 _PITCH_BEND_CENTRE = 0x2000  # middle of 14 bits
-_TOP = 0x3FFF
-_COARSE_MAX = 127
+_FOURTEEN_BIT_MAX = 0x3FFF
+_SEVEN_BIT_MAX = 127
 
 
-class MidiValues:
+class MidiPositionReceiver:
     """Passes a MIDI controller, wheel or pressure on as positions of a key."""
 
-    def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
+    def __init__(self, address: PointerAddress, pointer: _core.Lead) -> None:
         """The lowest value is the lower end of the key, the highest the upper."""
-        self._address, self._lead = address, lead
+        self._address, self._pointer = address, pointer
         self._coarse = 0
         self._has_fine = False
 
@@ -47,46 +49,54 @@ class MidiValues:
         channel = self._address.channel
         if channel is not None and message_bytes and message_bytes[0] & 0x0F != channel - 1:
             return
-        share = self._range_share(parse_message(message_bytes))
-        if share is not None:
-            pointer_position = key_position(self._lead, 2.0 * (share - 0.5))
-            self._lead.place(_lead_time(self._address, self._lead, instant), pointer_position)
+        fraction = self._range_fraction(parse_message(message_bytes))
+        if fraction is not None:
+            pointer_position = key_position(self._pointer, 2.0 * (fraction - 0.5))
+            self._pointer.place(
+                _pointer_time(self._address, self._pointer, instant), pointer_position
+            )
 
-    def _range_share(self, message: Message | None) -> float | None:
+    def _range_fraction(self, message: Message | None) -> float | None:
         """Where in its range a value is, 0 to 1; None for other messages."""
         controller = self._address.controller
         if isinstance(message, ControlChange) and controller is not None:
-            return self._controller_share(message, controller)
+            return self._controller_fraction(message, controller)
         if isinstance(message, PitchWheel) and self._address.control == "bend":
             # The middle is exactly the middle, though there are more values below it than above.
             value_from_middle = message.value - _PITCH_BEND_CENTRE
             return 0.5 + 0.5 * value_from_middle / (
-                _PITCH_BEND_CENTRE if value_from_middle < 0 else _TOP - _PITCH_BEND_CENTRE
+                _PITCH_BEND_CENTRE
+                if value_from_middle < 0
+                else _FOURTEEN_BIT_MAX - _PITCH_BEND_CENTRE
             )
         if isinstance(message, Pressure) and self._address.control == "pressure":
-            return message.value / _COARSE_MAX
+            return message.value / _SEVEN_BIT_MAX
         return None
 
-    def _controller_share(self, message: ControlChange, controller: int) -> float | None:
+    def _controller_fraction(self, message: ControlChange, controller: int) -> float | None:
         if message.number == controller:
             self._coarse = message.value
-            return (message.value << 7) / _TOP if self._has_fine else message.value / _COARSE_MAX
+            return (
+                (message.value << 7) / _FOURTEEN_BIT_MAX
+                if self._has_fine
+                else message.value / _SEVEN_BIT_MAX
+            )
         if message.number == controller + _FINE_OFFSET and controller < _FINE_OFFSET:
             self._has_fine = True
-            return (self._coarse << 7 | message.value) / _TOP
+            return (self._coarse << 7 | message.value) / _FOURTEEN_BIT_MAX
         return None
 
 
-class OscValues:
+class OscPositionReceiver:
     """Passes messages of an OSC address on as positions of a key.
 
     The first argument is the position, -1 to 1; a second one the pressure, 0 to 1. A message
     without arguments lifts the finger.
     """
 
-    def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
+    def __init__(self, address: PointerAddress, pointer: _core.Lead) -> None:
         """Full scale is the whole travel of the key."""
-        self._address, self._lead = address, lead
+        self._address, self._pointer = address, pointer
 
     @property
     def path(self) -> str:
@@ -94,24 +104,28 @@ class OscValues:
         return self._address.control
 
     def receive(self, arguments: Sequence[object], instant: float) -> None:
-        """Take the arguments of a message that came at an instant [s], as `MidiValues` does."""
-        lead_time = _lead_time(self._address, self._lead, instant)
+        """Take the arguments of a message that came at an instant [s], as `MidiPositionReceiver`
+        does.
+        """
+        pointer_time = _pointer_time(self._address, self._pointer, instant)
         if not arguments:
-            self._lead.lift(lead_time)
+            self._pointer.lift(pointer_time)
             return
         numbers = [_number_or_nan(argument) for argument in arguments[:2]]
-        signed_share, pressure = numbers[0], numbers[1] if len(numbers) > 1 else 0.5
-        self._lead.place(lead_time, key_position(self._lead, signed_share), 2.0 * pressure)
+        signed_fraction, pressure = numbers[0], numbers[1] if len(numbers) > 1 else 0.5
+        self._pointer.place(
+            pointer_time, key_position(self._pointer, signed_fraction), 2.0 * pressure
+        )
 
 
-def key_position(lead: _core.Lead, signed_share: float) -> float:
+def key_position(pointer: _core.Lead, signed_fraction: float) -> float:
     """A position [m] of a key, -1 at the lower end of its travel and 1 at the upper."""
-    low, high = lead.range
-    return 0.5 * (low + high) + 0.5 * (high - low) * signed_share
+    low_end, high_end = pointer.range
+    return 0.5 * (low_end + high_end) + 0.5 * (high_end - low_end) * signed_fraction
 
 
 def _number_or_nan(argument: object) -> float:
-    """A number; what is not one becomes NaN, which a lead refuses and counts."""
+    """A number; what is not one becomes NaN, which a pointer refuses and counts."""
     is_number = isinstance(argument, int | float) and not isinstance(argument, bool)
     try:
         return float(argument) if is_number else math.nan  # type: ignore[arg-type]
@@ -119,8 +133,8 @@ def _number_or_nan(argument: object) -> float:
         return math.nan
 
 
-def _lead_time(address: LedAddress, lead: _core.Lead, instant: float) -> float:
-    return instant if address.lockstep else lead.now() - (time.monotonic() - instant)
+def _pointer_time(address: PointerAddress, pointer: _core.Lead, instant: float) -> float:
+    return instant if address.lockstep else pointer.now() - (time.monotonic() - instant)
 
 
 class OscPort:
@@ -132,7 +146,7 @@ class OscPort:
             require_python_osc()
         except PythonOscMissingError as error:
             raise BoardError(str(error)) from None
-        self._handlers: dict[str, OscValues] = {}
+        self._handlers: dict[str, OscPositionReceiver] = {}
         self._end_event = threading.Event()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -150,9 +164,9 @@ class OscPort:
         """Its number."""
         return int(self._socket.getsockname()[1])
 
-    def add(self, values: OscValues) -> None:
+    def add(self, receiver: OscPositionReceiver) -> None:
         """Pass the messages of an address on; before `begin`."""
-        self._handlers[values.path] = values
+        self._handlers[receiver.path] = receiver
 
     def begin(self) -> None:
         """Receive messages."""
@@ -184,17 +198,19 @@ class OscPort:
 
 
 def open_midi_input(
-    port_name: str, listeners: Sequence[MidiValues], make: Callable[[str], InputPort] = SystemInput
+    port_name: str,
+    receivers: Sequence[MidiPositionReceiver],
+    open_port: Callable[[str], InputPort] = SystemInput,
 ) -> InputPort:
     """An open MIDI input that passes its messages to all listeners. Raises BoardError."""
     try:
-        port = make(port_name)
+        port = open_port(port_name)
     except MidiError as error:
         raise BoardError(str(error)) from None
 
     def receive(data: bytes, instant: float) -> None:
-        for listener in listeners:
-            listener.receive(data, instant)
+        for receiver in receivers:
+            receiver.receive(data, instant)
 
     port.listen(receive)
     return port
