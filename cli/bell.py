@@ -85,7 +85,9 @@ def _lines(bell: Bell) -> str:
             (
                 str(i + 1),
                 f"{bell.f[i]:.3f} Hz",
-                "" if deviation is None else f"{1731.23 * deviation.f[i] / bell.f[i]:.2g} cents",
+                ""
+                if deviation is None
+                else f"{1731.23 * deviation.frequencies[i] / bell.f[i]:.2g} cents",
                 seconds(float(bell.t60[i])),
                 "" if deviation is None else f"{100.0 * _deviation(bell, i) / bell.t60[i]:.2g} %",
                 *(f"{level_db:.1f} dB" for level_db in levels_db),
@@ -125,7 +127,7 @@ def _records(console: Console, bell: Bell) -> None:
                 for place_index, name in enumerate(bell.places)
             },
             energy=float(bell.energy[i]),
-            frequency_deviation_hz=None if deviation is None else float(deviation.f[i]),
+            frequency_deviation_hz=None if deviation is None else float(deviation.frequencies[i]),
             t60_deviation_s=None if deviation is None else _deviation(bell, i),
         )
     for stroke in bell.strokes:
@@ -142,4 +144,4 @@ def _records(console: Console, bell: Bell) -> None:
 def _deviation(bell: Bell, mode: int) -> float:
     """Standard deviation of T60 [s], from that of the decay."""
     assert bell.deviation is not None
-    return float(bell.deviation.d[mode] * bell.t60[mode] ** 2 / 6.907755278982137)
+    return float(bell.deviation.decays[mode] * bell.t60[mode] ** 2 / 6.907755278982137)

@@ -56,16 +56,16 @@ def compare(console: Console, first_path: str, other: str) -> None:
     first_calibration, second = calibration(first_path), calibration(other)
     compared = differences(first_calibration, second)
     squared, n = chi_squared(first_calibration, second)
-    moves = replay_difference(first_calibration.row, second.row)
+    moves = replay_difference(first_calibration.parameters, second.parameters)
     if console.json:
         for difference in compared:
             console.record(
                 "figure",
                 name=_called(difference),
-                a=difference.first,
-                b=difference.second,
+                a=difference.first_value,
+                b=difference.second_value,
                 deviation=difference.deviation,
-                deviations=difference.deviations,
+                deviations=difference.deviation_ratio,
             )
         console.record("compared", replay_difference_m=moves, chi_squared=squared, figures=n)
         return
@@ -78,11 +78,11 @@ def compare(console: Console, first_path: str, other: str) -> None:
 def _called(difference: Difference) -> str:
     """The name of a figure; with both numbers of its mode if the files number it differently."""
     figure_name, second_name = difference.names
-    if figure_name == second_name or difference.second is None:
+    if figure_name == second_name or difference.second_value is None:
         return figure_name
     return (
         second_name
-        if difference.first is None
+        if difference.first_value is None
         else f"{figure_name.partition('.')[0]}/{second_name.removeprefix('mode')}"
     )
 
@@ -96,14 +96,16 @@ def _row(difference: Difference) -> str:
     label = f"{mode.replace('mode', 'mode ')} {parameter_name}" if parameter_name else figure_name
     a, b = (
         f"{'none':>12}" if x is None else f"{x * scale:12.5g}"
-        for x in (difference.first, difference.second)
+        for x in (difference.first_value, difference.second_value)
     )
     interval_text = (
         ""
-        if difference.first is None or difference.second is None
-        else f"{(difference.second - difference.first) * scale:.4g}"
+        if difference.first_value is None or difference.second_value is None
+        else f"{(difference.second_value - difference.first_value) * scale:.4g}"
     )
-    deviations_text = "" if difference.deviations is None else f"{difference.deviations:.3g}"
+    deviations_text = (
+        "" if difference.deviation_ratio is None else f"{difference.deviation_ratio:.3g}"
+    )
     return (
         f"{label + ' [' + figure_unit + ']':16}{a}{b}{interval_text:>14}"
         f"{deviations_text:>12}".rstrip()
@@ -114,9 +116,9 @@ def _row(difference: Difference) -> str:
 def _judge(console: Console, compared: list[Difference], squared: float, n: int) -> None:
     """Say which figures differ, and the chi squared of all together."""
     deviations = [
-        (abs(difference.deviations), difference)
+        (abs(difference.deviation_ratio), difference)
         for difference in compared
-        if difference.deviations is not None
+        if difference.deviation_ratio is not None
     ]
     deviating = sorted(
         (pair for pair in deviations if pair[0] > _DEVIATIONS_MAX), key=lambda pair: -pair[0]
@@ -124,7 +126,7 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
     without_deviation = [
         _called(difference)
         for difference in compared
-        if difference.first is None or difference.second is None
+        if difference.first_value is None or difference.second_value is None
     ]
     if deviating:
         listing = ", ".join(
@@ -161,7 +163,7 @@ def log(console: Console, files: tuple[str, ...]) -> None:
             f"{'moves [um]':>12}{'modes [Hz]':>16}   file\n"
         )
     for calibration_read, calibration_path in calibrations:
-        moves = replay_difference(calibrations[0][0].row, calibration_read.row)
+        moves = replay_difference(calibrations[0][0].parameters, calibration_read.parameters)
         figure_values = calibration_read.figures
         if console.json:
             console.record(

@@ -219,15 +219,15 @@ def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
     def tell(rung: Rung) -> None:
         if console.json:
             console.record(
-                "rung", force_N=rung.force, excursion_m=rung.excursion, braked=rung.braked
+                "rung", force_N=rung.force, excursion_m=rung.excursion, braked=rung.is_braked
             )
 
     ladder = climb(axis, seed, tell)
-    forces = " ".join(f"{rung.force:.3g}{'!' if rung.braked else ''}" for rung in ladder.rungs)
+    forces = " ".join(f"{rung.force:.3g}{'!' if rung.is_braked else ''}" for rung in ladder.rungs)
     farthest = max(rung.excursion for rung in ladder.rungs) * 1e3
     console.say(
         f"rungs: {forces} N, at most {farthest:.2g} of {ladder.guide.half_travel * 1e3:.3g} mm"
-        + (" (! was braked)" if any(rung.braked for rung in ladder.rungs) else "")
+        + (" (! was braked)" if any(rung.is_braked for rung in ladder.rungs) else "")
     )
     if ladder.axis.sign < 0:
         console.say(

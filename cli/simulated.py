@@ -62,17 +62,17 @@ def _contacts(
                 name=contact.contact.name,
                 striker=contact.contact.a.name,
                 struck=contact.contact.b.name,
-                closed=contact.times,
-                first_s=None if contact.first is None else contact.first / rate,
-                deepest_m=contact.deepest,
+                closed=contact.n_closings,
+                first_s=None if contact.first_frame is None else contact.first_frame / rate,
+                deepest_m=contact.depth_max,
             )
-        elif contact.first is not None:
-            first_contact = score.where(piece, contact.first / rate)
+        elif contact.first_frame is not None:
+            first_contact = score.where(piece, contact.first_frame / rate)
             console.data(
                 f"{contact.contact.name} ({contact_names}): closed "
-                f"{plural(contact.times, 'time')}, first "
+                f"{plural(contact.n_closings, 'time')}, first "
                 "at "
-                f"{first_contact}, {metres(contact.deepest)} deep at most\n"
+                f"{first_contact}, {metres(contact.depth_max)} deep at most\n"
             )
 
 

@@ -58,7 +58,7 @@ def closed_once_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]
         simulated.contacts, lambda contact_point: contact_point.contact.full_name
     ):
         point_list = list(contact_points)
-        if any(contact_point.first is not None for contact_point in point_list):
+        if any(contact_point.first_frame is not None for contact_point in point_list):
             contact_diagnostic = _contact_warning(piece, simulated, point_list, kinds)
             warnings.setdefault(shared_name(full_name, families), []).append(contact_diagnostic)
     return [
@@ -73,8 +73,12 @@ def _contact_warning(
 ) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = contact_points[0].contact
-    first_closed = min(stroke.first for stroke in contact_points if stroke.first is not None)
-    last_closed = max(stroke.last for stroke in contact_points if stroke.last is not None)
+    first_closed = min(
+        stroke.first_frame for stroke in contact_points if stroke.first_frame is not None
+    )
+    last_closed = max(
+        stroke.last_frame for stroke in contact_points if stroke.last_frame is not None
+    )
     if any(stroke.is_closed for stroke in contact_points):
         return None
     for player in _contact_players(piece, simulated, contact.module, kinds):

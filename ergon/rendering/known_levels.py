@@ -37,7 +37,7 @@ class KnownLevels:
             number
             for number, balance in enumerate(balances)
             if not any(
-                self._set_measure(balance, keys[number], stop)
+                self._recall_measures(balance, keys[number], stop)
                 for keys in self._keys[stretch_index:]
             )
         ]
@@ -80,7 +80,7 @@ class KnownLevels:
         known_states = [state for state in stored if state is not None]
         return known_states if len(known_states) == len(balance_numbers) else None
 
-    def _set_measure(self, balance: Balance, key: str, stop_frame: int) -> bool:
+    def _recall_measures(self, balance: Balance, key: str, stop_frame: int) -> bool:
         known_level = self._store.get(key)
         if known_level is None or len(known_level.sound) % balance.n_measures:
             return False

@@ -126,7 +126,7 @@ def test_chart_table_with_reasons():
 
 
 def test_table_text_of_value_kinds():
-    text = table.text([], ["a"], [[None], [True], [-float("inf")], [1 / 3], [7], ["x, y"]])
+    text = table.csv_text([], ["a"], [[None], [True], [-float("inf")], [1 / 3], [7], ["x, y"]])
     assert text.splitlines()[1:] == ["a", '""', "yes", "-inf", "0.333333", "7", '"x, y"']
 
 

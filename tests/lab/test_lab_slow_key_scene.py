@@ -8,7 +8,7 @@ from sweep import few
 
 from ergon import _core
 from ergon.workshop.lab import map_catalogue, map_table, maps, slow_key_scene
-from ergon.workshop.lab.names import CUTS, SLOW
+from ergon.workshop.lab.names import SLOW, SLOW_MAPS
 from ergon.workshop.lab.slow_key_scene import QUICK, RATE, SOFT, SlowKeyPoint, SlowKeyScene
 
 KEYS = {"soft": SOFT, "quick": QUICK}
@@ -46,7 +46,7 @@ def test_slow_key_map_certificate_agrees_with_runs():
             assert "diverged at" in spot.reason or "times as far" in spot.reason
 
 
-@pytest.mark.parametrize("name", few(CUTS, 1))
+@pytest.mark.parametrize("name", few(SLOW_MAPS, 1))
 def test_slow_key_load_formula_at_stability_border(name: str):
     """Whatever the key's rate; its own springs have no part in it."""
     key = KEYS[name]

@@ -59,7 +59,7 @@ class Strokes:
     lengths: tuple[float | None, ...]
 
 
-def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
+def fit_levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     """The common levels of strokes at one place, from `amplitudes` and relative errors (strokes,
     n).
     """
@@ -117,9 +117,9 @@ def _log_spectra(f: Array) -> tuple[Array, Array]:
     """
     x = f * _TRIED_DURATIONS[:, None]
     is_near = x < _REACH_CYCLES
-    beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
-    exact = np.stack([spectrum(f, length) for length in _TRIED_DURATIONS])
-    log_spectra = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
+    far_spectra = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
+    exact_spectra = np.stack([spectrum(f, length) for length in _TRIED_DURATIONS])
+    log_spectra = np.log(np.where(is_near, np.maximum(exact_spectra, 1e-3), far_spectra))
     return log_spectra, np.where(
         is_near, _REACH_DEVIATION * (x / _REACH_CYCLES) ** 2, _BEYOND_DEVIATION
     ) ** 2

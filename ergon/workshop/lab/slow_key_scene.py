@@ -133,10 +133,10 @@ class SlowKeyPoint:
                 reason = str(error)
                 scene = replace(scene, hidden_factor=scene.hidden_factor * _HIDING_FACTOR)
             else:
-                return self._ran(built, plan, n_frames)
+                return self._run_planned(built, plan, n_frames)
         return Outcome(None, reason=reason)
 
-    def _ran(self, built: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
+    def _run_planned(self, built: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
         frames = np.zeros((n_frames, 1))
         try:
             _core.Simulation(built.network, built.timeline, plan=plan).process(frames)

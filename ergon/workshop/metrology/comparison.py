@@ -31,13 +31,13 @@ _EIGENVALUE_MIN = 1e-5  # smaller eigenvalues of a correlation matrix are roundi
 class Replay:
     """A gesture on a real key and on its model; n positions are compared.
 
-    `residual` (n,) [m] is real minus model at the instants `t` (n,) [s]; `gesture` has the
+    `residual` (n,) [m] is real minus model at the instants `instants` (n,) [s]; `gesture` has the
     forces with the unknown ones recovered, `model_position` (ticks,) [m] is the model's path.
     """
 
     gesture: Gesture
     model_position: Floats
-    t: Floats
+    instants: Floats
     residual: Floats
 
     @property
@@ -53,23 +53,28 @@ class Replay:
 
 def replay(parameters: Floats, gesture: Gesture) -> Replay:
     """Apply the forces of a real key to its model, which begins where and as fast as the key."""
-    followed = output_error.follow(parameters, gesture)
-    (gesture,) = followed.recovered([gesture.with_unknown_speed()])
-    model = output_error.path(parameters, gesture, followed.start_positions[0])
+    follow_fit = output_error.follow(parameters, gesture)
+    (gesture,) = follow_fit.with_recovered_forces([gesture.with_unknown_speed()])
+    model_position = output_error.model_path(parameters, gesture, follow_fit.start_positions[0])
     ticks = np.flatnonzero(gesture.is_compared)
-    return Replay(gesture, model, ticks / gesture.rate, gesture.position[ticks] - model[ticks])
+    return Replay(
+        gesture,
+        model_position,
+        ticks / gesture.rate,
+        gesture.position[ticks] - model_position[ticks],
+    )
 
 
-def replay_difference(first_row: Floats, second_row: Floats) -> float:
+def replay_difference(first_parameters: Floats, second_parameters: Floats) -> float:
     """Rms of the difference [m] of two keys under a standard gesture of knocks.
 
     Raises MeasurementError.
     """
-    guess = first_row.copy()
-    guess[INDEX["stiffness"]] = max(first_row[1], 1e-3)
+    guess = first_parameters.copy()
+    guess[INDEX["stiffness"]] = max(first_parameters[1], 1e-3)
     forces = excitation.knocks(guess, _RATE, _DURATION, _AMPLITUDE, _FORCE_MAX)
     paths = []
-    for row in (first_row, second_row):
+    for row in (first_parameters, second_parameters):
         parameters = row.copy()
         # Each path begins at rest at 0, so that only the motion is compared.
         parameters[START] = parameters[INDEX["weight"]] = 0.0
@@ -89,16 +94,16 @@ class Difference:
     """
 
     names: tuple[str, str]
-    first: float | None
-    second: float | None
+    first_value: float | None
+    second_value: float | None
     deviation: float | None
 
     @property
-    def deviations(self) -> float | None:
+    def deviation_ratio(self) -> float | None:
         """The difference in units of its standard deviation; None if either is not known."""
-        if self.first is None or self.second is None or not self.deviation:
+        if self.first_value is None or self.second_value is None or not self.deviation:
             return None
-        return (self.second - self.first) / self.deviation
+        return (self.second_value - self.first_value) / self.deviation
 
 
 def differences(first: Calibration, second: Calibration) -> list[Difference]:
@@ -151,14 +156,14 @@ def chi_squared(first: Calibration, second: Calibration) -> tuple[float, int]:
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    comparable = [d for d in differences(first, second) if d.deviations is not None]
+    comparable = [d for d in differences(first, second) if d.deviation_ratio is not None]
     if not comparable:
         return 0.0, 0
     first_names, second_names = ([d.names[i] for d in comparable] for i in (0, 1))
     covariance = first.covariance(first_names) + second.covariance(second_names)
     deviations = np.sqrt(np.diag(covariance))
     eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(deviations, deviations))
-    components = vectors.T @ np.array([d.deviations for d in comparable])
+    components = vectors.T @ np.array([d.deviation_ratio for d in comparable])
     is_certain = eigenvalues > _EIGENVALUE_MIN
     return float(np.sum(components[is_certain] ** 2 / eigenvalues[is_certain])), int(
         is_certain.sum()
