@@ -110,8 +110,8 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
             "lower the gain of its route, or raise the others'"
         )
     if job.motion is not None:
-        duration = seconds(job.motion.last_sample_frame / job.format.rate)
-        console.say(f"{job.motion.path}: what moves, {duration}")
+        motion_length = seconds(job.motion.last_sample_frame / job.format.rate)
+        console.say(f"{job.motion.path}: what moves, {motion_length}")
     for stem in render_files.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
 

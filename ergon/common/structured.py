@@ -65,6 +65,6 @@ def _parsed(format: str, loads: Callable[[str], Any], text: str | bytes) -> Any:
         failure_reason = "it is nested too deeply"
     except ValueError as error:
         # `int` raises the plain one; those of the readers have a place in the text.
-        is_int = type(error) is ValueError
-        failure_reason = "it has a number of too many digits" if is_int else str(error)
+        is_digit_limit = type(error) is ValueError
+        failure_reason = "it has a number of too many digits" if is_digit_limit else str(error)
     raise MalformedTextError(f"this is not {format} that can be read: {failure_reason}")
