@@ -324,10 +324,12 @@ def _dropped_note(noun: str, output: float) -> str:
     return f"the {noun} of output {output:g} is not kept"
 
 
-def _unread_notes(fields: Iterable[str], known: Container[str], output: float) -> list[str]:
+def _unread_notes(fields: Iterable[str], known_names: Container[str], output: float) -> list[str]:
     """A sentence for each field of a loudspeaker that is not read."""
     return [
-        _dropped_note(printable(str(field)[:40]), output) for field in fields if field not in known
+        _dropped_note(printable(str(field)[:40]), output)
+        for field in fields
+        if field not in known_names
     ]
 
 

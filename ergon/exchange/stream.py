@@ -34,13 +34,13 @@ _JSON_KEYS = ("time_s", "struck", "sign", "mass_kg", "speed_m_s", "impulse_n_s",
 class ErgonNames:
     """Names for the numbers of the engine: a MAT index or a source number to text.
 
-    `reach` gives the lever ratio of a struck key by name: the engine computes a key behind a
-    lever as the piece sees it, `reach` times as far.
+    `lever_ratio` gives the lever ratio of a struck key by name: the engine computes a key behind a
+    lever as the piece sees it, `lever_ratio` times as far.
     """
 
-    struck: Callable[[int], str]
-    source: Callable[[int], str]
-    reach: Callable[[str], float] = lambda _: 1.0
+    struck_name: Callable[[int], str]
+    source_name: Callable[[int], str]
+    lever_ratio: Callable[[str], float] = lambda _: 1.0
 
 
 def stream_header(form: Form, *, title: str, rate: float, score: str) -> str:
@@ -79,10 +79,10 @@ def _ergon_rows(ergons: Ergons, ergon_names: ErgonNames) -> Iterator[Sequence[ob
     column_lists = [ergons[column].tolist() for column in columns]
     for time, mat, struck_mass, speed, impulse, source_number in zip(*column_lists, strict=True):
         if mat not in struck_by_mat:
-            struck_name = ergon_names.struck(int(mat))
-            struck_by_mat[mat] = struck_name, ergon_names.reach(struck_name)
+            struck_name = ergon_names.struck_name(int(mat))
+            struck_by_mat[mat] = struck_name, ergon_names.lever_ratio(struck_name)
         if source_number not in source_by_number:
-            source_by_number[source_number] = ergon_names.source(int(source_number))
+            source_by_number[source_number] = ergon_names.source_name(int(source_number))
         # As in the paper, the sign has a column of its own: the direction in which the ergon
         # strikes.
         impulse_sign = "-" if impulse < 0 else "+"

@@ -41,8 +41,8 @@ _hashes_written_here: set[str] = set()
 
 
 def digest(hashed_file: BinaryIO, samples_hash: str | None = None) -> str:
-    """The hash of a whole file, 64 hex digits. The hash of its `samples_hash`, if it is a WAVE file
-    whose writer knows it, is not computed again.
+    """The hash of a whole file, 64 hex digits. `samples_hash`, the hash of the samples of a WAVE
+    file, is computed only if it is None.
     """
     try:
         hashed_file.seek(0)

@@ -63,15 +63,15 @@ class Balance:
         self._recalled: NDArray[np.float64] | None = None
         self._n_channels, self._unit = n_channels, unit
         self._start, self._stop = start, stop
-        self._mixed: NDArray[np.float64] = np.empty((0, n_channels))
+        self._mix_buffer: NDArray[np.float64] = np.empty((0, n_channels))
 
     def take(self, frames: NDArray[np.float64]) -> None:
         """Measure the next frames (n_frames, n_out)."""
         import numpy as np
 
-        if len(self._mixed) < len(frames):
-            self._mixed = np.empty((len(frames), self._n_channels))
-        mixed = self._mixed[: len(frames)]
+        if len(self._mix_buffer) < len(frames):
+            self._mix_buffer = np.empty((len(frames), self._n_channels))
+        mixed = self._mix_buffer[: len(frames)]
         self._mixer.process(frames, mixed)
         self._levels.process(mixed)
 

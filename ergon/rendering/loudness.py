@@ -47,11 +47,13 @@ class GatedLoudness:
             if self._n_measured % self.step_frames == 0:
                 self.block_levels.append(self._meter.momentary)
 
-    def loudness(self, gain: float, first: int = 0, last: int | None = None) -> float:
-        """Integrated loudness [LUFS] of the steps `first` to `last` at a gain (a ratio); -inf where
-        nothing passes the gates.
+    def loudness(self, gain: float, first_step: int = 0, end_step: int | None = None) -> float:
+        """Integrated loudness [LUFS] of the steps `first_step` to `end_step` at a gain (a ratio);
+        -inf where nothing passes the gates.
         """
-        return _gated_level(self._blocks_within(first, last), 20.0 * math.log10(max(gain, 1e-30)))
+        return _gated_level(
+            self._blocks_within(first_step, end_step), 20.0 * math.log10(max(gain, 1e-30))
+        )
 
     def gain_to(self, target_lufs: float) -> float | None:
         """The gain [dB] at which the loudness is `target_lufs` [LUFS]; None for silence."""
@@ -69,11 +71,12 @@ class GatedLoudness:
                 break
         return gain_db
 
-    def _blocks_within(self, first: int, last: int | None) -> NDArray[np.float64]:
-        """The blocks that lie between two steps: the first of them ends 400 ms after `first`."""
+    def _blocks_within(self, first_step: int, end_step: int | None) -> NDArray[np.float64]:
+        """The blocks that lie between two steps: the first of them ends 400 ms after `first_step`.
+        """
         import numpy as np
 
-        return np.array(self.block_levels[first + _STEPS_PER_BLOCK - 1 : last])
+        return np.array(self.block_levels[first_step + _STEPS_PER_BLOCK - 1 : end_step])
 
 
 def gain_to_peak(true_peak: float) -> float:

@@ -143,7 +143,9 @@ class MixedStretches:
         self._store, self._keys, self._score = store, keys, score
         self._n_frames, self._n_channels = n_frames, n_channels
         self._state_key = state_key
-        self._known: dict[int, _MixedStretch] = {}  # stretches that `find_followed_mix` has read
+        self._read_stretches: dict[
+            int, _MixedStretch
+        ] = {}  # stretches that `find_followed_mix` has read
 
     def find_followed_mix(
         self, start: int, stop: int, silence_search: SilenceSearch | None, frames_needed: int
@@ -163,7 +165,7 @@ class MixedStretches:
             stretch = self._read(stretch_index)
             if stretch is None:
                 return None
-            self._known[stretch_index] = stretch
+            self._read_stretches[stretch_index] = stretch
             if known_stretches:
                 outcome_before = known_stretches[-1].outcome
             known_stretches.append(stretch)
@@ -215,9 +217,9 @@ class MixedStretches:
     def leading_frames(self, n_stretches: int) -> list[NDArray[np.float64]] | None:
         """The frames of the first stretches; None if any of them is not known."""
         known_stretches = [
-            self._known.get(index) or self._read(index) for index in range(n_stretches)
+            self._read_stretches.get(index) or self._read(index) for index in range(n_stretches)
         ]
-        self._known = {}
+        self._read_stretches = {}
         frames = [stretch.frames for stretch in known_stretches if stretch is not None]
         n_frames = n_stretches * stretches.STRETCH_FRAMES
         return frames if sum(map(len, frames)) == n_frames else None

@@ -267,7 +267,7 @@ def _parts(piece: Piece, part_names: Sequence[str]) -> list[Part]:
     for part_name in part_names:
         if part_name in piece.keys:
             key = piece.keys[part_name]
-            program_parts.append(Part(part_name, key.modules, struck=key.struck))
+            program_parts.append(Part(part_name, key.modules, struck_module=key.struck))
         else:
             instrument = piece.instruments[part_name]
             program_parts.append(

@@ -196,11 +196,11 @@ class MovieMaker:
 
 def _parse_size(size_text: str) -> tuple[int, int]:
     match = _SIZE.fullmatch(size_text)
-    sides = [int(side) for side in match.groups()] if match else []
-    if not sides or any(side % 2 or not _SIDE_MIN <= side <= _SIDE_MAX for side in sides):
+    dimensions = [int(side) for side in match.groups()] if match else []
+    if not dimensions or any(side % 2 or not _SIDE_MIN <= side <= _SIDE_MAX for side in dimensions):
         reason = f"write two even numbers from {_SIDE_MIN} to {_SIDE_MAX}, such as 1920x1080"
         raise OptionError("size", reason, value=size_text)
-    return sides[0], sides[1]
+    return dimensions[0], dimensions[1]
 
 
 def _parse_view_times(views_text: str) -> list[tuple[int, float]]:

@@ -169,7 +169,7 @@ def n_frames_to_compute(settings_to_run: Sequence[Setting], n_frames: int) -> in
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
+class PlayedSetting:
     """A setting that was played: its sound (n_frames, n_channels), or None with the reason in the
     point.
     """
@@ -181,9 +181,9 @@ class Played:
 class Players(Protocol):
     """Plays settings elsewhere, such as on a cluster."""
 
-    def played(
+    def play_settings(
         self, wanted_settings: Sequence[Setting], n_frames: int, *, has_energy: bool
-    ) -> Iterator[Played]:
+    ) -> Iterator[PlayedSetting]:
         """Each setting, in any order, with its cost and, with `has_energy`, its energy errors."""
 
 
@@ -202,17 +202,17 @@ def measure(
     runner = _Runner(scene, max(2, round(duration * scene.rate)), progress)
     has_energy = metric == "energy"
     if players is None:
-        played = _play_settings(runner, settings_to_run, has_energy=has_energy)
+        played_settings = _play_settings(runner, settings_to_run, has_energy=has_energy)
     else:
-        played = _play_with(players, runner, settings_to_run, has_energy=has_energy)
+        played_settings = _play_with(players, runner, settings_to_run, has_energy=has_energy)
     sound_by_setting = {
-        result.point.setting: result.sound for result in played if result.sound is not None
+        result.point.setting: result.sound for result in played_settings if result.sound is not None
     }
     sounds = dict(sound_by_setting)
     has_plans = any(setting.method is None for setting in settings_to_run)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, runner.sound, doublings=_REFERENCE_DOUBLINGS, rival=rival)
-    points = _with_ledger_of_ca([played.point for played in played], sound_by_setting)
+    points = _with_ledger_of_ca([each.point for each in played_settings], sound_by_setting)
     floor = None
     doubts_of_methods: tuple[str, ...] = ()
     if reference is not None:
@@ -236,7 +236,7 @@ def measure(
 
 def _play_settings(
     runner: _Runner, settings_to_run: Sequence[Setting], *, has_energy: bool
-) -> list[Played]:
+) -> list[PlayedSetting]:
     """All settings, in order. Their costs are those of interleaved rounds."""
     for setting in settings_to_run:
         run = runner.start(setting)
@@ -247,32 +247,36 @@ def _play_settings(
     costs = _costs(runner)
     # `refine` may add failures of settings that were not asked for; these are not failures of the
     # chart.
-    played_by_setting = {setting: Played(point, None) for setting, point in runner.failures.items()}
+    played_by_setting = {
+        setting: PlayedSetting(point, None) for setting, point in runner.failures.items()
+    }
     for setting, run in runner.finished.items():
         point = Point(setting, "ok", run.plan_text, costs[setting])
         if has_energy:
             point = _with_energy(runner, point)
-        played_by_setting[setting] = Played(point, runner.sounds[setting])
+        played_by_setting[setting] = PlayedSetting(point, runner.sounds[setting])
     return [played_by_setting[setting] for setting in settings_to_run]
 
 
 def _play_with(
     players: Players, runner: _Runner, settings_to_run: Sequence[Setting], *, has_energy: bool
-) -> list[Played]:
+) -> list[PlayedSetting]:
     """All settings, in order, played by `players`."""
     played_by_setting = {}
-    for played in players.played(settings_to_run, runner.n_frames, has_energy=has_energy):
-        played_by_setting[played.point.setting] = played
+    for played_setting in players.play_settings(
+        settings_to_run, runner.n_frames, has_energy=has_energy
+    ):
+        played_by_setting[played_setting.point.setting] = played_setting
         runner.n_frames_done += (
-            (TIMING_ROUNDS + 1) * runner.n_frames * played.point.setting.oversampling
+            (TIMING_ROUNDS + 1) * runner.n_frames * played_setting.point.setting.oversampling
         )
         runner.progress(runner.n_frames_done)
     return [played_by_setting[setting] for setting in settings_to_run]
 
 
-def played_beside(
+def play_beside_yardstick(
     scene: Scene, setting: Setting, n_frames: int, *, has_energy: bool
-) -> tuple[Played, float]:
+) -> tuple[PlayedSetting, float]:
     """A setting played alone, and the time of the yardstick in rounds between its own [s].
 
     The cost of the point is in seconds of this machine.
@@ -281,7 +285,7 @@ def played_beside(
     run = runner.start(setting)
     frames = None if run is None else runner.play(setting, run)
     if run is None or frames is None:
-        return Played(runner.failures[setting], None), nan
+        return PlayedSetting(runner.failures[setting], None), nan
     run_times, yardstick_times = [], []
     for _ in range(TIMING_ROUNDS):
         yardstick_times.append(yardstick())
@@ -291,7 +295,7 @@ def played_beside(
     point = Point(setting, "ok", run.plan_text, median(run_times) * scene.rate / n_frames)
     if has_energy:
         point = _with_energy(runner, point)
-    return Played(point, scene.hear(frames)), median(yardstick_times)
+    return PlayedSetting(point, scene.hear(frames)), median(yardstick_times)
 
 
 def yardstick() -> float:

@@ -45,8 +45,8 @@ class Key:
     )  # not proportional to M or K: damping couples the modes
 
 
-SOFT = Key((0.08, 0.05, 0.05, 0.05), (200.0, 300.0, 300.0, 300.0))  # to 23 Hz
-QUICK = Key((0.08, 0.05, 0.05, 0.001), (1800.0, 2700.0, 2700.0, 2700.0))  # to 264 Hz
+SOFT_KEY = Key((0.08, 0.05, 0.05, 0.05), (200.0, 300.0, 300.0, 300.0))  # to 23 Hz
+QUICK_KEY = Key((0.08, 0.05, 0.05, 0.001), (1800.0, 2700.0, 2700.0, 2700.0))  # to 264 Hz
 
 
 @dataclass(frozen=True, slots=True)

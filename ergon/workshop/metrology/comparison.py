@@ -178,7 +178,7 @@ class Gain:
     deviation: float | None
 
 
-def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[str, Gain]:
+def gains(unloaded: Calibration, loaded: Calibration, known_mass: float) -> dict[str, Gain]:
     """The gains of a device for forces and lengths, from a key measured without and with a known
     mass [kg].
 
@@ -187,27 +187,27 @@ def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[st
     not sink the key. M [kg], K [N/m] and Z [N·s/m] are the true values of the key. Deviations are
     to first order in those of the files and their covariances. Raises MeasurementError.
     """
-    measured_mass = loaded.figures["M"] - plain.figures["M"]
+    measured_mass = loaded.figures["M"] - unloaded.figures["M"]
     if measured_mass <= 0:
         raise MeasurementError("the key with the mass was found no heavier than without it")
     mass_gain = known_mass / measured_mass
     # Derivatives of the logarithms with respect to figures of the first file, and of the second.
     mass_derivatives = {"M": 1.0 / measured_mass}, {"M": -1.0 / measured_mass}
-    gain_by_name = {"mass": _gain(mass_gain, plain, loaded, *mass_derivatives)}
+    gain_by_name = {"mass": _gain(mass_gain, unloaded, loaded, *mass_derivatives)}
     for figure_name in ("M", "K", "Z"):
-        plain_value = plain.figures[figure_name]
-        plain_derivatives = dict(mass_derivatives[0])
-        plain_derivatives[figure_name] = plain_derivatives.get(figure_name, 0.0) + (
-            1.0 / plain_value if plain_value else 0.0
+        unloaded_value = unloaded.figures[figure_name]
+        unloaded_derivatives = dict(mass_derivatives[0])
+        unloaded_derivatives[figure_name] = unloaded_derivatives.get(figure_name, 0.0) + (
+            1.0 / unloaded_value if unloaded_value else 0.0
         )
         gain_by_name[figure_name] = _gain(
-            mass_gain * plain_value, plain, loaded, plain_derivatives, mass_derivatives[1]
+            mass_gain * unloaded_value, unloaded, loaded, unloaded_derivatives, mass_derivatives[1]
         )
-    rest_positions = (plain.figures.get("rest"), loaded.figures.get("rest"))
+    rest_positions = (unloaded.figures.get("rest"), loaded.figures.get("rest"))
     if rest_positions[0] is None or rest_positions[1] is None:
         return gain_by_name
-    sag, stiffness = rest_positions[1] - rest_positions[0], plain.figures["K"]
-    sag_min = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
+    sag, stiffness = rest_positions[1] - rest_positions[0], unloaded.figures["K"]
+    sag_min = 5 * sum(c.deviations.get("rest", 0.0) for c in (unloaded, loaded))
     # Dry friction holds a key anywhere near its rest, and the fit knows only the middle.
     if abs(sag) <= max(sag_min, 1e-9):
         return gain_by_name
@@ -217,21 +217,26 @@ def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[st
         {name: -x for name, x in force_derivatives[0].items()} | mass_derivatives[0],
         {"rest": 1.0 / sag} | mass_derivatives[1],
     )
-    gain_by_name["position"] = _gain(mass_gain / force_gain, plain, loaded, *position_derivatives)
-    gain_by_name["force"] = _gain(force_gain, plain, loaded, *force_derivatives)
+    gain_by_name["position"] = _gain(
+        mass_gain / force_gain, unloaded, loaded, *position_derivatives
+    )
+    gain_by_name["force"] = _gain(force_gain, unloaded, loaded, *force_derivatives)
     return gain_by_name
 
 
 def _gain(
     gain: float,
-    plain: Calibration,
+    unloaded: Calibration,
     loaded: Calibration,
-    plain_derivatives: Mapping[str, float],
+    unloaded_derivatives: Mapping[str, float],
     loaded_derivatives: Mapping[str, float],
 ) -> Gain:
     """A figure from the derivatives of its logarithm with respect to figures of two files."""
     variance = 0.0
-    for calibration, derivatives in ((plain, plain_derivatives), (loaded, loaded_derivatives)):
+    for calibration, derivatives in (
+        (unloaded, unloaded_derivatives),
+        (loaded, loaded_derivatives),
+    ):
         if not all(name in calibration.deviations for name in derivatives):
             return Gain(gain, None)
         gradient = np.array(list(derivatives.values()))

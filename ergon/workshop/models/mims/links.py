@@ -75,10 +75,10 @@ def add_link(
     for field_name, text in (("law", link_law.law), ("damping", link_law.damping)):
         fields += [f'{field_name}: "{text}"'] if text else []
     fields += _value_fields(draft, link_law, values, "2*" if is_doubled else "")
-    if link_law.rest:
+    if link_law.rest_name:
         fields += (
-            [f"rest: {length_text(draft.text(statement, link_law.rest))}"]
-            if link_law.rest in values
+            [f"rest: {length_text(draft.text(statement, link_law.rest_name))}"]
+            if link_law.rest_name in values
             else []
         )
     if link_law.kind == "BUT" and first_values.get("thresh"):

@@ -17,14 +17,14 @@ NOWHERE = Place("", 0, 0)
 class Part:
     """An instrument or a key: its modules, its outputs, and the rate of its algorithmic values.
 
-    `struck` is the module of a key that a hand moves.
+    `struck_module` is the module of a key that a hand moves.
     """
 
     name: str
     modules: Sequence[Module]
     outputs: Sequence[Output] = ()
     ca_rate: float | None = None
-    struck: str | None = None
+    struck_module: str | None = None
 
 
 @dataclass(slots=True)

@@ -282,7 +282,7 @@ class _ModelDraft:
             self.refuse(link.place, reason)
             return
         head_link = LINKS["head"][word]
-        if link.offset and head_link.rest != "thresh":
+        if link.offset and head_link.rest_name != "thresh":
             self.refuse(link.place, f"{link.name}: a {word} of mi-gen has no rest")
             return
         keyword = word.split()[-1]

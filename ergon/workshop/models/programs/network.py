@@ -76,8 +76,8 @@ class _Builder:
             for module in part.modules:
                 self._add_link_or_input(part, module)
         for part in parts:
-            if part.struck is not None:
-                self._add_force_on(self.points_by_module[part.name, part.struck], part.name)
+            if part.struck_module is not None:
+                self._add_force_on(self.points_by_module[part.name, part.struck_module], part.name)
         for target in struck:
             self._add_force_input(target)
         for part in parts:
