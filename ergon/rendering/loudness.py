@@ -72,8 +72,7 @@ class GatedLoudness:
         return gain_db
 
     def _blocks_within(self, first_step: int, end_step: int | None) -> NDArray[np.float64]:
-        """The blocks that lie between two steps: the first of them ends 400 ms after `first_step`.
-        """
+        """The blocks between two steps: the first of them ends 400 ms after `first_step`."""
         import numpy as np
 
         return np.array(self.block_levels[first_step + _STEPS_PER_BLOCK - 1 : end_step])

@@ -248,7 +248,9 @@ def test_render_interrupted_leaves_no_file(tmp_path: Path, threads: int) -> None
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        render_files(Stage(), order(tmp_path / "x.wav", threads=threads, block_frames=100), interrupt)
+        render_files(
+            Stage(), order(tmp_path / "x.wav", threads=threads, block_frames=100), interrupt
+        )
     assert list(tmp_path.iterdir()) == []
     assert threading.active_count() == n_threads
 
