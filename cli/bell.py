@@ -89,7 +89,7 @@ def _bell_text(bell: Bell) -> str:
                 f"{bell.f[mode_index]:.3f} Hz",
                 ""
                 if deviation is None
-                else f"{1731.23 * deviation.f[mode_index] / bell.f[mode_index]:.2g} cents",
+                else f"{1731.23 * deviation.frequencies[mode_index] / bell.f[mode_index]:.2g} cents",
                 seconds(float(bell.t60[mode_index])),
                 ""
                 if deviation is None
@@ -133,7 +133,9 @@ def _records(console: Console, bell: Bell) -> None:
                 for place_index, name in enumerate(bell.places)
             },
             energy=float(bell.energy[mode_index]),
-            frequency_deviation_hz=None if deviation is None else float(deviation.f[mode_index]),
+            frequency_deviation_hz=None
+            if deviation is None
+            else float(deviation.frequencies[mode_index]),
             t60_deviation_s=None if deviation is None else _t60_deviation(bell, mode_index),
         )
     for stroke in bell.strokes:
@@ -150,4 +152,4 @@ def _records(console: Console, bell: Bell) -> None:
 def _t60_deviation(bell: Bell, mode_index: int) -> float:
     """Standard deviation of T60 [s], from that of the decay."""
     assert bell.deviation is not None
-    return float(bell.deviation.d[mode_index] * bell.t60[mode_index] ** 2 / 6.907755278982137)
+    return float(bell.deviation.decays[mode_index] * bell.t60[mode_index] ** 2 / 6.907755278982137)

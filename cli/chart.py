@@ -82,7 +82,7 @@ def chart(
         SilentPieceError,
         measure,
         n_frames_to_compute,
-        planned,
+        planner_settings,
         settings,
     )
     from ergon.workshop.lab.draw_chart import draw
@@ -90,7 +90,7 @@ def chart(
     from ergon.workshop.lab.scene import Score
 
     chosen_methods = laboratory.words(methods, METHODS, "--methods")
-    planned_settings = planned(_error_db_max(error))
+    planned_settings = planner_settings(_error_db_max(error))
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     output_stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
@@ -144,7 +144,7 @@ def _report(console: Console, measured_chart: Chart) -> None:
         console.warn(doubt)
     if console.json:
         for point in measured_chart.points:
-            console.record("point", **chart_table.fields(point))
+            console.record("point", **chart_table.point_fields(point))
         console.record(
             "reference", metric=measured_chart.metric, **chart_table.reference(measured_chart)
         )

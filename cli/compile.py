@@ -41,9 +41,9 @@ def compile_score(
     output_form: Form = "json" if console.json else "csv"
     reach_by_key = {name: key.reach for name, key in piece.keys.items()}
     ergon_names = ErgonNames(
-        struck=stage.network.name_of,
-        source=lambda index: str(stage.ergon_places[index]),
-        reach=lambda struck: reach_by_key.get(struck.partition(".")[0], 1.0),
+        struck_name=stage.network.name_of,
+        source_name=lambda index: str(stage.ergon_places[index]),
+        lever_ratio=lambda struck: reach_by_key.get(struck.partition(".")[0], 1.0),
     )
     # Under --json the records of a progress bar would mix with the rows.
     progress_console = Console(quiet=console.quiet or console.json or output in (None, "-"))

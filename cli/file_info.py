@@ -315,7 +315,9 @@ def _gms(path: Path) -> Content:
     except NotIffError as error:
         raise Refused(f"{path}: {error}") from None
     figures_read = {
-        f"{chunk.depth}.{number} {chunk.name} {chunk.group}".rstrip(): plural(chunk.size, "byte")
+        f"{chunk.depth}.{number} {chunk.name} {chunk.group_type}".rstrip(): plural(
+            chunk.size, "byte"
+        )
         for number, chunk in enumerate(iff_chunks, 1)
     }
     unknown_reason = (

@@ -148,7 +148,7 @@ def _sound_fields(path: Path, wav: WaveInfo) -> dict[str, object]:
         "plan_sha256": wav.plan,
         "tracks": list(wav.tracks),
         "marks": [{"name": name, "frame": frame} for name, frame in wav.marks],
-        "passed_over": [name for name, _ in wav.others],
+        "passed_over": [name for name, _ in wav.unread_chunks],
     }
 
 
@@ -158,7 +158,7 @@ def _sound_text(path: Path, wav: WaveInfo, samples_digest: str) -> str:
     lines = [
         f"{path}: {seconds(wav.n_frames / wav.format.rate)} ({wav.n_frames:,} frames), "
         f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {bits_text}, "
-        f"{wav.container}, {octets(wav.offset + wav.size)}",
+        f"{wav.container}, {octets(wav.samples_offset + wav.samples_size)}",
     ]
     if wav.title:
         lines.append(f"title:   {wav.title}")
@@ -174,7 +174,7 @@ def _sound_text(path: Path, wav: WaveInfo, samples_digest: str) -> str:
         f"mark:    {name or 'without a name'}, {frame / wav.format.rate:.3f} s (frame {frame:,})"
         for name, frame in wav.marks
     ]
-    lines += [f"passed over: chunk {name}, {octets(size)}" for name, size in wav.others]
+    lines += [f"passed over: chunk {name}, {octets(size)}" for name, size in wav.unread_chunks]
     lines.append(f"samples: sha256 {samples_digest}")
     return "\n".join(map(printable, lines)) + "\n"
 

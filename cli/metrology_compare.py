@@ -56,16 +56,16 @@ def compare(console: Console, first_path: str, other: str) -> None:
     first_calibration, second_calibration = calibration(first_path), calibration(other)
     figure_differences = differences(first_calibration, second_calibration)
     chi_square, n_figures = chi_squared(first_calibration, second_calibration)
-    replay_rms = replay_difference(first_calibration.row, second_calibration.row)
+    replay_rms = replay_difference(first_calibration.parameters, second_calibration.parameters)
     if console.json:
         for difference in figure_differences:
             console.record(
                 "figure",
                 name=_figure_name(difference),
-                a=difference.first,
-                b=difference.second,
+                a=difference.first_value,
+                b=difference.second_value,
                 deviation=difference.deviation,
-                deviations=difference.deviations,
+                deviations=difference.deviation_ratio,
             )
         console.record(
             "compared", replay_difference_m=replay_rms, chi_squared=chi_square, figures=n_figures
@@ -80,11 +80,11 @@ def compare(console: Console, first_path: str, other: str) -> None:
 def _figure_name(difference: Difference) -> str:
     """The name of a figure; with both numbers of its mode if the files number it differently."""
     figure_name, second_name = difference.names
-    if figure_name == second_name or difference.second is None:
+    if figure_name == second_name or difference.second_value is None:
         return figure_name
     return (
         second_name
-        if difference.first is None
+        if difference.first_value is None
         else f"{figure_name.partition('.')[0]}/{second_name.removeprefix('mode')}"
     )
 
@@ -98,14 +98,16 @@ def _row(difference: Difference) -> str:
     label = f"{mode.replace('mode', 'mode ')} {parameter_name}" if parameter_name else figure_name
     a, b = (
         f"{'none':>12}" if figure is None else f"{figure * scale:12.5g}"
-        for figure in (difference.first, difference.second)
+        for figure in (difference.first_value, difference.second_value)
     )
     difference_text = (
         ""
-        if difference.first is None or difference.second is None
-        else f"{(difference.second - difference.first) * scale:.4g}"
+        if difference.first_value is None or difference.second_value is None
+        else f"{(difference.second_value - difference.first_value) * scale:.4g}"
     )
-    deviations_text = "" if difference.deviations is None else f"{difference.deviations:.3g}"
+    deviations_text = (
+        "" if difference.deviation_ratio is None else f"{difference.deviation_ratio:.3g}"
+    )
     return (
         f"{label + ' [' + figure_unit + ']':16}{a}{b}{difference_text:>14}"
         f"{deviations_text:>12}".rstrip()
@@ -118,9 +120,9 @@ def _print_judgement(
 ) -> None:
     """Say which figures differ, and the chi squared of all together."""
     deviations = [
-        (abs(difference.deviations), difference)
+        (abs(difference.deviation_ratio), difference)
         for difference in figure_differences
-        if difference.deviations is not None
+        if difference.deviation_ratio is not None
     ]
     deviating = sorted(
         (pair for pair in deviations if pair[0] > _DEVIATIONS_MAX), key=lambda pair: -pair[0]
@@ -128,7 +130,7 @@ def _print_judgement(
     without_deviation = [
         _figure_name(difference)
         for difference in figure_differences
-        if difference.first is None or difference.second is None
+        if difference.first_value is None or difference.second_value is None
     ]
     if deviating:
         deviating_text = ", ".join(
@@ -166,7 +168,7 @@ def log(console: Console, files: tuple[str, ...]) -> None:
             f"{'replay_rms [um]':>12}{'modes [Hz]':>16}   file\n"
         )
     for calibration_read, calibration_path in calibrations:
-        replay_rms = replay_difference(calibrations[0][0].row, calibration_read.row)
+        replay_rms = replay_difference(calibrations[0][0].parameters, calibration_read.parameters)
         figure_values = calibration_read.figures
         if console.json:
             console.record(

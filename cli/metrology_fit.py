@@ -209,11 +209,14 @@ def _print_stage(console: Console, stage: Stage, position_step: float | None) ->
 
 def _fitted_values(stage: Stage) -> dict[str, dict[str, float]]:
     """The fitted values and their standard deviations, in SI units."""
-    from ergon.workshop.metrology.parameters import name
+    from ergon.workshop.metrology.parameters import parameter_name
 
     fit = stage.fit
     return {
-        name(index): {"value": float(fit.parameters[index]), "deviation": fit.deviation(index)}
+        parameter_name(index): {
+            "value": float(fit.parameters[index]),
+            "deviation": fit.deviation(index),
+        }
         for index in fit.fitted_indices
     }
 

@@ -221,16 +221,18 @@ def _climb_ladder(console: Console, axis: Axis, seed: int) -> Ladder:
     def report_rung(rung: Rung) -> None:
         if console.json:
             console.record(
-                "rung", force_N=rung.force, excursion_m=rung.excursion, braked=rung.braked
+                "rung", force_N=rung.force, excursion_m=rung.excursion, braked=rung.is_braked
             )
 
     ladder = climb(axis, seed, report_rung)
-    forces_text = " ".join(f"{rung.force:.3g}{'!' if rung.braked else ''}" for rung in ladder.rungs)
+    forces_text = " ".join(
+        f"{rung.force:.3g}{'!' if rung.is_braked else ''}" for rung in ladder.rungs
+    )
     farthest_mm = max(rung.excursion for rung in ladder.rungs) * 1e3
     console.say(
         f"rungs: {forces_text} N, at most {farthest_mm:.2g} of "
         f"{ladder.guide.half_travel * 1e3:.3g} mm"
-        + (" (! was braked)" if any(rung.braked for rung in ladder.rungs) else "")
+        + (" (! was braked)" if any(rung.is_braked for rung in ladder.rungs) else "")
     )
     if ladder.axis.sign < 0:
         console.say(

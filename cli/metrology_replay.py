@@ -86,7 +86,7 @@ def replay(
         if is_take
         else _push_device(console, real, led_path, force_step=force_step, gated=not no_gate)
     )
-    motion_comparison = comparison.replay(key_calibration.row, measured_gesture)
+    motion_comparison = comparison.replay(key_calibration.parameters, measured_gesture)
     if not console.json:
         console.data(_plot_text(motion_comparison, width))
     _print_residuals(
@@ -136,10 +136,10 @@ def _push_device(
 def _plot_text(motion_comparison: Replay, picture_width: int | None) -> str:
     """Force, real and model motion, residual: one plot above the other, over the same time."""
     from ergon.view.braille import panels
-    from ergon.workshop.metrology.picture import rows
+    from ergon.workshop.metrology.picture import replay_panels
 
     columns = picture_width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    return panels(rows(motion_comparison), width=columns, heights=_PLOT_HEIGHTS)
+    return panels(replay_panels(motion_comparison), width=columns, heights=_PLOT_HEIGHTS)
 
 
 def _show(console: Console, motion_comparison: Replay, address: str | None) -> None:
@@ -167,7 +167,7 @@ def _print_residuals(
         console.data(
             f"\n{'s':>5}{'real':>12}{'residual':>14}{step_head}{'at most':>12}{step_head}\n"
         )
-    seconds = motion_comparison.t.astype(int)
+    seconds = motion_comparison.instants.astype(int)
     measured_position = motion_comparison.gesture.position[motion_comparison.gesture.is_compared]
     for second in np.unique(seconds):
         is_in_second = seconds == second

@@ -62,17 +62,17 @@ def _print_contacts(
                 name=closings.contact.name,
                 striker=closings.contact.a.name,
                 struck=closings.contact.b.name,
-                closed=closings.times,
-                first_s=None if closings.first is None else closings.first / rate,
-                deepest_m=closings.deepest,
+                closed=closings.n_closings,
+                first_s=None if closings.first_frame is None else closings.first_frame / rate,
+                deepest_m=closings.depth_max,
             )
-        elif closings.first is not None:
-            first_contact = score.where(piece, closings.first / rate)
+        elif closings.first_frame is not None:
+            first_contact = score.where(piece, closings.first_frame / rate)
             console.data(
                 f"{closings.contact.name} ({contact_names}): closed "
-                f"{plural(closings.times, 'time')}, first "
+                f"{plural(closings.n_closings, 'time')}, first "
                 "at "
-                f"{first_contact}, {metres(closings.deepest)} deep at most\n"
+                f"{first_contact}, {metres(closings.depth_max)} deep at most\n"
             )
 
 

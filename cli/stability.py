@@ -9,7 +9,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.workshop.lab.names import CUTS, ENERGY_MAPS, MAPS, METHODS, PLAN, SLOW
+from ergon.workshop.lab.names import ENERGY_MAPS, MAPS, METHODS, PLAN, SLOW, SLOW_MAPS
 
 from . import laboratory, options
 from .bundled import ScorePath
@@ -27,7 +27,7 @@ _METHOD_HELP = (
     "planner chooses by ear."
 )
 _MAPS_HELP = (
-    f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.join(CUTS)}, with "
+    f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.join(SLOW_MAPS)}, with "
     f"--metric energy of {','.join(ENERGY_MAPS)}."
 )
 

@@ -59,14 +59,14 @@ def _record_rendered(console: Console, completed: Completed, speed: float) -> No
         sha256=mix.sha256,
         modules=network.n_mat + network.n_lia,
         threads=job.threads,
-        recalled=render_files.recalled,
+        recalled=render_files.recalled_share,
     )
     for instrument in render_files.instruments:
         peak, loudness = decibels(instrument.peak), instrument.loudness
         console.record("instrument", name=instrument.name, peak_dbfs=peak, loudness_lufs=loudness)
-    if job.film is not None:
-        duration = job.film.stop / job.format.rate
-        console.record("motion", file=str(job.film.path), duration_s=duration)
+    if job.motion is not None:
+        duration = job.motion.last_sample_frame / job.format.rate
+        console.record("motion", file=str(job.motion.path), duration_s=duration)
     for stem in render_files.stems:
         console.record(
             "stem",
@@ -86,7 +86,9 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
     peak = decibels(mix.peak)
     channels_text = plural(job.format.n_channels, "channel")
     gain_text = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_levelled else ""
-    recalled_text = f" ({render_files.recalled:.0%} recalled)" if render_files.recalled > 0 else ""
+    recalled_text = (
+        f" ({render_files.recalled_share:.0%} recalled)" if render_files.recalled_share > 0 else ""
+    )
     loudness_text = loudness_of(mix.loudness, mix.peak, duration)
     shown_hash = mix.sha256 if console.verbose else mix.sha256[:_HASH_DIGITS_SHOWN]
     console.say(
@@ -108,8 +110,9 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
             f"{loudest.name} is {loudness_above:.0f} dB louder than every other instrument; "
             "lower the gain of its route, or raise the others'"
         )
-    if job.film is not None:
-        console.say(f"{job.film.path}: what moves, {seconds(job.film.stop / job.format.rate)}")
+    if job.motion is not None:
+        motion_length = seconds(job.motion.last_sample_frame / job.format.rate)
+        console.say(f"{job.motion.path}: what moves, {motion_length}")
     for stem in render_files.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
 

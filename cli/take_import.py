@@ -71,7 +71,7 @@ def import_take(
     the samples are those of the spline that a score would play. A score can play such files as they
     are, too.
     """
-    from ergon.exchange.recording import NotRecordingError, recorded
+    from ergon.exchange.recording import NotRecordingError, recording_of_movements
     from ergon.scores.gesture.take_file import TakeError
     from ergon.scores.gesture.takes import read
 
@@ -94,7 +94,7 @@ def import_take(
             if samples.damage is not None:
                 console.warn(f"{file}: {samples.damage}")
             samples_by_name[channel_name or path.stem] = samples.t, samples.x
-        take = recorded(
+        take = recording_of_movements(
             samples_by_name,
             rate=audio_rate,
             frames=frames or max(1, round(audio_rate / 1000)),

@@ -57,7 +57,7 @@ def dynamics(frames: NDArray[np.float64], rate: float, tail: float) -> Dynamics:
     blocks.take(frames)
     peak = _core.TruePeak(frames.shape[1])
     peak.process(np.ascontiguousarray(frames))
-    passages = short_term(np.array(blocks.blocks))
+    passages = short_term(np.array(blocks.block_levels))
     played = passages[: max(1, len(passages) - round(tail / _STEP_S))]
     played = played[played > _AUDIBLE]
     return Dynamics(

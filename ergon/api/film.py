@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon._core import LookRun, MotionLook, MotionRecorder, Simulation, Window
-    from ergon.rendering.filmed import Film
+    from ergon.rendering.filmed import MotionRecording
     from ergon.rendering.job import RenderJob
     from ergon.scores.staging.stage import Stage
 
@@ -33,9 +33,9 @@ _LOOSE_ROW_LENGTH = 0.6  # width of the row in which unplaced points are drawn, 
 _LAYOUTS = {"BANK": "bank", "MODES": "bank", "STRING": "string", "PLATE": "plate"}
 
 
-def film(stage: Stage, job: RenderJob) -> Film:
+def film(stage: Stage, job: RenderJob) -> MotionRecording:
     """The motion file that is written beside the sound of `job`. Raises OptionError."""
-    from ergon.rendering.filmed import Film
+    from ergon.rendering.filmed import MotionRecording
 
     if job.target == "-":
         raise OptionError(
@@ -44,10 +44,12 @@ def film(stage: Stage, job: RenderJob) -> Film:
         )
     stop_frame = min(job.stop, stage.n_analysed_frames) if job.has_open_end else job.stop
 
-    def begin_recorder(simulation: Simulation) -> MotionRecorder:
+    def start_recorder(simulation: Simulation) -> MotionRecorder:
         return recorder(stage, simulation, stop_frame / stage.rate)
 
-    return Film(Path(job.target).with_suffix(SUFFIX), stop_frame, stage.n_channels, begin_recorder)
+    return MotionRecording(
+        Path(job.target).with_suffix(SUFFIX), stop_frame, stage.n_channels, start_recorder
+    )
 
 
 def recorder(stage: Stage, simulation: Simulation, duration: float | None) -> MotionRecorder:

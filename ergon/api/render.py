@@ -190,7 +190,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     if file_options.motion:
         from .film import film
 
-        job = replace(job, film=film(staged_score.stage, job))
+        job = replace(job, motion=film(staged_score.stage, job))
     return PreparedRender(loaded, staged_score.stage, job, staged_score.plan_s, options)
 
 
@@ -296,7 +296,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         ),
         stems=None if file_options.stems is None else Path(file_options.stems),
         splits_stems=file_options.wet,
-        block=options.block,
+        block_frames=options.block,
         threads=options.threads,
         force=file_options.force,
         fades_from=stage.fade_start,

@@ -88,7 +88,7 @@ def render_journal(
             plan.hash if plan else "",
             chunks_of_layout(piece.mix.layout, replayed_session.n_channels, piece.title),
         ),
-        block=options.block,
+        block_frames=options.block,
         threads=options.threads,
         force=options.force,
         inputs=(

@@ -52,10 +52,10 @@ def check_estimate(prepared: PreparedRender, path: Path, limit_mb: float) -> Non
 
     The size is estimated from its length, its channels and the points that move.
     """
-    film, rate = prepared.job.film, prepared.stage.rate
+    film, rate = prepared.job.motion, prepared.stage.rate
     if film is None:
         return
-    duration = film.stop / rate
+    duration = film.last_sample_frame / rate
     motion_bytes = duration * _motion_bytes_per_second(prepared.stage)
     sound_bytes = duration * rate * min(film.n_channels, EARS) * 2 * _FLAC_RATIO
     n_bytes = _BASE64_RATIO * (motion_bytes + sound_bytes)

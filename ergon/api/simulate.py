@@ -71,15 +71,15 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
 def never_stuck_warnings(simulated: Simulated) -> list[Diagnostic]:
     """W323 for each bow that slipped and did not stick again."""
     warnings = []
-    stuck_names = {bow.rubbing.full_name for bow in simulated.bows if bow.has_stuck}
+    stuck_names = {bow.friction_link.full_name for bow in simulated.bows if bow.has_stuck}
     for bow in simulated.bows:
-        rubbing = bow.rubbing
+        rubbing = bow.friction_link
         if rubbing.full_name in stuck_names or not bow.has_slipped:
             continue
         message = (
             f"bow {quote(rubbing.name)} never sticks: once it has slipped, the speed of "
-            f"{rubbing.b.name} against {rubbing.a.name} does not stay between {bow.low:.3g} and "
-            f"{bow.high:.3g} m/s for half a millisecond"
+            f"{rubbing.b.name} against {rubbing.a.name} does not stay between "
+            f"{bow.low_speed:.3g} and {bow.high_speed:.3g} m/s for half a millisecond"
         )
         help = "press harder, bow more slowly, or rub where the string gives way more"
         warnings.append(Diagnostic("W323", message, rubbing.module.place, None, help))
@@ -101,30 +101,30 @@ def never_closed_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic
     closed_names = {
         shared_name(closing.contact.full_name, families)
         for closing in simulated.contacts
-        if closing.times
+        if closing.n_closings
     }
     nearest_by_contact: dict[str, ContactClosings] = {}
     for closing in simulated.contacts:
         nearest_before = nearest_by_contact.get(closing.contact.full_name)
-        if nearest_before is None or closing.deepest > nearest_before.deepest:
+        if nearest_before is None or closing.depth_max > nearest_before.depth_max:
             nearest_by_contact[closing.contact.full_name] = closing
     warnings = []
     for closing in nearest_by_contact.values():
         if shared_name(closing.contact.full_name, families) in closed_names:
             continue
         contact = closing.contact
-        position_text = scores.where(piece, closing.deepest_at / simulated.rate)
+        position_text = scores.where(piece, closing.deepest_frame / simulated.rate)
         message = (
             f"contact {quote(contact.full_name)} never closes: {contact.a.name} comes within "
-            f"{-1e3 * closing.deepest:.3g} mm of touching {contact.b.name}, at {position_text}"
+            f"{-1e3 * closing.depth_max:.3g} mm of touching {contact.b.name}, at {position_text}"
         )
         help = "make the gap smaller by more than that, or the movement larger"
-        if closing.deepest_swapped > 0.0:
+        if closing.swapped_depth_max > 0.0:
             part = contact.full_name.rpartition(".")[0]
             end_names = (end.name.removeprefix(f"{part}.") for end in (contact.b, contact.a))
             help = (
                 f"its ends may be swapped: as `between: [{', '.join(end_names)}]` it closes, "
-                f"{1e3 * closing.deepest_swapped:.3g} mm deep in this motion; or {help}"
+                f"{1e3 * closing.swapped_depth_max:.3g} mm deep in this motion; or {help}"
             )
         warnings.append(Diagnostic("W320", message, contact.module.place, None, help))
     return warnings

@@ -58,7 +58,7 @@ def closed_once_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]
         simulated.contacts, lambda contact_point: contact_point.contact.full_name
     ):
         point_list = list(contact_points)
-        if any(contact_point.first is not None for contact_point in point_list):
+        if any(contact_point.first_frame is not None for contact_point in point_list):
             contact_diagnostic = _contact_warning(piece, simulated, point_list, kinds)
             warnings.setdefault(shared_name(full_name, families), []).append(contact_diagnostic)
     return [
@@ -73,8 +73,10 @@ def _contact_warning(
 ) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = contact_points[0].contact
-    first_closed = min(point.first for point in contact_points if point.first is not None)
-    last_closed = max(point.last for point in contact_points if point.last is not None)
+    first_closed = min(
+        point.first_frame for point in contact_points if point.first_frame is not None
+    )
+    last_closed = max(point.last_frame for point in contact_points if point.last_frame is not None)
     if any(point.is_closed for point in contact_points):
         return None
     for player in _contact_players(piece, simulated, contact.module, kinds):

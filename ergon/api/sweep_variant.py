@@ -69,7 +69,7 @@ def compute_on_worker(
 def _computed_variant(
     path: str, render_options: RenderOptions, file_name: str
 ) -> tuple[Figures, bytes]:
-    from ergon.rendering.measures import measures
+    from ergon.rendering.measures import measure_sound
     from ergon.rendering.render import render_array
 
     loaded = scores.read(path, render_options)
@@ -80,7 +80,7 @@ def _computed_variant(
     with scores.computing(stage, loaded, Report()):
         mix_frames, outcome, _ = render_array(stage, job, lambda _: None)
     cpu_seconds, wall_seconds = time.process_time() - start_cpu, time.perf_counter() - start_time
-    sound_measures = measures(mix_frames, stage.rate)
+    sound_measures = measure_sound(mix_frames, stage.rate)
     plan_rows = stage.plan.rows() if stage.plan is not None else []
     errors = [row.error_db for row in plan_rows if row.error_db is not None]
     audible_differences = [row.audible for row in plan_rows if row.audible is not None]

@@ -41,22 +41,22 @@ _ARCHIVE = "unpack it, and name the file that is meant"
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """A form of files: its name, what to do, endings of names, and how such a file begins.
+    """A form of files: its name, advice to the user, endings of names, and how such a file begins.
 
-    `anywhere`: the bytes may stand anywhere in the head.
+    `inner_pattern`: the bytes may stand anywhere in the head.
     """
 
     name: str
     advice: str
     endings: tuple[str, ...] = ()
-    begins: bytes | None = None
-    anywhere: bytes | None = None
+    start_pattern: bytes | None = None
+    inner_pattern: bytes | None = None
 
-    def holds(self, head: bytes) -> bool:
+    def matches(self, head: bytes) -> bool:
         """Whether a file that begins so has this form."""
-        if self.begins is not None and re.match(self.begins, head, re.DOTALL):
+        if self.start_pattern is not None and re.match(self.start_pattern, head, re.DOTALL):
             return True
-        return self.anywhere is not None and re.search(self.anywhere, head) is not None
+        return self.inner_pattern is not None and re.search(self.inner_pattern, head) is not None
 
 
 # Bytes count before endings, and the first form before the next.
@@ -86,7 +86,7 @@ _KINDS = (
     _Kind("a patch of Max", _MAX_PATCH, (".maxpat", ".maxhelp", ".gendsp", ".genexpr", ".mxt"),
           rb'\s*\{\s*"patcher"\s*:|max v2;'),
     _Kind("a program of Csound", _PATCH, (".csd", ".orc", ".sco", ".udo"),
-          anywhere=rb"<CsoundSynthesizer>"),
+          inner_pattern=rb"<CsoundSynthesizer>"),
     _Kind("a program of SuperCollider", _PATCH, (".scd", ".sc")),
     _Kind("a definition of a synth of SuperCollider", _PATCH, (".scsyndef",), rb"SCgf"),
     _Kind("a program of ChucK", _PATCH, (".ck",)),
@@ -101,8 +101,8 @@ _KINDS = (
     _Kind("a score of LilyPond", _NOTES, (".ly", ".ily"), rb'\s*\\version\s+"'),
     _Kind("a tune in ABC", _NOTES, (".abc",), rb"(?:%[^\n]*\n)*X:\s*\d+\s*\n"),
     _Kind("a score in Humdrum", _NOTES, (".krn",), rb"(?:!!![^\n]*\n)*\*\*kern"),
-    _Kind("a score of MEI", _NOTES, (".mei",), anywhere=rb"<mei[\s>]"),
-    _Kind("a score of MuseScore", _NOTES, (".mscz", ".mscx"), anywhere=rb"<museScore[\s>]"),
+    _Kind("a score of MEI", _NOTES, (".mei",), inner_pattern=rb"<mei[\s>]"),
+    _Kind("a score of MuseScore", _NOTES, (".mscz", ".mscx"), inner_pattern=rb"<museScore[\s>]"),
     _Kind("a score of Sibelius", _NOTES, (".sib",), rb"\x0fSIBELIUS"),
     _Kind("a score of Finale", _NOTES, (".musx", ".mus"), rb"ENIGMA BINARY FILE"),
     _Kind("a score of Dorico", _NOTES, (".dorico",)),
@@ -119,10 +119,10 @@ _KINDS = (
     _Kind("a project of FL Studio", _SESSION, (".flp",), rb"FLhd"),
     _Kind("a project of Cubase", _SESSION, (".cpr",)),
     _Kind("a project of Bitwig Studio", _SESSION, (".bwproject",), rb"BtWg"),
-    _Kind("a session of Ardour", _SESSION, (".ardour",), anywhere=rb"<Session [^>]*version="),
+    _Kind("a session of Ardour", _SESSION, (".ardour",), inner_pattern=rb"<Session [^>]*version="),
     _Kind("a session of Pro Tools", _SESSION, (".ptx", ".pts")),
-    _Kind("a project of Audacity", _SESSION, (".aup", ".aup3"), anywhere=rb"<audacityproject"),
-    _Kind("a project of LMMS", _SESSION, (".mmp", ".mmpz"), anywhere=rb"<lmms-project"),
+    _Kind("a project of Audacity", _SESSION, (".aup", ".aup3"), inner_pattern=rb"<audacityproject"),
+    _Kind("a project of LMMS", _SESSION, (".mmp", ".mmpz"), inner_pattern=rb"<lmms-project"),
     # Samplers.
     _Kind("a SoundFont", _SAMPLES, (".sf2", ".sf3"), rb"RIFF.{4}sfbk"),
     _Kind("a map of samples (SFZ)", _SAMPLES, (".sfz",)),
@@ -133,7 +133,7 @@ _KINDS = (
     _Kind("a shape in STL", _SHAPE, (".stl",), rb"solid [^\n]*\n\s*facet\s"),
     _Kind("a scene in FBX", _SHAPE, (".fbx",), rb"Kaydara FBX"),
     _Kind("a scene of Blender", _SHAPE, (".blend",), rb"BLENDER"),
-    _Kind("a scene in COLLADA", _SHAPE, (".dae",), anywhere=rb"<COLLADA[\s>]"),
+    _Kind("a scene in COLLADA", _SHAPE, (".dae",), inner_pattern=rb"<COLLADA[\s>]"),
     _Kind("a scene in USD", _SHAPE, (".usd", ".usda", ".usdc", ".usdz"), rb"PXR-USDC|#usda "),
     _Kind("a shape in 3MF", _SHAPE, (".3mf",)),
     _Kind("a shape in OFF", _SHAPE, (".off",), rb"OFF\s"),
@@ -180,7 +180,7 @@ def foreign_form(head: bytes, path: PurePath | None = None) -> str | None:
 def _kinds(head: bytes, path: PurePath | None) -> Iterator[_Kind]:
     """Kinds of a file, the surest first: its ending where that is of a container of several."""
     by_ending = None if path is None else _BY_ENDING.get(path.suffix.lower())
-    by_bytes = next((kind for kind in _KINDS if kind.holds(head)), None)
+    by_bytes = next((kind for kind in _KINDS if kind.matches(head)), None)
     if by_ending is not None and (by_bytes is None or by_bytes.name in _CONTAINERS):
         yield by_ending
     if by_bytes is not None:

@@ -64,10 +64,10 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """
     runtime = environment.get("XDG_RUNTIME_DIR", "")
     # The XDG specification says to ignore relative paths.
-    is_there = Path(runtime).is_absolute() and Path(runtime).is_dir()
+    has_runtime_folder = Path(runtime).is_absolute() and Path(runtime).is_dir()
     user = os.geteuid() if hasattr(os, "geteuid") else os.getlogin()
-    in_temporary = Path(tempfile.gettempdir()) / f"ergon-{user}"
-    folder = Path(runtime) / "ergon" if is_there else in_temporary
+    temporary_folder = Path(tempfile.gettempdir()) / f"ergon-{user}"
+    folder = Path(runtime) / "ergon" if has_runtime_folder else temporary_folder
     if not os.path.lexists(folder):
         make_private_folder(folder)
     status = folder.lstat()

@@ -12,7 +12,7 @@ _HEAD_BYTES = 16  # enough to recognise a format
 
 WAVE, FLAC = ".wav", ".flac"
 SUFFIXES = (WAVE, FLAC)  # of files that are written
-_READ = (*SUFFIXES, ".wave", ".rf64", ".bwf", ".aif", ".aiff", ".aifc")
+_READ_SUFFIXES = (*SUFFIXES, ".wave", ".rf64", ".bwf", ".aif", ".aiff", ".aifc")
 # First bytes of the formats of sound that are read.
 _KINDS = (
     (re.compile(rb"(?:RIFF|RIFX|RF64|BW64).{4}WAVE", re.DOTALL), "wave"),
@@ -28,7 +28,7 @@ def kind_of(head: bytes) -> str | None:
 
 def is_sound(path: Path) -> bool:
     """Whether a file is read as sound: by the ending of its name, or by its first bytes."""
-    if path.suffix.lower() in _READ:
+    if path.suffix.lower() in _READ_SUFFIXES:
         return True
     try:
         return kind_of(first_bytes(path)) is not None

@@ -64,7 +64,7 @@ def _parsed(format: str, loads: Callable[[str], Any], text: str | bytes) -> Any:
     except RecursionError:
         failure_reason = "it is nested too deeply"
     except ValueError as error:
-        # `int` raises the plain one; those of the readers have a place in the text.
-        is_int = type(error) is ValueError
-        failure_reason = "it has a number of too many digits" if is_int else str(error)
+        # `_int` raises ValueError itself; the errors of the readers have a place in the text.
+        is_digit_limit = type(error) is ValueError
+        failure_reason = "it has a number of too many digits" if is_digit_limit else str(error)
     raise MalformedTextError(f"this is not {format} that can be read: {failure_reason}")

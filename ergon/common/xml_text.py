@@ -10,13 +10,13 @@ from ergon.common.errors import ErgonError
 
 BYTES_MAX = 4 << 20  # bytes
 ELEMENTS_MAX = 100_000
-_TYPE = re.compile(rb"<!DOCTYPE[^\[\]<>]*>")  # a DOCTYPE without definitions of its own
-_DEFINES = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
+_DOCTYPE_PATTERN = re.compile(rb"<!DOCTYPE[^\[\]<>]*>")  # a DOCTYPE without definitions of its own
+_DEFINITION_PATTERN = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 # Encodings by the first bytes of a document, with a mark of the order of bytes or without.
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb": "utf-8-sig"}
 _MARKS |= {b"<\0": "utf-16-le", b"\0<": "utf-16-be"}
 # Some programs declare UTF-16 in UTF-8 files; the declaration is dropped.
-_SAYS_WIDE = re.compile(rb"<\?xml[^>]*encoding=[\"']utf-?16[^>]*\?>", re.IGNORECASE)
+_WIDE_DECLARATION_PATTERN = re.compile(rb"<\?xml[^>]*encoding=[\"']utf-?16[^>]*\?>", re.IGNORECASE)
 
 
 class XmlError(ErgonError, ValueError):
@@ -42,8 +42,8 @@ def parse_xml(
     if b"\0" in xml_bytes.rstrip(b"\0"):
         raise XmlError("the XML is neither in UTF-8 nor in UTF-16")
     if has_type:
-        xml_bytes = _TYPE.sub(b"", xml_bytes, count=1)
-    if _DEFINES.search(xml_bytes):
+        xml_bytes = _DOCTYPE_PATTERN.sub(b"", xml_bytes, count=1)
+    if _DEFINITION_PATTERN.search(xml_bytes):
         raise XmlError("the XML has a document type, which is not read")
     parser: Any = ElementTree.XMLPullParser(("end",))
     try:
@@ -71,8 +71,8 @@ def narrow(xml_bytes: bytes) -> bytes:
     """
     encoding = _MARKS.get(xml_bytes[:2])
     if encoding is None:
-        says_wide = _SAYS_WIDE.match(xml_bytes)
-        return xml_bytes[says_wide.end() :] if says_wide else xml_bytes
+        wide_declaration = _WIDE_DECLARATION_PATTERN.match(xml_bytes)
+        return xml_bytes[wide_declaration.end() :] if wide_declaration else xml_bytes
     try:
         xml_text = xml_bytes.decode(encoding)
     except UnicodeDecodeError:

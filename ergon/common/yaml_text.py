@@ -22,8 +22,8 @@ class _Loader(yaml.BaseLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [str(key.value) for key, _ in node.value]
         if len(set(keys)) < len(keys):
-            twice = next(key for key in keys if keys.count(key) > 1)
-            raise YamlError(f"a table of it has {printable(twice[:40])!r} twice")
+            repeated_key = next(key for key in keys if keys.count(key) > 1)
+            raise YamlError(f"a table of it has {printable(repeated_key[:40])!r} twice")
         return super().construct_mapping(node, deep)
 
 

@@ -132,10 +132,12 @@ def _axml_content(layout: ChannelLayout, piece_title: str) -> str:
 
 def _block_format(layout: ChannelLayout, speaker_index: int, distance_max: float) -> list[str]:
     if layout.order is not None:
-        n = next(n for n in range(speaker_index + 1) if speaker_index < (n + 1) ** 2)
-        degree = speaker_index - n * n - n
+        order = next(
+            order for order in range(speaker_index + 1) if speaker_index < (order + 1) ** 2
+        )
+        degree = speaker_index - order * order - order
         return [
-            f"<order>{n}</order><degree>{degree}</degree>",
+            f"<order>{order}</order><degree>{degree}</degree>",
             "<normalization>SN3D</normalization>",
         ]
     azimuth, elevation, distance = layout.speakers[speaker_index]
@@ -156,20 +158,23 @@ def read(info: WaveInfo) -> ChannelLayout | None:
         return _speakers_of_mask(info)
     tracks = _track_formats(info.chna, info.format.n_channels)
     root = parse_xml(info.axml) if info.axml else ElementTree.Element("none")
-    formats = {
+    format_by_id = {
         channel_format.get("audioChannelFormatID"): channel_format
         for channel_format in root.iter("audioChannelFormat")
     }
     # AT_yyyyxxxx_zz is the track of AC_yyyyxxxx (BS.2076, 6); a file may also name the AC directly.
-    format_names = [f"AC_{track[3:11]}" for track in tracks]
-    channel_formats = [formats[name] for name in format_names if name in formats]
-    labels = {i: common_label(n) for i, n in enumerate(format_names) if n not in formats}
-    if not format_names or None in labels.values():
+    format_ids = [f"AC_{track[3:11]}" for track in tracks]
+    channel_formats = [format_by_id[name] for name in format_ids if name in format_by_id]
+    label_by_channel = {
+        i: common_label(n) for i, n in enumerate(format_ids) if n not in format_by_id
+    }
+    if not format_ids or None in label_by_channel.values():
         return None
-    if labels:
+    if label_by_channel:
         channel_elements = iter(channel_formats)
         return _speakers_of_channels(
-            [labels.get(i) or next(channel_elements) for i in range(len(format_names))], root
+            [label_by_channel.get(i) or next(channel_elements) for i in range(len(format_ids))],
+            root,
         )
     channel_kinds = {
         channel_format.get("typeDefinition") or channel_format.get("typeLabel")
@@ -186,15 +191,15 @@ def _track_formats(file_bytes: bytes, n_channels: int) -> list[str]:
     """The format that each channel plays (AT_… or AC_…), the first of several; empty if the rows do
     not name exactly the channels of the file.
     """
-    names_by_channel: dict[int, str] = {}
-    for offset in range(4, len(file_bytes) - _UID_FORMAT.size + 1, _UID_FORMAT.size):
-        index, _, name, _ = _UID_FORMAT.unpack_from(file_bytes, offset)
+    format_by_channel: dict[int, str] = {}
+    for row_start in range(4, len(file_bytes) - _UID_FORMAT.size + 1, _UID_FORMAT.size):
+        index, _, format_id, _ = _UID_FORMAT.unpack_from(file_bytes, row_start)
         if index:
-            names_by_channel.setdefault(index, name.rstrip(b"\0").decode("ascii", "replace"))
+            format_by_channel.setdefault(index, format_id.rstrip(b"\0").decode("ascii", "replace"))
     track_numbers = range(1, min(n_channels, _CHANNELS_MAX) + 1)
     return (
-        [names_by_channel[i] for i in track_numbers]
-        if set(names_by_channel) == set(track_numbers)
+        [format_by_channel[i] for i in track_numbers]
+        if set(format_by_channel) == set(track_numbers)
         else []
     )
 
@@ -208,15 +213,15 @@ def _ambisonics_of_channels(channels: Sequence[ElementTree.Element]) -> ChannelL
             or (block_format.findtext("normalization") or "SN3D").strip() != "SN3D"
         ):
             return None
-        n, m = (
+        order, degree = (
             _finite_number(block_format.findtext("order")),
             _finite_number(block_format.findtext("degree")),
         )
-        acn_numbers.append(n * n + n + m)
-    field_order = next((n for n in range(8) if (n + 1) ** 2 == len(acn_numbers)), None)
+        acn_numbers.append(order * order + order + degree)
+    layout_order = next((order for order in range(8) if (order + 1) ** 2 == len(acn_numbers)), None)
     return (
-        ChannelLayout(order=field_order)
-        if field_order is not None and acn_numbers == [*range(len(acn_numbers))]
+        ChannelLayout(order=layout_order)
+        if layout_order is not None and acn_numbers == [*range(len(acn_numbers))]
         else None
     )
 
@@ -265,20 +270,22 @@ def _speakers_of_channels(
 def _is_effects(channel_element: ElementTree.Element) -> bool:
     """Whether a channel is for low-frequency effects: by its labels, or by its lowpass."""
     frequencies = channel_element.findall("frequency")
-    bounds = (
+    lowpass_texts = (
         frequency.text for frequency in frequencies if frequency.get("typeDefinition") == "lowPass"
     )
     labels = [
         label.text or "" for label in channel_element.findall("audioBlockFormat/speakerLabel")
     ]
-    return any(map(is_effects, labels)) or any(_finite_number(hz) <= _EFFECTS_HZ for hz in bounds)
+    return any(map(is_effects, labels)) or any(
+        _finite_number(hz) <= _EFFECTS_HZ for hz in lowpass_texts
+    )
 
 
 def _speakers_of_mask(info: WaveInfo) -> ChannelLayout | None:
     """The channels that the mask of the format names. Two are not read so: nearly every program
     writes that mask, whatever the channels are.
     """
-    labels = masked_labels(info.mask)
+    labels = masked_labels(info.speaker_mask)
     if len(labels) != info.format.n_channels or len(labels) < 3:
         return None
     return _speakers_of_channels(labels, ElementTree.Element("none"))

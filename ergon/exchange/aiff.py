@@ -76,15 +76,15 @@ def _sample_blocks(path: Path) -> Iterator[bytes]:
 
     with open_regular(path) as open_file:
         info, byte_order = _parse(open_file)
-        sample_bytes = BYTES_BY_FORM[info.format.bits]
-        frame_size = info.format.frame_bytes
-        open_file.seek(info.offset)
-        bytes_left = info.size
+        bytes_per_sample = BYTES_BY_FORM[info.format.bits]
+        frame_bytes = info.format.frame_bytes
+        open_file.seek(info.samples_offset)
+        bytes_left = info.samples_size
         while bytes_left:
-            n_bytes = min(bytes_left, max(1, _BLOCK_BYTES // frame_size) * frame_size)
+            n_bytes = min(bytes_left, max(1, _BLOCK_BYTES // frame_bytes) * frame_bytes)
             octets = np.frombuffer(read_exactly(open_file, n_bytes, _CUT_SAMPLES_MESSAGE), np.uint8)
             if byte_order == _BIG_ENDIAN:
-                octets = octets.reshape(-1, sample_bytes)[:, ::-1]
+                octets = octets.reshape(-1, bytes_per_sample)[:, ::-1]
             if info.format.bits == 8 and byte_order != "unsigned":
                 octets = octets ^ np.uint8(0x80)  # WAVE counts 8 bits from 0
             yield octets.tobytes()
@@ -101,11 +101,11 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     ):
         raise NotWaveError("this is not an AIFF file")
     is_compressed = header_bytes[8:] == b"AIFC"
-    end_offset = open_file.seek(0, 2)
+    file_end = open_file.seek(0, 2)
     open_file.seek(12)
     format: WaveFormat | None = None
     byte_order, stated_frames, stated_title = _BIG_ENDIAN, 0, ""
-    sound_place, stop_offset = None, end_offset
+    samples_offset, samples_stop = None, file_end
     named_marks: list[tuple[str, int]] = []
     other_chunks: list[tuple[str, int]] = []
     while len(chunk := open_file.read(8)) == 8:
@@ -113,20 +113,18 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         start_offset = open_file.tell()
         if (
             format is not None
-            and sound_place is not None
-            and (chunk_size > end_offset - start_offset or not chunk_name.isascii())
+            and samples_offset is not None
+            and (chunk_size > file_end - start_offset or not chunk_name.isascii())
         ):
             break  # the bytes after the samples are no chunk
         if chunk_name == b"COMM":
             content = read_exactly(open_file, min(chunk_size, 1024), _CUT_HEADER_MESSAGE)
             format, byte_order, stated_frames = _parse_comm(content, is_compressed=is_compressed)
-        elif chunk_name == b"SSND" and sound_place is None:
+        elif chunk_name == b"SSND" and samples_offset is None:
             offset, _ = struct.unpack(">II", read_exactly(open_file, 8, _CUT_HEADER_MESSAGE))
-            sound_place = start_offset + 8 + offset
-            stop_offset = (
-                start_offset + chunk_size
-                if 8 < chunk_size <= end_offset - start_offset
-                else end_offset
+            samples_offset = start_offset + 8 + offset
+            samples_stop = (
+                start_offset + chunk_size if 8 < chunk_size <= file_end - start_offset else file_end
             )
         elif chunk_name == b"NAME" and chunk_size <= _TEXT_BYTES_MAX:
             stated_title = (
@@ -139,20 +137,20 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         elif chunk_name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
             other_chunks.append((chunk_name.decode("latin-1"), chunk_size))
         open_file.seek(start_offset + chunk_size + chunk_size % 2)
-    if format is None or (sound_place is None and stated_frames):
+    if format is None or (samples_offset is None and stated_frames):
         raise NotWaveError("this AIFF file holds no samples")
-    sound_place = end_offset if sound_place is None else sound_place
+    samples_offset = file_end if samples_offset is None else samples_offset
     frame_bytes = format.frame_bytes
-    n_frames = min(stated_frames, max(0, stop_offset - sound_place) // frame_bytes)
+    n_frames = min(stated_frames, max(0, samples_stop - samples_offset) // frame_bytes)
     info = WaveInfo(
         "AIFC" if is_compressed else "AIFF",
         format,
         n_frames,
-        sound_place,
+        samples_offset,
         n_frames * frame_bytes,
         description=stated_title,
-        missing=(stated_frames - n_frames) * frame_bytes,
-        others=tuple(other_chunks),
+        missing_bytes=(stated_frames - n_frames) * frame_bytes,
+        unread_chunks=tuple(other_chunks),
         marks=tuple(named_marks),
     )
     return info, byte_order

@@ -30,14 +30,15 @@ PLANS_FOLDER = "plans"  # a few megabytes at most, where rendered sound takes gi
 class CacheFolder:
     """Files by a key, in a folder that need not exist; `suffix` ends their names.
 
-    `n_files` and `n_bytes` bound all files together, `n_bytes_one` bounds each of them.
+    `n_files_max` and `n_bytes_max` bound all files together, `n_bytes_max_of_file` bounds each of
+    them.
     """
 
     path: Path
     suffix: str
-    n_files: int
-    n_bytes: int
-    n_bytes_one: int
+    n_files_max: int
+    n_bytes_max: int
+    n_bytes_max_of_file: int
 
     def read(self, key: str) -> memoryview | None:
         """The content that was kept under a key (64 hex digits)."""
@@ -46,7 +47,7 @@ class CacheFolder:
             # What others may change, or have left there, is not ours.
             if not (is_own_alone(self.path.stat()) and is_own_alone(path.stat())):
                 return None
-            stored_bytes = _regular_file_bytes(path, self.n_bytes_one)
+            stored_bytes = _regular_file_bytes(path, self.n_bytes_max_of_file)
         except OSError:
             return None
         if stored_bytes is None:
@@ -61,7 +62,7 @@ class CacheFolder:
 
     def write(self, key: str, *content_parts: bytes | memoryview) -> bool:
         """Store the content, which may come in parts, if possible; True if it was stored."""
-        if sum(memoryview(part).nbytes for part in content_parts) > self.n_bytes_one:
+        if sum(memoryview(part).nbytes for part in content_parts) > self.n_bytes_max_of_file:
             return False
         try:
             for folder in (self.path.parent, self.path):
@@ -77,7 +78,7 @@ class CacheFolder:
             return False
         return True
 
-    def forget(self) -> None:
+    def remove_oldest(self) -> None:
         """Remove the files that were used least recently, until the rest is within the bounds."""
         name_pattern = re.compile(f"[0-9a-f]{{64}}{re.escape(self.suffix)}")
         cache_files = []
@@ -90,7 +91,7 @@ class CacheFolder:
         n_bytes = 0
         for count, (_, _, size, path) in enumerate(sorted(cache_files, reverse=True), start=1):
             n_bytes += size
-            if count > self.n_files or n_bytes > self.n_bytes:
+            if count > self.n_files_max or n_bytes > self.n_bytes_max:
                 with contextlib.suppress(OSError):
                     path.unlink()
 

@@ -55,12 +55,12 @@ class FlacWriter:
         import soundfile
 
         self.format = format
-        self._left = n_frames
+        self._frames_left = n_frames
         self._hash = hashlib.sha256()
         blocks = blocks_of(pack(format, n_frames, stamp)) if stamp.chunks else b""
-        self._target = InsertedBlocks(file, blocks)
-        self._sound = soundfile.SoundFile(
-            self._target,
+        self._target_file = InsertedBlocks(file, blocks)
+        self._flac_file = soundfile.SoundFile(
+            self._target_file,
             "w",
             samplerate=format.rate,
             channels=format.n_channels,
@@ -68,8 +68,8 @@ class FlacWriter:
             format="FLAC",
         )
         if stamp.title:  # libsndfile refuses an empty one
-            self._sound.title = stamp.title
-        self._sound.comment = f"{_COMMENT_MARK} {stamp.description().decode()}"
+            self._flac_file.title = stamp.title
+        self._flac_file.comment = f"{_COMMENT_MARK} {stamp.description().decode()}"
 
     @property
     def sha256(self) -> str:
@@ -80,24 +80,26 @@ class FlacWriter:
         """Append (n_frames, n_channels): int32 with the sample in its top bits."""
         import soundfile
 
-        if len(block) > self._left:
-            raise ValueError(f"{len(block) - self._left} frames more than were announced")
+        if len(block) > self._frames_left:
+            raise ValueError(f"{len(block) - self._frames_left} frames more than were announced")
         self._hash.update(encode(block, self.format))
         try:
-            self._sound.write(block)
+            self._flac_file.write(block)
         except (AssertionError, soundfile.LibsndfileError):  # AssertionError if the disk is full
-            raise self._target.error or OSError(f"{self._sound.name} cannot be written") from None
-        if self._target.error is not None:
-            raise self._target.error
-        self._left -= len(block)
+            raise self._target_file.error or OSError(
+                f"{self._flac_file.name} cannot be written"
+            ) from None
+        if self._target_file.error is not None:
+            raise self._target_file.error
+        self._frames_left -= len(block)
 
     def close(self) -> None:
         """Finish the file. Raises ValueError when frames are missing, OSError of the disk."""
-        if self._left:
-            raise ValueError(f"{self._left} frames fewer than were announced")
-        self._sound.close()
-        if self._target.error is not None:
-            raise self._target.error
+        if self._frames_left:
+            raise ValueError(f"{self._frames_left} frames fewer than were announced")
+        self._flac_file.close()
+        if self._target_file.error is not None:
+            raise self._target_file.error
 
 
 def read_info(path: Path) -> WaveInfo:
@@ -131,8 +133,8 @@ def read_info(path: Path) -> WaveInfo:
                     comment.removeprefix(_COMMENT_MARK).strip(),
                     channel_description.axml,
                     channel_description.chna,
-                    channel_description.mask,
-                    others=channel_description.others,
+                    channel_description.speaker_mask,
+                    unread_chunks=channel_description.unread_chunks,
                 )
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is not FLAC: {error}") from None

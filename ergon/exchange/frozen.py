@@ -98,7 +98,7 @@ class VerifiedStem:
             samples = np.frombuffer(file.read(n_frames * tap_count * 8), "<f8")
         return samples.reshape(n_frames, tap_count)
 
-    def join(self, frames: NDArray[np.float64], start_frame: int) -> None:
+    def copy_into(self, frames: NDArray[np.float64], start_frame: int) -> None:
         """Copy its samples from frame `start_frame` on into its columns of frames (n_frames,
         n_out).
         """
@@ -197,4 +197,4 @@ def _verified_stem(stem: Stem, frozen: Frozen) -> VerifiedStem:
             raise NotFrozenError(f"{stem.path} is not the file that was frozen: its samples differ")
     except (OSError, NotWaveError) as error:
         raise NotFrozenError(f"{stem.path}: {error}") from None
-    return VerifiedStem(stem.path, info.offset, info.n_frames, stem.taps)
+    return VerifiedStem(stem.path, info.samples_offset, info.n_frames, stem.taps)

@@ -36,17 +36,21 @@ def gltf_text(
     import numpy as np
 
     manifest, point_names = read_manifest(motion), motion.names
-    in_space = points_in_space(manifest.get("space"), point_names)
-    space_links = links_in_space(motion, in_space)
-    space = {point.axes[0]: point for point in in_space}
-    other_axes = {p for point in space.values() for p in point.axes[1:]}
-    if (n := len(point_names) - len(other_axes) + len(space_links)) > _NODES_MAX:
+    space_points = points_in_space(manifest.get("space"), point_names)
+    space_links = links_in_space(motion, space_points)
+    space_point_by_number = {point.point_numbers[0]: point for point in space_points}
+    other_coordinates = {
+        p for point in space_point_by_number.values() for p in point.point_numbers[1:]
+    }
+    if (n_nodes := len(point_names) - len(other_coordinates) + len(space_links)) > _NODES_MAX:
         raise NotMotionError(
             "glTF has a node for each point, and for each spring in space, "
-            f"{_NODES_MAX:,} at most; this has {n:,}: write npz"
+            f"{_NODES_MAX:,} at most; this has {n_nodes:,}: write npz"
         )
     if exaggeration is None:
-        exaggeration = _automatic_exaggeration(motion, manifest["parts"], other_axes.union(space))
+        exaggeration = _automatic_exaggeration(
+            motion, manifest["parts"], other_coordinates.union(space_point_by_number)
+        )
     point_places, point_displacements = (
         motion.places(),
         motion.displacements(frame_instants.tolist()),
@@ -59,12 +63,12 @@ def gltf_text(
         for point_index in range(
             manifest_part["first"], manifest_part["first"] + manifest_part["count"]
         ):
-            if point_index in other_axes:
+            if point_index in other_coordinates:
                 continue
-            if point_index in space:
-                space_point = space[point_index]
+            if point_index in space_point_by_number:
+                space_point = space_point_by_number[point_index]
                 point_place, path = (
-                    space_point.rest(point_places),
+                    space_point.rest_position(point_places),
                     space_point.path(point_places, point_displacements),
                 )
                 child_nodes.append(scene.point(space_point.name, point_place, path))
@@ -81,10 +85,11 @@ def gltf_text(
     if space_links:
         parent_node = scene.node({"name": "springs"})
         end_points = (
-            (node_by_point[in_space[end].axes[0]] for end in link.ends) for link in space_links
+            (node_by_point[space_points[end].point_numbers[0]] for end in link.ends)
+            for link in space_links
         )
         scene.nodes[parent_node]["children"] = [
-            scene.line(a, b, link.broken)
+            scene.line(a, b, link.break_instant)
             for (a, b), link in zip(end_points, space_links, strict=True)
         ]
         scene.roots.append(parent_node)
@@ -92,7 +97,7 @@ def gltf_text(
 
 
 def _automatic_exaggeration(
-    motion: Motion, manifest_parts: list[dict[str, Any]], in_space: set[int]
+    motion: Motion, manifest_parts: list[dict[str, Any]], numbers_in_space: set[int]
 ) -> float:
     """The exaggeration at which the largest displacement of all is drawn as 5 cm.
 
@@ -107,7 +112,7 @@ def _automatic_exaggeration(
     part_peaks = (
         peak
         for peak, part in zip(peak_values, manifest_parts, strict=False)
-        if part["first"] not in in_space
+        if part["first"] not in numbers_in_space
     )
     peak_max = max(part_peaks, default=0.0)
     return 0.05 / peak_max if peak_max > 0.0 else 1.0
@@ -134,18 +139,18 @@ class GltfScene:
     _meshes: list[dict[str, Any]] = field(default_factory=list)
     _samplers: list[dict[str, Any]] = field(default_factory=list)
     _channels: list[dict[str, Any]] = field(default_factory=list)
-    _times: int = 0
-    # `_moved`: for each node that moves, the sampler of its translation. `_known`: the accessor of
-    # each array of instants, by the bytes of the array.
-    _moved: dict[int, int] = field(default_factory=dict)
-    _known: dict[bytes, int] = field(default_factory=dict)
+    _times_accessor: int = 0
+    # `_sampler_by_moved_node`: for each node that moves, the sampler of its translation.
+    # `_accessor_by_times`: the accessor of each array of instants, by the bytes of the array.
+    _sampler_by_moved_node: dict[int, int] = field(default_factory=dict)
+    _accessor_by_times: dict[bytes, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Add the mesh of points and the array of instants."""
         import numpy as np
 
         self._meshes.append({"primitives": [{"attributes": {"POSITION": self._octahedron_mesh()}}]})
-        self._times = self._instants(self.instants.astype(np.float32))
+        self._times_accessor = self._instants(self.instants.astype(np.float32))
 
     def node(self, node: dict[str, Any]) -> int:
         """Add a node; returns its number."""
@@ -163,7 +168,7 @@ class GltfScene:
             {"name": name, "mesh": 0, "translation": _to_gltf_axes(rest_positions).tolist()}
         )
         if (path != rest_positions).any():
-            self._move(point_node, "translation", self._sampler(self._times, gltf_points))
+            self._move(point_node, "translation", self._sampler(self._times_accessor, gltf_points))
         return point_node
 
     def line(self, a: tuple[int, NDArray[Any]], b: tuple[int, NDArray[Any]], until: float) -> int:
@@ -185,22 +190,23 @@ class GltfScene:
                 "scale": end_distance[0].tolist(),
             }
         )
-        if a[0] in self._moved:
-            self._move(line_node, "translation", self._moved[a[0]])
+        if a[0] in self._sampler_by_moved_node:
+            self._move(line_node, "translation", self._sampler_by_moved_node[a[0]])
         line_times = self.instants.astype(np.float32)
         end_instant = np.float32(until)
         if self.instants[0] < until <= self.instants[-1]:
-            n = int(np.searchsorted(line_times, end_instant))
+            n_before_end = int(np.searchsorted(line_times, end_instant))
             last_distance = [np.interp(until, self.instants, axis) for axis in end_distance.T]
-            end_distance = np.vstack([end_distance[:n], [last_distance], np.zeros((1, 3))]).astype(
-                np.float32
-            )
+            end_distance = np.vstack(
+                [end_distance[:n_before_end], [last_distance], np.zeros((1, 3))]
+            ).astype(np.float32)
             line_times = np.append(
-                line_times[:n], [end_instant, np.nextafter(end_instant, np.float32(np.inf))]
+                line_times[:n_before_end],
+                [end_instant, np.nextafter(end_instant, np.float32(np.inf))],
             )
             self._move(line_node, "scale", self._sampler(self._instants(line_times), end_distance))
         elif (end_distance != end_distance[0]).any():
-            self._move(line_node, "scale", self._sampler(self._times, end_distance))
+            self._move(line_node, "scale", self._sampler(self._times_accessor, end_distance))
         return line_node
 
     def _sampler(self, times: int, values: NDArray[np.float32]) -> int:
@@ -213,14 +219,14 @@ class GltfScene:
     def _move(self, node: int, path: str, sampler: int) -> None:
         self._channels.append({"sampler": sampler, "target": {"node": node, "path": path}})
         if path == "translation":
-            self._moved[node] = sampler
+            self._sampler_by_moved_node[node] = sampler
 
     def _instants(self, times: NDArray[np.float32]) -> int:
         """The accessor of some instants; lines with equal instants share one."""
         times_key = times.tobytes()
-        if times_key not in self._known:
-            self._known[times_key] = self._array(times, "SCALAR", bounds=True)
-        return self._known[times_key]
+        if times_key not in self._accessor_by_times:
+            self._accessor_by_times[times_key] = self._array(times, "SCALAR", bounds=True)
+        return self._accessor_by_times[times_key]
 
     def _line_mesh(self) -> int:
         import numpy as np
@@ -243,8 +249,8 @@ class GltfScene:
             "bufferViews": self._views,
         }
         if self._channels:
-            motion_of = {"name": "motion", "samplers": self._samplers, "channels": self._channels}
-            document["animations"] = [motion_of]
+            animation = {"name": "motion", "samplers": self._samplers, "channels": self._channels}
+            document["animations"] = [animation]
         uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(self._data)).decode()
         document["buffers"] = [{"byteLength": len(self._data), "uri": uri}]
         return json.dumps(document)

@@ -23,7 +23,7 @@ class Chunk:
 
     depth: int
     name: str
-    group: str
+    group_type: str
     size: int
 
 
@@ -35,14 +35,14 @@ def chunks(file_bytes: bytes) -> list[Chunk]:
     if file_bytes[:4] not in _GROUP_IDS[:3]:
         raise NotIffError("the file does not begin with FORM, LIST or CAT, as every IFF file does")
     chunks_read: list[Chunk] = []
-    for chunk in _walked_chunks(file_bytes, 0, len(file_bytes), 0):
+    for chunk in _walk_chunks(file_bytes, 0, len(file_bytes), 0):
         chunks_read.append(chunk)
         if len(chunks_read) > _CHUNKS_MAX:
             raise NotIffError(f"the file has more than {_CHUNKS_MAX:,} chunks")
     return chunks_read
 
 
-def _walked_chunks(
+def _walk_chunks(
     file_bytes: bytes, start_offset: int, stop_offset: int, depth: int
 ) -> Iterator[Chunk]:
     if depth > _DEPTH_MAX:
@@ -66,7 +66,7 @@ def _walked_chunks(
         if identifier in _GROUP_IDS:
             group = file_bytes[content_start : content_start + 4].decode("ascii", "replace")
             yield Chunk(depth, chunk_name, group, chunk_size)
-            yield from _walked_chunks(
+            yield from _walk_chunks(
                 file_bytes, content_start + 4, content_start + chunk_size, depth + 1
             )
         else:

@@ -237,7 +237,7 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
         )
     for group in root_element.iter("SPEAKER_GROUP"):
         rotations = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
-        group_transform = [*rotations, *_parse_axes(group.get(_SPATGRIS_PLACE, "0, 0, 0"))]
+        group_transform = [*rotations, *_split_coordinates(group.get(_SPATGRIS_PLACE, "0, 0, 0"))]
         if any(_finite_number(element, "place of a group") for element in group_transform):
             raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
     numbered_speakers, left_out = [], []
@@ -256,15 +256,15 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
                 f"output {label} is a direct out, no loudspeaker of the room: it is left out"
             )
             continue
-        place = element.find("POSITION")
-        axes = (
-            _parse_axes(element.get(_SPATGRIS_PLACE, ""))
-            if place is None
-            else [place.get(a) for a in "XYZ"]
+        position_element = element.find("POSITION")
+        coordinate_texts = (
+            _split_coordinates(element.get(_SPATGRIS_PLACE, ""))
+            if position_element is None
+            else [position_element.get(a) for a in "XYZ"]
         )
-        if len(axes) != 3:
+        if len(coordinate_texts) != 3:
             raise LayoutFileError(f"loudspeaker {printable(number_element[:20])} has no position")
-        x, y, z = (_finite_number(axis, "position") for axis in axes)
+        x, y, z = (_finite_number(axis, "position") for axis in coordinate_texts)
         output_number = _finite_number(number_element, "number of an output")
         numbered_speakers.append((output_number, _checked_angles(*angles((x, y, z)))))
         if _finite_number(element.get("GAIN", 0.0), "gain"):
@@ -285,7 +285,7 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
     return _ordered_speakers(numbered_speakers, left_out)
 
 
-def _parse_axes(text: str) -> list[str]:
+def _split_coordinates(text: str) -> list[str]:
     """The parts of a place: `x, y, z`, in parentheses since version 4.0 of setups."""
     return text.strip().removeprefix("(").removesuffix(")").split(",")
 
@@ -313,19 +313,23 @@ def _ordered_speakers(
             f"outputs are counted from {first_channel} to {_OUTPUT_MAX:,}, here from "
             f"{min(speaker_numbers):.10g} to {max(speaker_numbers):.10g}"
         )
-    in_order = sorted(numbered_speakers, key=lambda pair: pair[0])
-    outputs = [int(number) + 1 - first_channel for number, _ in in_order]
-    return ReadLayout([speaker_angles for _, speaker_angles in in_order], outputs, list(left_out))
+    ordered_speakers = sorted(numbered_speakers, key=lambda pair: pair[0])
+    outputs = [int(number) + 1 - first_channel for number, _ in ordered_speakers]
+    return ReadLayout(
+        [speaker_angles for _, speaker_angles in ordered_speakers], outputs, list(left_out)
+    )
 
 
-def _dropped_note(what: str, output: float) -> str:
-    return f"the {what} of output {output:g} is not kept"
+def _dropped_note(noun: str, output: float) -> str:
+    return f"the {noun} of output {output:g} is not kept"
 
 
-def _unread_notes(fields: Iterable[str], known: Container[str], output: float) -> list[str]:
+def _unread_notes(fields: Iterable[str], known_names: Container[str], output: float) -> list[str]:
     """A sentence for each field of a loudspeaker that is not read."""
     return [
-        _dropped_note(printable(str(field)[:40]), output) for field in fields if field not in known
+        _dropped_note(printable(str(field)[:40]), output)
+        for field in fields
+        if field not in known_names
     ]
 
 
@@ -380,7 +384,7 @@ def as_yaml(
     away. `output_numbers` are written where they do not follow one another.
     """
     distance_max = max(distance for *_, distance in speakers)
-    scale = 1.0 if radius is None or not distance_max else radius / distance_max
+    distance_factor = 1.0 if radius is None or not distance_max else radius / distance_max
     yaml_lines = [
         "ergon: 1 # made by ergon\n",
         f"title: {json.dumps(printable(piece_title), ensure_ascii=False)}\n",
@@ -389,7 +393,7 @@ def as_yaml(
     for azimuth, elevation, distance in speakers:
         speaker_place = (
             f"az: {_rounded_number(azimuth)}deg, el: {_rounded_number(elevation)}deg, r: "
-            f"{_rounded_number(distance * scale)}m"
+            f"{_rounded_number(distance * distance_factor)}m"
         )
         yaml_lines.append(f"  - {{{speaker_place}}}\n")
     if [*output_numbers] != [*range(1, len(output_numbers) + 1)]:

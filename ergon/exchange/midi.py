@@ -41,10 +41,12 @@ class Marker:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A note from `begin` to `end` (beats from 0): a key from 0 to 127, a velocity from 1."""
+    """A note from `begin_beat` to `end_beat` (beats from 0): a key from 0 to 127, a velocity from
+    1.
+    """
 
-    begin: float
-    end: float
+    begin_beat: float
+    end_beat: float
     key: int
     velocity: int
 
@@ -100,11 +102,11 @@ def tempo_file(
 
 def _track_chunk(timed_events: list[tuple[int, int, bytes]]) -> bytes:
     """A track of events: tick, order within the tick, bytes."""
-    track, tick_before = bytearray(), 0
+    track_content, tick_before = bytearray(), 0
     for tick, _, event in sorted(timed_events, key=lambda event: event[:2]):
-        track += _variable_length(tick - tick_before) + event
+        track_content += _variable_length(tick - tick_before) + event
         tick_before = tick
-    return b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
+    return b"MTrk" + struct.pack(">I", len(track_content)) + bytes(track_content)
 
 
 def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
@@ -113,10 +115,12 @@ def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
     timed_events: list[tuple[int, int, bytes]] = [(0, 0, name_event)]
     last_tick = 0
     for track_note in track.notes:
-        begin = ruler.tick(track_note.begin)
-        end_tick = max(begin + 1, ruler.tick(track_note.end))  # a note of no length would be none
+        begin_tick = ruler.tick(track_note.begin_beat)
+        end_tick = max(
+            begin_tick + 1, ruler.tick(track_note.end_beat)
+        )  # a note of no length would be none
         timed_events.append(
-            (begin, 2, bytes((_NOTE_ON | track.channel, track_note.key, track_note.velocity)))
+            (begin_tick, 2, bytes((_NOTE_ON | track.channel, track_note.key, track_note.velocity)))
         )
         timed_events.append((end_tick, 1, bytes((_NOTE_OFF | track.channel, track_note.key, 0))))
         last_tick = max(last_tick, end_tick)
@@ -136,16 +140,16 @@ class Ruler:
             if not 1 <= n_beats <= 255 or unit not in (1, 2, 4, 8, 16, 32, 64):
                 raise ValueError(f"MIDI has no meter {n_beats}/{unit}")
         self._beats = [meter.beat for meter in self.meters]
-        self._starts = [0.0]
+        self._start_quarters = [0.0]
         for meter, next_meter in zip(self.meters, self.meters[1:], strict=False):
             n_quarters = (next_meter.beat - meter.beat) * 4 / meter.unit
-            self._starts.append(self._starts[-1] + n_quarters)
+            self._start_quarters.append(self._start_quarters[-1] + n_quarters)
 
     def quarters(self, beat: float) -> float:
         """Quarter notes from beat 0."""
         index = max(bisect_right(self._beats, beat) - 1, 0)
         meter = self.meters[index]
-        return self._starts[index] + (beat - meter.beat) * 4 / meter.unit
+        return self._start_quarters[index] + (beat - meter.beat) * 4 / meter.unit
 
     def tick(self, beat: float) -> int:
         """The nearest tick."""
@@ -160,25 +164,27 @@ def tempo_steps(
     Times stay within `_DRIFT_MICROSECONDS_MAX` of the exact ones.
     """
     tempo_changes: list[tuple[float, int]] = []
-    tempo, error = 0, 0.0  # error [us]: how late MIDI is
+    tempo, drift_microseconds = 0, 0.0  # error [us]: how late MIDI is
     for step in range(max(1, math.ceil(length_beats * STEPS_PER_BEAT))):
-        step_beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
-        n_quarters = (ruler.tick(end) - ruler.tick(step_beat)) / TICKS_PER_QUARTER
-        microseconds = (seconds_at(end) - seconds_at(step_beat)) * 1e6
-        if abs(error + tempo * n_quarters - microseconds) > _DRIFT_MICROSECONDS_MAX:
+        step_beat, end_beat = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
+        n_quarters = (ruler.tick(end_beat) - ruler.tick(step_beat)) / TICKS_PER_QUARTER
+        microseconds = (seconds_at(end_beat) - seconds_at(step_beat)) * 1e6
+        if abs(drift_microseconds + tempo * n_quarters - microseconds) > _DRIFT_MICROSECONDS_MAX:
             exact_tempo = microseconds / n_quarters
-            closer_count = math.floor(exact_tempo) if error > 0 else math.ceil(exact_tempo)
-            if not 1 <= closer_count <= _TEMPO_MICROSECONDS_MAX:
+            rounded_tempo = (
+                math.floor(exact_tempo) if drift_microseconds > 0 else math.ceil(exact_tempo)
+            )
+            if not 1 <= rounded_tempo <= _TEMPO_MICROSECONDS_MAX:
                 raise ValueError(
                     f"MIDI cannot represent the tempo at beat {step_beat:g}: a quarter note lasts "
                     f"{exact_tempo / 1e6:.6g} s there, and in a MIDI file from 1 µs to "
                     f"{_TEMPO_MICROSECONDS_MAX / 1e6:.5g} s "
                     f"({60e6 / _TEMPO_MICROSECONDS_MAX:.3g} quarters a minute)"
                 )
-            if closer_count != tempo:
-                tempo = closer_count
+            if rounded_tempo != tempo:
+                tempo = rounded_tempo
                 tempo_changes.append((step_beat, tempo))
-        error += tempo * n_quarters - microseconds
+        drift_microseconds += tempo * n_quarters - microseconds
     return tempo_changes
 
 

@@ -80,7 +80,7 @@ def write_npz(output_file: BinaryIO, motion: Motion, frame_instants: NDArray[np.
         arrays["space_positions"] = np.stack(paths, axis=1)
         links = links_in_space(motion, space)
         arrays["space_links"] = np.array([link.ends for link in links], dtype=int).reshape(-1, 2)
-        arrays["space_broken"] = np.array([link.broken for link in links])
+        arrays["space_broken"] = np.array([link.break_instant for link in links])
     np.savez_compressed(
         output_file,
         allow_pickle=False,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ergon._core import Motion
 
 _LINKS_CHUNK, _BROKEN_CHUNK = 12, 16  # kinds of chunks
-_NUMBER_BYTES = 4  # bytes of the number of links before them
+_COUNT_BYTES = 4  # bytes of the number of links before them
 # For spaces of 2 and 3 dimensions, the axis of the room that each of their axes runs along: the
 # last is up.
 _ROOM_AXES_BY_COUNT = {2: (0, 2), 3: (0, 1, 2)}
@@ -33,14 +33,14 @@ class SpacePoint:
     """A point in space: its name, and the numbers of the file's points that are its coordinates."""
 
     name: str
-    axes: tuple[int, ...]
+    point_numbers: tuple[int, ...]
 
-    def rest(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rest_position(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Its position at rest [m], x, y and z of the room, z upwards   (3,).
 
         `places` (n_points, 4) are those of the file.
         """
-        rest_place = places[self.axes[0], :3].copy()
+        rest_place = places[self.point_numbers[0], :3].copy()
         for axis, point in self._coordinates():
             rest_place[axis] += places[point, 3]
         return rest_place
@@ -55,7 +55,7 @@ class SpacePoint:
         """
         import numpy as np
 
-        path = np.tile(self.rest(places), (len(displacements), 1))
+        path = np.tile(self.rest_position(places), (len(displacements), 1))
         for axis, point in self._coordinates():
             if np.isfinite(displacements[:, point]).all():
                 path[:, axis] += displacements[:, point]
@@ -63,7 +63,9 @@ class SpacePoint:
 
     def _coordinates(self) -> Iterator[tuple[int, int]]:
         """Pairs of an axis of the room and the point of the file that moves along it."""
-        yield from zip(_ROOM_AXES_BY_COUNT[len(self.axes)], self.axes, strict=True)
+        yield from zip(
+            _ROOM_AXES_BY_COUNT[len(self.point_numbers)], self.point_numbers, strict=True
+        )
 
 
 def points_in_space(space_table: object, point_names: Sequence[str]) -> list[SpacePoint]:
@@ -73,20 +75,20 @@ def points_in_space(space_table: object, point_names: Sequence[str]) -> list[Spa
     space_points: list[SpacePoint] = []
     if not isinstance(space_table, list):
         raise NotMotionError("its table of points in space is not a list")
-    taken_tracks: set[int] = set()
-    for axis_points in space_table:
-        is_point = isinstance(axis_points, list) and len(axis_points) in _ROOM_AXES_BY_COUNT
-        if not is_point or not all(_is_point(p, len(point_names)) for p in axis_points):
+    used_points: set[int] = set()
+    for point_numbers in space_table:
+        is_point = isinstance(point_numbers, list) and len(point_numbers) in _ROOM_AXES_BY_COUNT
+        if not is_point or not all(_is_point(p, len(point_names)) for p in point_numbers):
             raise NotMotionError(
-                f"its table of points in space names no such points: {axis_points!r:.60}"
+                f"its table of points in space names no such points: {point_numbers!r:.60}"
             )
-        if len(taken_tracks.union(axis_points)) != len(taken_tracks) + len(axis_points):
+        if len(used_points.union(point_numbers)) != len(used_points) + len(point_numbers):
             raise NotMotionError(
-                f"its table of points in space names a point twice: {axis_points!r:.60}"
+                f"its table of points in space names a point twice: {point_numbers!r:.60}"
             )
-        taken_tracks.update(axis_points)
+        used_points.update(point_numbers)
         space_points.append(
-            SpacePoint(point_names[axis_points[0]].removesuffix(".x"), tuple(axis_points))
+            SpacePoint(point_names[point_numbers[0]].removesuffix(".x"), tuple(point_numbers))
         )
     return space_points
 
@@ -101,7 +103,7 @@ def points_of_parts(manifest: dict[str, Any], point_names: Sequence[str]) -> lis
     point_counts = [part["count"] for part in part_tables]
     part_ends = [part["first"] + part["count"] for part in part_tables]
     for point in points_in_space(manifest.get("space"), point_names):
-        members = [bisect_right(part_ends, coordinate) for coordinate in point.axes]
+        members = [bisect_right(part_ends, coordinate) for coordinate in point.point_numbers]
         is_of_body = part_tables[members[-1]]["name"] != part_tables[members[0]]["name"]
         moving_parts = [part for part in members if part_tables[part]["kind"] != "none"]
         for part in members:
@@ -117,7 +119,7 @@ class SpaceLink:
     """
 
     ends: tuple[int, int]
-    broken: float
+    break_instant: float
 
 
 def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLink]:
@@ -125,29 +127,33 @@ def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLin
     import numpy as np
 
     chunks = list(enumerate(motion.chunks()))
-    tables = [offset for offset, chunk in chunks if chunk.kind == _LINKS_CHUNK]
-    if not (tables and space):
+    link_chunk_indices = [
+        chunk_index for chunk_index, chunk in chunks if chunk.kind == _LINKS_CHUNK
+    ]
+    if not (link_chunk_indices and space):
         return []
-    link_table = motion.payload(tables[0])
-    if len(link_table) < _NUMBER_BYTES or len(link_table) != _NUMBER_BYTES + 8 * int.from_bytes(
+    link_table = motion.payload(link_chunk_indices[0])
+    if len(link_table) < _COUNT_BYTES or len(link_table) != _COUNT_BYTES + 8 * int.from_bytes(
         link_table[:4], "little"
     ):
         raise NotMotionError("its table of links is damaged")
-    link_pairs = np.frombuffer(link_table, "<u4", offset=_NUMBER_BYTES).reshape(-1, 2)
+    link_pairs = np.frombuffer(link_table, "<u4", offset=_COUNT_BYTES).reshape(-1, 2)
     if link_pairs.size and int(link_pairs.max()) >= len(motion.names):
         raise NotMotionError("its table of links names no such points")
     break_instants = np.full(len(link_pairs), np.inf)
-    for offset, chunk in chunks:
+    for chunk_index, chunk in chunks:
         if chunk.kind == _BROKEN_CHUNK:
-            change_rows = np.frombuffer(motion.payload(offset), [("dt", "<f4"), ("link", "<u4")])
-            if change_rows.size and int(change_rows["link"].max()) >= len(link_pairs):
+            break_rows = np.frombuffer(
+                motion.payload(chunk_index), [("dt", "<f4"), ("link", "<u4")]
+            )
+            if break_rows.size and int(break_rows["link"].max()) >= len(link_pairs):
                 raise NotMotionError("a link that broke is not in its table")
             np.minimum.at(
-                break_instants, change_rows["link"], chunk.seconds + change_rows["dt"].astype(float)
+                break_instants, break_rows["link"], chunk.seconds + break_rows["dt"].astype(float)
             )
-    number = np.full(len(motion.names), -1)
-    number[[point.axes[0] for point in space]] = np.arange(len(space))
-    end_points = number[link_pairs]
+    space_number_by_point = np.full(len(motion.names), -1)
+    space_number_by_point[[point.point_numbers[0] for point in space]] = np.arange(len(space))
+    end_points = space_number_by_point[link_pairs]
     visible_links = np.flatnonzero((end_points >= 0).all(axis=1))
     return [
         SpaceLink((int(end_points[i, 0]), int(end_points[i, 1])), float(break_instants[i]))

@@ -118,13 +118,13 @@ def write_files(pack: Pack, folder: Path) -> Path:
     return folder / pack.score
 
 
-def _parsed_pack(pack_bytes_read: bytes) -> Pack:
-    _check_end(pack_bytes_read)
-    with zipfile.ZipFile(io.BytesIO(pack_bytes_read)) as archive:
+def _parsed_pack(pack_data: bytes) -> Pack:
+    _check_end(pack_data)
+    with zipfile.ZipFile(io.BytesIO(pack_data)) as archive:
         archive_entries = archive.infolist()
         for archive_entry in archive_entries:
             _check_entry(archive_entry)
-        if sum(entry.file_size for entry in archive_entries) > len(pack_bytes_read):
+        if sum(entry.file_size for entry in archive_entries) > len(pack_data):
             raise PackError("the pack is damaged: its files have more bytes than the pack")
         content_by_name = {}
         for archive_entry in archive_entries:
@@ -147,24 +147,21 @@ def _parsed_pack(pack_bytes_read: bytes) -> Pack:
     return _with_manifest(parse_json(manifest), files_by_name)
 
 
-def _check_end(pack_bytes_read: bytes) -> None:
+def _check_end(pack_data: bytes) -> None:
     """Check the last record of the pack, so that no long list of files is read."""
-    if len(pack_bytes_read) > BYTES_MAX:
+    if len(pack_data) > BYTES_MAX:
         raise PackError(f"a pack has {BYTES_MAX // 1_000_000} MB at most, and this has more")
-    if pack_bytes_read[:4] != b"PK\3\4":
+    if pack_data[:4] != b"PK\3\4":
         raise PackError("the file is not a pack; `ergon pack SCORE` makes one")
-    mark, *_, entry_count, directory_size, _, comment = (
-        _END_RECORD.unpack(pack_bytes_read[-_END_RECORD.size :])
-        if len(pack_bytes_read) >= _END_RECORD.size
+    signature, *_, entry_count, directory_size, _, comment_length = (
+        _END_RECORD.unpack(pack_data[-_END_RECORD.size :])
+        if len(pack_data) >= _END_RECORD.size
         else (b"", 0, 0, 0, 0)
     )
-    n_bytes_before = len(pack_bytes_read) - _END_RECORD.size - _ZIP64_BYTES
-    if mark != _END_SIGNATURE or comment:
+    locator_start = len(pack_data) - _END_RECORD.size - _ZIP64_BYTES
+    if signature != _END_SIGNATURE or comment_length:
         raise PackError("the pack is cut short, or something was added to its end")
-    if (
-        pack_bytes_read[max(n_bytes_before, 0) :][:4] == _ZIP64_SIGNATURE
-        or entry_count > FILES_MAX + 1
-    ):
+    if pack_data[max(locator_start, 0) :][:4] == _ZIP64_SIGNATURE or entry_count > FILES_MAX + 1:
         raise PackError(f"a pack has {FILES_MAX:,} files at most, and this has more")
     if directory_size > entry_count * _RECORD_BYTES_MAX:
         raise PackError("the pack is damaged: its list of files is too long for their number")

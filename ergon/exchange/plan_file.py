@@ -119,11 +119,13 @@ def _parse_choice(choice_value: object) -> IslandChoice:
         module_names, step_times, contact_steps, body_methods, cost = choice_value[:5]
         # Plans that say no order were made when there was one.
         contact_order = choice_value[5] if len(choice_value) == 6 else _FOURTH_ORDER
-        is_counts = _is_count(module_names) and _is_count(step_times) and _is_count(contact_steps)
-        is_cost = (cost is None or _is_count(cost)) and _is_count(contact_order)
+        are_counts_valid = (
+            _is_count(module_names) and _is_count(step_times) and _is_count(contact_steps)
+        )
+        is_cost_valid = (cost is None or _is_count(cost)) and _is_count(contact_order)
         if (
-            is_counts
-            and is_cost
+            are_counts_valid
+            and is_cost_valid
             and isinstance(body_methods, list)
             and all(map(_is_counts, body_methods))
         ):

@@ -24,7 +24,7 @@ from .cache_folder import CacheFolder, versioned_key
 _VERSION = 2  # 1: numbers of a body without its kind
 _FILES_MAX = 4096
 _BYTES_MAX = 32_000_000  # all files together
-_BYTES_MAX_ONE = 8_000_000
+_FILE_BYTES_MAX = 8_000_000
 _COUNT_MAX = 2**32 - 1
 _REASON_CHARACTERS_MAX = 200  # longest stored reason
 
@@ -34,7 +34,7 @@ class PlanStore:
 
     def __init__(self, folder: Path) -> None:
         """Use a folder, which need not exist."""
-        self._folder = CacheFolder(folder, ".json", _FILES_MAX, _BYTES_MAX, _BYTES_MAX_ONE)
+        self._folder = CacheFolder(folder, ".json", _FILES_MAX, _BYTES_MAX, _FILE_BYTES_MAX)
 
     def get(self, key: str) -> TrialRecord | None:
         """The record stored under a key; None if there is none."""
@@ -56,7 +56,7 @@ class PlanStore:
 
     def forget(self) -> None:
         """Remove the records that were used least recently, until the rest is within the bounds."""
-        self._folder.forget()
+        self._folder.remove_oldest()
 
 
 def user_store(environment: Mapping[str, str] = os.environ) -> PlanStore | None:

@@ -42,7 +42,7 @@ def project_text(
     marks: Sequence[Marker],
     piece_title: str,
     tracks: Sequence[SoundTrack],
-    sounds: SoundFormat,
+    sound_format: SoundFormat,
 ) -> str:
     """The text of a project.
 
@@ -51,14 +51,16 @@ def project_text(
     """
     tempo_points = _tempo_points(seconds_at, length_beats, Ruler(meters))
     _, bpm, (n_beats, beat_unit) = tempo_points[0]
-    n_channels = max(2, sounds.n_channels + sounds.n_channels % 2)  # REAPER has them in pairs
+    n_channels = max(
+        2, sound_format.n_channels + sound_format.n_channels % 2
+    )  # REAPER has them in pairs
     project_lines = [
         '<REAPER_PROJECT 0.1 "6.0" 0',
         "  <NOTES 0 0",
         "    |made by ergon",
         f"    |{_printable_text(piece_title)}",
         "  >",
-        f"  SAMPLERATE {sounds.rate} 1 0",
+        f"  SAMPLERATE {sound_format.rate} 1 0",
         f"  TEMPO {bpm:.10f} {n_beats} {beat_unit}",
         f"  MASTER_NCH {n_channels} 2",
         "  <TEMPOENVEX",
@@ -80,7 +82,7 @@ def project_text(
             f"  MARKER {number} {seconds_at(mark.beat):.12f} {_quoted_value(mark.name)} 0"
         )
     for track in tracks:
-        project_lines += _track_block(track, sounds, n_channels)
+        project_lines += _track_block(track, sound_format, n_channels)
     return "\n".join([*project_lines, ">", ""])
 
 
@@ -98,7 +100,7 @@ def _tempo_points(
     return tempo_points
 
 
-def _track_block(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]:
+def _track_block(track: SoundTrack, sound_format: SoundFormat, n_channels: int) -> list[str]:
     """The block of a track, whose only item is the whole file."""
     source_kind = "FLAC" if track.file.lower().endswith(".flac") else "WAVE"
     return [
@@ -110,7 +112,7 @@ def _track_block(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> lis
         "    MAINSEND 1 0",
         "    <ITEM",
         "      POSITION 0",
-        f"      LENGTH {sounds.length:.12f}",
+        f"      LENGTH {sound_format.length:.12f}",
         "      LOOP 0",
         f"      NAME {_quoted_value(track.name)}",
         "      SOFFS 0",

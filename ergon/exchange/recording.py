@@ -47,7 +47,7 @@ def instants(recording: Recording) -> NDArray[np.float64]:
     return (ticks - ticks[:1]).astype(np.float64) * recording.frames / recording.rate
 
 
-def from_start(recording: Recording) -> NDArray[np.float64]:
+def positions_from_start(recording: Recording) -> NDArray[np.float64]:
     """Positions [m] at every tick of the piece from tick 0 to the last, (n_ticks, n_axes).
 
     With these positions a key repeats the movement of the recorded hand: before the first row it
@@ -139,14 +139,17 @@ def write_wav(wav_file: BinaryIO, recording: Recording) -> None:
         raise NotRecordingError(
             f"a WAV file has a whole number of frames per second, not {recording.rate:g}"
         )
-    t, x = instants(recording), recording.positions()
-    if len(t) < 2:
+    tick_instants, positions = instants(recording), recording.positions()
+    if len(tick_instants) < 2:
         raise NotRecordingError("a movement needs two ticks or more")
-    takes = [Take(t, np.ascontiguousarray(x[:, i])) for i in range(x.shape[1])]
+    takes = [
+        Take(tick_instants, np.ascontiguousarray(positions[:, i]))
+        for i in range(positions.shape[1])
+    ]
     ticks = recording.ticks()
     n_frames = int(ticks[-1] - ticks[0]) * recording.frames + 1
-    form = WaveFormat(rate, len(takes), "float")
-    writer = WaveWriter(wav_file, form, n_frames, Stamp(", ".join(recording.names)))
+    format = WaveFormat(rate, len(takes), "float")
+    writer = WaveWriter(wav_file, format, n_frames, Stamp(", ".join(recording.names)))
     for first_frame in range(0, n_frames, _BLOCK_TICKS):
         block_instants = (
             np.arange(first_frame, min(first_frame + _BLOCK_TICKS, n_frames)) / recording.rate
@@ -156,7 +159,7 @@ def write_wav(wav_file: BinaryIO, recording: Recording) -> None:
     writer.close()
 
 
-def recorded(
+def recording_of_movements(
     movements_by_name: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
     *,
     rate: float,
@@ -171,22 +174,26 @@ def recorded(
 
     from ergon._core import EngineError, Recording, Take
 
-    begin_seconds = min(t[0] for t, _ in movements_by_name.values())
-    end_seconds = max(t[-1] for t, _ in movements_by_name.values())
+    first_instant = min(t[0] for t, _ in movements_by_name.values())
+    last_instant = max(t[-1] for t, _ in movements_by_name.values())
     # The last tick counts even if rounding puts the last sample slightly before it.
-    n_ticks = np.floor((end_seconds - begin_seconds) * rate / frames + 1e-6) + 1
+    n_ticks = np.floor((last_instant - first_instant) * rate / frames + 1e-6) + 1
     if not n_ticks * len(movements_by_name) <= _TICKS_MAX:
         raise NotRecordingError(
-            f"{end_seconds - begin_seconds:g} s is longer than a recording can be at this rate"
+            f"{last_instant - first_instant:g} s is longer than a recording can be at this rate"
         )
     ticks = np.arange(int(n_ticks), dtype=np.uint64)
-    tick_instants = begin_seconds + ticks.astype(np.float64) * frames / rate
+    tick_instants = first_instant + ticks.astype(np.float64) * frames / rate
     try:
-        x = np.stack(
-            [Take(t, x).positions(tick_instants) for t, x in movements_by_name.values()], axis=1
+        positions = np.stack(
+            [
+                Take(t, positions).positions(tick_instants)
+                for t, positions in movements_by_name.values()
+            ],
+            axis=1,
         )
         description = json.dumps({"imported": source}, ensure_ascii=False)
         axes: Sequence[tuple[str, str]] = [(name, "") for name in movements_by_name]
-        return Recording(rate, frames, axes, description, ticks, np.ascontiguousarray(x))
+        return Recording(rate, frames, axes, description, ticks, np.ascontiguousarray(positions))
     except EngineError as error:
         raise NotRecordingError(str(error)) from None

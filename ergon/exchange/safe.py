@@ -94,10 +94,10 @@ def check_target(
     if not replaceable:
         raise FileRefusedError(f"{path} exists; -f overwrites it")
     if not is_ours(path):
-        raise FileRefusedError(f"{path} {_errno_reason(path)}; -f overwrites it")
+        raise FileRefusedError(f"{path} {_overwrite_reason(path)}; -f overwrites it")
 
 
-def _errno_reason(path: Path) -> str:
+def _overwrite_reason(path: Path) -> str:
     if _has_mark(path):
         return (
             "was edited since ergon wrote it, or was written on another machine or by an earlier "
@@ -132,31 +132,31 @@ class _PendingFile:
 
     path: Path
     target: Path
-    part: Path
+    part_path: Path
     file: BinaryIO
 
     def has_its_name(self) -> bool:
         """Whether the target is this file by now."""
         if not temporary.IS_LOCKED:
-            return not self.part.exists()
-        return temporary.is_at(self.file.fileno(), self.target)
+            return not self.part_path.exists()
+        return temporary.has_path(self.file.fileno(), self.target)
 
 
 @dataclass(slots=True)
 class FileGroup:
     """Files that get their names together, when all of them are whole.
 
-    `check` raises if a file may not be written. It is called before any work, and again before the
-    first file gets its name.
+    `check_target` raises if a file may not be written. It is called before any work, and again
+    before the first file gets its name.
     """
 
-    check: Callable[[Path], None]
+    check_target: Callable[[Path], None]
     is_recorded: bool  # whether a later command may overwrite them unasked
-    sync: bool = True
-    stack: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    is_synced: bool = True
+    exit_stack: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     new_folders: set[Path] = field(default_factory=set)
-    pending: list[_PendingFile] = field(default_factory=list)
-    samples: dict[BinaryIO, str] = field(default_factory=dict)  # their hashes, where known
+    pending_files: list[_PendingFile] = field(default_factory=list)
+    samples_hashes: dict[BinaryIO, str] = field(default_factory=dict)  # their hashes, where known
 
     def open(self, target: str | Path, *, binary: bool) -> BinaryIO:
         """A file of the group. `-` is stdout; it and devices are written straight.
@@ -164,28 +164,28 @@ class FileGroup:
         Raises FileRefusedError.
         """
         if str(target) == "-":
-            return self.stack.enter_context(_standard_output(binary=binary))
-        asked_path = Path(target)
-        self.check(asked_path)
+            return self.exit_stack.enter_context(_standard_output(binary=binary))
+        path_as_given = Path(target)
+        self.check_target(path_as_given)
         if (
-            asked_path.exists() and not asked_path.is_file()
+            path_as_given.exists() and not path_as_given.is_file()
         ):  # a device or a named pipe: nothing to replace
-            return self.stack.enter_context(asked_path.open("wb"))
-        path = _resolved_path(asked_path)  # a link stays a link; what it points to is replaced
-        if any(pending_file.target == path for pending_file in self.pending):
+            return self.exit_stack.enter_context(path_as_given.open("wb"))
+        path = _resolved_path(path_as_given)  # a link stays a link; what it points to is replaced
+        if any(pending_file.target == path for pending_file in self.pending_files):
             raise FileRefusedError(
-                f"{asked_path} would be written twice; give the outputs other names"
+                f"{path_as_given} would be written twice; give the outputs other names"
             )
         self.new_folders.update(folder for folder in path.parents if not folder.exists())
         make_folder(path.parent)
         paths: list[Path] = []
-        self.stack.callback(_unlink_all, paths)
+        self.exit_stack.callback(_unlink_all, paths)
         try:
             temporary_file = temporary.open_temporary(path, paths)
         except OSError as error:
             raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
-        self.stack.enter_context(temporary_file)
-        self.pending.append(_PendingFile(asked_path, path, paths[-1], temporary_file))
+        self.exit_stack.enter_context(temporary_file)
+        self.pending_files.append(_PendingFile(path_as_given, path, paths[-1], temporary_file))
         return temporary_file
 
     def write(self, target: str | Path, data: bytes) -> None:
@@ -193,34 +193,34 @@ class FileGroup:
         temporary_file = self.open(target, binary=False)
         temporary_file.write(data)
         temporary_file.flush()
-        if self.sync and self.pending and self.pending[-1].file is temporary_file:
+        if self.is_synced and self.pending_files and self.pending_files[-1].file is temporary_file:
             os.fsync(
                 temporary_file.fileno()
             )  # some file systems say only now that the disk is full
 
-    def note_samples(self, file: BinaryIO, hashed: str) -> None:
+    def note_samples_hash(self, file: BinaryIO, samples_hash: str) -> None:
         """Note the hash of the samples of a file, which need not be computed again."""
-        self.samples[file] = hashed
+        self.samples_hashes[file] = samples_hash
 
     def commit(self) -> None:
         """Give all files their names; if one cannot get it, the others are as they were."""
-        for pending in self.pending:
+        for pending in self.pending_files:
             pending.file.flush()
-            if self.sync:
+            if self.is_synced:
                 os.fsync(pending.file.fileno())
-            keep_mode(pending.target, pending.part)
+            keep_mode(pending.target, pending.part_path)
             if self.is_recorded:
-                hashed_samples = self.samples.get(pending.file)
+                hashed_samples = self.samples_hashes.get(pending.file)
                 written.remember(written.digest(pending.file, hashed_samples))
             if not temporary.IS_LOCKED:  # such a system cannot rename an open file
                 pending.file.close()
-        for pending in self.pending:
-            self.check(pending.path)  # somebody else may have written there meanwhile
+        for pending in self.pending_files:
+            self.check_target(pending.path)  # somebody else may have written there meanwhile
         moved_files: list[
             tuple[_PendingFile, Path | None]
         ] = []  # files that were moved, with their predecessors
         try:
-            for pending in self.pending:
+            for pending in self.pending_files:
                 moved_files.append((pending, self._keep_old(pending.target)))
                 self._move(pending)
         except BaseException:
@@ -232,21 +232,21 @@ class FileGroup:
                 else:
                     os.replace(path_before, pending.target)
             raise
-        if self.sync and not self.is_recorded:  # content that cannot be computed again
-            _sync_folders(pending.target.parent for pending in self.pending)
+        if self.is_synced and not self.is_recorded:  # content that cannot be computed again
+            _sync_folders(pending.target.parent for pending in self.pending_files)
 
     def _keep_old(self, target_path: Path) -> Path | None:
         """A second name or a copy of a file that is about to be replaced; None if there is none, or
         if nothing can fail after it.
         """
-        if len(self.pending) == 1 or not target_path.exists():
+        if len(self.pending_files) == 1 or not target_path.exists():
             return None
         paths: list[Path] = []
-        self.stack.callback(_unlink_all, paths)
+        self.exit_stack.callback(_unlink_all, paths)
         try:
-            self.stack.callback(os.close, temporary.link_temporary(target_path, paths))
+            self.exit_stack.callback(os.close, temporary.link_temporary(target_path, paths))
         except OSError:  # a file system without links
-            copy = self.stack.enter_context(temporary.open_temporary(target_path, paths))
+            copy = self.exit_stack.enter_context(temporary.open_temporary(target_path, paths))
             with target_path.open("rb") as file:
                 shutil.copyfileobj(file, copy)
             copy.flush()
@@ -255,10 +255,10 @@ class FileGroup:
 
     def _move(self, pending: _PendingFile) -> None:
         try:
-            _move_to_target(pending.part, pending.target, is_new=not pending.target.exists())
+            _move_to_target(pending.part_path, pending.target, is_new=not pending.target.exists())
         except FileExistsError:  # somebody was faster
-            self.check(pending.path)
-            _move_to_target(pending.part, pending.target, is_new=False)
+            self.check_target(pending.path)
+            _move_to_target(pending.part_path, pending.target, is_new=False)
 
 
 @contextlib.contextmanager
@@ -267,13 +267,17 @@ def _committed_group(open_group: FileGroup) -> Iterator[FileGroup]:
     under `signals_as_exceptions`) removes what was written.
     """
     try:
-        with open_group.stack:
+        with open_group.exit_stack:
             yield open_group
             open_group.commit()
     except BaseException as error:
         remove_folders(sorted(open_group.new_folders, key=lambda folder: -len(folder.parts)))
-        if isinstance(error, OSError) and error.errno in _FULL_DISK_ERRNOS and open_group.pending:
-            names = [str(pending_file.target) for pending_file in open_group.pending]
+        if (
+            isinstance(error, OSError)
+            and error.errno in _FULL_DISK_ERRNOS
+            and open_group.pending_files
+        ):
+            names = [str(pending_file.target) for pending_file in open_group.pending_files]
             if error.filename is None or error.filename in names:
                 name = error.filename or names[0]
                 raise FileRefusedError(f"{name} cannot be written: {error.strerror}") from error
@@ -368,9 +372,9 @@ def remove_folders(folders: Iterable[Path]) -> None:
             folder.rmdir()
 
 
-def _unlink_all(parts: list[Path]) -> None:
-    for part in parts:
-        part.unlink(missing_ok=True)
+def _unlink_all(paths: list[Path]) -> None:
+    for path in paths:
+        path.unlink(missing_ok=True)
 
 
 def _resolved_path(path: Path) -> Path:

@@ -141,20 +141,20 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
         )
         raise SofaError(f"{path}: {refusal_reason}; the ears of a head are nearer")
     delay_seconds = np.broadcast_to(delays, (len(responses), 2)) / rate
-    kinds = dict(zip(_ARRAY_NAMES, header["types"], strict=False))
+    kind_by_array = dict(zip(_ARRAY_NAMES, header["types"], strict=False))
     head_places = {
-        name: Places(arrays[name], kinds[name] or "cartesian")
+        name: Places(arrays[name], kind_by_array[name] or "cartesian")
         for name in _ARRAY_NAMES[4:]
         if name in arrays and arrays[name].size
     }
-    source = Places(measured_places, _place_kind(header))
+    source_places = Places(measured_places, _place_kind(header))
     try:
-        angles = directions(source, head_places)
+        angles = directions(source_places, head_places)
         if is_right_first(head_places.get(EARS)):
             responses, delay_seconds = responses[:, ::-1], delay_seconds[:, ::-1]
     except SofaSpaceError as error:
         raise SofaError(f"{path}: {error}") from None
-    return HeadResponses(angles, responses, rate, delay_seconds, _unread_contents(source))
+    return HeadResponses(angles, responses, rate, delay_seconds, _unread_contents(source_places))
 
 
 def _place_kind(header: dict[str, Any]) -> str:
@@ -224,8 +224,8 @@ def _answered_array(
 ) -> NDArray[np.float64]:
     import numpy as np
 
-    size = 8 * math.prod(array_shape)
-    array_data = reader_answer.read(size)
-    if len(array_data) < size:
+    n_bytes = 8 * math.prod(array_shape)
+    array_data = reader_answer.read(n_bytes)
+    if len(array_data) < n_bytes:
         raise SofaError(f"{path}: reading it broke off; it is damaged")
     return np.frombuffer(array_data, "<f8").reshape(array_shape)

@@ -30,12 +30,12 @@ class Places:
     rows: NDArray[np.float64]
     kind: str
 
-    def points(self, what: str) -> NDArray[np.float64]:
+    def to_cartesian(self, label: str) -> NDArray[np.float64]:
         """As cartesian places. Raises SofaSpaceError."""
         import numpy as np
 
         if not np.isfinite(self.rows).all():
-            raise SofaSpaceError(f"{what} is not finite")
+            raise SofaSpaceError(f"{label} is not finite")
         if self.kind != "spherical":
             return self.rows
         azimuth, elevation, r = self.rows.T
@@ -61,17 +61,28 @@ def directions(source: Places, head: Mapping[str, Places]) -> NDArray[np.float64
             raise SofaSpaceError("an azimuth is beyond 360°")
         if not (np.abs(rows[:, 1]) <= _ELEVATION_MAX).all():
             raise SofaSpaceError("an elevation is beyond 90°")
-    place, view, up = (_head_places(name, head, len(rows)) for name in _DEFAULT_PLACES)
-    is_usual = not place.any() and not view[:, 1:].any() and (view[:, 0] > 0.0).all()
-    if is_usual and not up[:, 1].any() and (up[:, 2] > 0.0).all() and source.kind == "spherical":
+    head_position, view_vectors, up_vectors = (
+        _head_places(name, head, len(rows)) for name in _DEFAULT_PLACES
+    )
+    is_default_head = (
+        not head_position.any()
+        and not view_vectors[:, 1:].any()
+        and (view_vectors[:, 0] > 0.0).all()
+    )
+    if (
+        is_default_head
+        and not up_vectors[:, 1].any()
+        and (up_vectors[:, 2] > 0.0).all()
+        and source.kind == "spherical"
+    ):
         return rows[:, :2]
-    forwards = view / np.linalg.norm(view, axis=1, keepdims=True)
-    upwards = up - forwards * (forwards * up).sum(axis=1, keepdims=True)
-    height = np.linalg.norm(upwards, axis=1, keepdims=True)
-    if not (height > 1e-6 * np.linalg.norm(up, axis=1, keepdims=True)).all():
+    forwards = view_vectors / np.linalg.norm(view_vectors, axis=1, keepdims=True)
+    upwards = up_vectors - forwards * (forwards * up_vectors).sum(axis=1, keepdims=True)
+    upward_length = np.linalg.norm(upwards, axis=1, keepdims=True)
+    if not (upward_length > 1e-6 * np.linalg.norm(up_vectors, axis=1, keepdims=True)).all():
         raise SofaSpaceError(f"{UP} points where {VIEW} does")
-    upwards /= height
-    source_vectors = source.points("SourcePosition") - place
+    upwards /= upward_length
+    source_vectors = source.to_cartesian("SourcePosition") - head_position
     if not source_vectors.any(axis=1).all():
         raise SofaSpaceError("a direction is the place of the head itself")
     leftwards = np.cross(upwards, forwards)
@@ -80,30 +91,32 @@ def directions(source: Places, head: Mapping[str, Places]) -> NDArray[np.float64
     return radians * (180.0 / np.pi)
 
 
-def _head_places(name: str, head: Mapping[str, Places], n: int) -> NDArray[np.float64]:
-    """A row of the head, or one for each of `n` sources; the usual one where it is not said."""
+def _head_places(name: str, head: Mapping[str, Places], n_sources: int) -> NDArray[np.float64]:
+    """A row of the head, or one for each of `n_sources` sources; the usual one where it is not
+    said.
+    """
     import numpy as np
 
     default_place = np.array([_DEFAULT_PLACES[name]])
     if name not in head:
         return default_place
-    if head[name].rows.shape not in ((1, 3), (n, 3)):
+    if head[name].rows.shape not in ((1, 3), (n_sources, 3)):
         sizes = " by ".join(map(str, head[name].rows.shape))
-        raise SofaSpaceError(f"{name} is {sizes}; expected 1 or {n} by 3")
-    points = head[name].points(name)
-    is_said = points.any(axis=1, keepdims=True)
-    return np.where(is_said, points, default_place)
+        raise SofaSpaceError(f"{name} is {sizes}; expected 1 or {n_sources} by 3")
+    points = head[name].to_cartesian(name)
+    is_stated = points.any(axis=1, keepdims=True)
+    return np.where(is_stated, points, default_place)
 
 
 def is_right_first(ears: Places | None) -> bool:
     """Whether the first of two ears is the right one. Raises SofaSpaceError."""
     if ears is None or ears.rows.ndim < 2 or ears.rows.shape[:2] != (2, 3):
         return False
-    first, second = (
-        Places(ear.reshape(3, -1).T, ears.kind).points(EARS)[:, 1] for ear in ears.rows
+    first_y, second_y = (
+        Places(ear.reshape(3, -1).T, ears.kind).to_cartesian(EARS)[:, 1] for ear in ears.rows
     )
-    if (first >= second).all():
+    if (first_y >= second_y).all():
         return False
-    if (first < second).all():
+    if (first_y < second_y).all():
         return True
     raise SofaSpaceError(f"its ears ({EARS}) change sides")

@@ -34,13 +34,13 @@ _JSON_KEYS = ("time_s", "struck", "sign", "mass_kg", "speed_m_s", "impulse_n_s",
 class ErgonNames:
     """Names for the numbers of the engine: a MAT index or a source number to text.
 
-    `reach` gives the lever ratio of a struck key by name: the engine computes a key behind a
-    lever as the piece sees it, `reach` times as far.
+    `lever_ratio` gives the lever ratio of a struck key by name: the engine computes a key behind a
+    lever as the piece sees it, `lever_ratio` times as far.
     """
 
-    struck: Callable[[int], str]
-    source: Callable[[int], str]
-    reach: Callable[[str], float] = lambda _: 1.0
+    struck_name: Callable[[int], str]
+    source_name: Callable[[int], str]
+    lever_ratio: Callable[[str], float] = lambda _: 1.0
 
 
 def stream_header(form: Form, *, title: str, rate: float, score: str) -> str:
@@ -74,23 +74,23 @@ def stream_rows(row_form: Form, ergons: Ergons, ergon_names: ErgonNames) -> str:
 
 def _ergon_rows(ergons: Ergons, ergon_names: ErgonNames) -> Iterator[Sequence[object]]:
     struck_by_mat: dict[int, tuple[str, float]] = {}
-    source_by_mat: dict[int, str] = {}
+    source_by_number: dict[int, str] = {}
     columns = ("time", "mat", "mass", "speed", "impulse", "source")
     column_lists = [ergons[column].tolist() for column in columns]
-    for time, mat, struck_mass, speed, impulse, ergon_place in zip(*column_lists, strict=True):
+    for time, mat, struck_mass, speed, impulse, source_number in zip(*column_lists, strict=True):
         if mat not in struck_by_mat:
-            struck_name = ergon_names.struck(int(mat))
-            struck_by_mat[mat] = struck_name, ergon_names.reach(struck_name)
-        if ergon_place not in source_by_mat:
-            source_by_mat[ergon_place] = ergon_names.source(int(ergon_place))
+            struck_name = ergon_names.struck_name(int(mat))
+            struck_by_mat[mat] = struck_name, ergon_names.lever_ratio(struck_name)
+        if source_number not in source_by_number:
+            source_by_number[source_number] = ergon_names.source_name(int(source_number))
         # As in the paper, the sign has a column of its own: the direction in which the ergon
         # strikes.
         impulse_sign = "-" if impulse < 0 else "+"
-        struck_name, reach = struck_by_mat[mat]
+        struck_name, lever_ratio = struck_by_mat[mat]
         struck_mass, speed, impulse = (
-            struck_mass * reach * reach,
-            abs(speed) / reach,
-            abs(impulse) * reach,
+            struck_mass * lever_ratio * lever_ratio,
+            abs(speed) / lever_ratio,
+            abs(impulse) * lever_ratio,
         )
         yield (
             time,
@@ -99,5 +99,5 @@ def _ergon_rows(ergons: Ergons, ergon_names: ErgonNames) -> Iterator[Sequence[ob
             struck_mass,
             speed,
             impulse,
-            source_by_mat[ergon_place],
+            source_by_number[source_number],
         )

@@ -26,7 +26,7 @@ _LENGTH_FORMAT = struct.Struct("<Q")
 _MAGIC = b"ERGONST1"
 _FILES_MAX = 20_000
 _BYTES_MAX = 4_000_000_000  # all files: eleven minutes of 100 outputs at 44.1 kHz
-_BYTES_MAX_ONE = 128_000_000
+_FILE_BYTES_MAX = 128_000_000
 
 
 class Stretch(NamedTuple):
@@ -39,9 +39,9 @@ class Stretch(NamedTuple):
 class StretchStore:
     """Stretches by the hash of everything that they depend on."""
 
-    def __init__(self, folder: Path, n_bytes: int = _BYTES_MAX) -> None:
+    def __init__(self, folder: Path, n_bytes_max: int = _BYTES_MAX) -> None:
         """Use a folder, which need not exist; its files are bounded in bytes."""
-        self._folder = CacheFolder(folder, ".stretch", _FILES_MAX, n_bytes, _BYTES_MAX_ONE)
+        self._folder = CacheFolder(folder, ".stretch", _FILES_MAX, n_bytes_max, _FILE_BYTES_MAX)
 
     def get(self, key: str) -> Stretch | None:
         """The stretch stored under a key; None if there is none."""
@@ -84,9 +84,9 @@ class StretchStore:
             versioned_key(key), _FILE_HEADER.pack(_MAGIC, checksum), *stored_parts
         )
 
-    def forget(self) -> None:
+    def remove_oldest(self) -> None:
         """Remove the stretches that were used least recently, until the rest is within bounds."""
-        self._folder.forget()
+        self._folder.remove_oldest()
 
 
 def user_store(environment: Mapping[str, str] = os.environ) -> StretchStore | None:

@@ -128,7 +128,7 @@ def try_lock(handle: int) -> bool | None:
     return True
 
 
-def is_at(handle: int, path: Path) -> bool:
+def has_path(handle: int, path: Path) -> bool:
     """Whether an open file has this name by now."""
     try:
         return os.path.samestat(os.fstat(handle), path.lstat())
@@ -160,7 +160,7 @@ def _is_temporary_name(name: str) -> bool:
 def _lock_new_file(handle: int, path: Path) -> bool:
     """Lock a new temporary file; False if another process swept it, or is about to."""
     is_locked = try_lock(handle)
-    return is_locked is None or (is_locked and is_at(handle, path))
+    return is_locked is None or (is_locked and has_path(handle, path))
 
 
 def _remove_if_abandoned(path: Path) -> bool:
@@ -172,7 +172,7 @@ def _remove_if_abandoned(path: Path) -> bool:
         # A network file system locks for writing only what is open for writing; folders never are.
         handle = os.open(path, _OPEN_FLAGS | (os.O_RDONLY if is_folder else os.O_RDWR))
         try:
-            if try_lock(handle) and is_at(handle, path):
+            if try_lock(handle) and has_path(handle, path):
                 if is_folder:
                     shutil.rmtree(path)
                 else:

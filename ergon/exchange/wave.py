@@ -52,7 +52,7 @@ class WaveWriter:
         self._file = file
         self._frames_left = n_frames
         self._hash = hashlib.sha256()
-        self._pad = (n_frames * format.frame_bytes) & 1
+        self._n_pad_bytes = (n_frames * format.frame_bytes) & 1
         file.write(pack(format, n_frames, stamp, riff_limit=riff_limit))
 
     @property
@@ -78,16 +78,16 @@ class WaveWriter:
         """Finish the last chunk. Raises ValueError when frames are missing."""
         if self._frames_left:
             raise ValueError(f"{self._frames_left} frames fewer than the header announced")
-        self._file.write(bytes(self._pad))
-        self._pad = 0
+        self._file.write(bytes(self._n_pad_bytes))
+        self._n_pad_bytes = 0
 
 
 def encode(sample_block: NDArray[Any], format: WaveFormat) -> bytes:
     """The bytes of samples (n_frames, n_channels) in a file. Raises TypeError."""
     import numpy as np
 
-    floats = {"float": "<f4", "double": "<f8"}
-    sample_type = np.dtype(floats.get(str(format.bits), "<i4"))
+    float_types = {"float": "<f4", "double": "<f8"}
+    sample_type = np.dtype(float_types.get(str(format.bits), "<i4"))
     if sample_block.dtype != sample_type:
         raise TypeError(f"samples for {format.bits} bits come as {sample_type.name}")
     if format.bits in ("float", "double"):
@@ -116,12 +116,14 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     yield from blocks_of_bytes(_sample_bytes_blocks(path, info, block_bytes), info.format)
 
 
-def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDArray[np.float64]]:
+def blocks_of_bytes(
+    data_blocks: Iterable[bytes], format: WaveFormat
+) -> Iterator[NDArray[np.float64]]:
     """Blocks (n_frames, n_channels) of pieces that hold complete frames; full scale is 1."""
     import numpy as np
 
     bits = format.bits
-    for sample_bytes in pieces:
+    for sample_bytes in data_blocks:
         if bits in ("float", "double"):
             float_type = "<f4" if bits == "float" else "<f8"
             with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
@@ -129,9 +131,11 @@ def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDA
         elif bits == 8:  # unsigned, around 128
             flat_samples = np.frombuffer(sample_bytes, np.uint8) / 128.0 - 1.0
         else:
-            width = BYTES_BY_FORM[bits]
-            octets = np.zeros((len(sample_bytes) // width, 4), np.uint8)
-            octets[:, 4 - width :] = np.frombuffer(sample_bytes, np.uint8).reshape(-1, width)
+            sample_width = BYTES_BY_FORM[bits]
+            octets = np.zeros((len(sample_bytes) // sample_width, 4), np.uint8)
+            octets[:, 4 - sample_width :] = np.frombuffer(sample_bytes, np.uint8).reshape(
+                -1, sample_width
+            )
             flat_samples = octets.view("<i4")[:, 0] / 2.0**31
         yield flat_samples.reshape(-1, format.n_channels)
 
@@ -155,44 +159,44 @@ def survey(path: Path) -> tuple[str, int | None]:
     return survey_of_bytes(_sample_bytes_blocks(path, info, 1 << 20), info.format)
 
 
-def survey_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> tuple[str, int | None]:
+def survey_of_bytes(data_blocks: Iterable[bytes], format: WaveFormat) -> tuple[str, int | None]:
     """The SHA-256 of pieces that hold complete frames, and the first frame with a sample that is
     not finite; only floats can have one.
     """
     import numpy as np
 
-    digest, n_before, first = hashlib.sha256(), 0, None
-    for frame_bytes in pieces:
-        digest.update(frame_bytes)
-        if format.bits not in ("float", "double") or first is not None:
+    digest, frames_before, first_bad_frame = hashlib.sha256(), 0, None
+    for sample_data in data_blocks:
+        digest.update(sample_data)
+        if format.bits not in ("float", "double") or first_bad_frame is not None:
             continue
-        samples = np.frombuffer(frame_bytes, "<f4" if format.bits == "float" else "<f8")
+        samples = np.frombuffer(sample_data, "<f4" if format.bits == "float" else "<f8")
         is_finite = np.isfinite(samples)
         if not is_finite.all():
-            first = n_before + int(is_finite.argmin()) // format.n_channels
-        n_before += samples.size // format.n_channels
-    return digest.hexdigest(), first
+            first_bad_frame = frames_before + int(is_finite.argmin()) // format.n_channels
+        frames_before += samples.size // format.n_channels
+    return digest.hexdigest(), first_bad_frame
 
 
-def _sample_bytes_blocks(path: Path, info: WaveInfo, n_bytes: int) -> Iterator[bytes]:
-    """The bytes of the samples, at most `n_bytes` at a time."""
+def _sample_bytes_blocks(path: Path, info: WaveInfo, block_bytes: int) -> Iterator[bytes]:
+    """The bytes of the samples, at most `block_bytes` at a time."""
     with open_regular(path) as open_file:
-        open_file.seek(info.offset)
-        sample_bytes = BYTES_BY_FORM[info.format.bits]
-        n_bytes -= n_bytes % info.format.frame_bytes
-        n_bytes = max(n_bytes, info.format.frame_bytes)
+        open_file.seek(info.samples_offset)
+        bytes_per_sample = BYTES_BY_FORM[info.format.bits]
+        block_bytes -= block_bytes % info.format.frame_bytes
+        block_bytes = max(block_bytes, info.format.frame_bytes)
         n_bytes_left = info.n_frames * info.format.frame_bytes
         while n_bytes_left:
-            data = read_exactly(open_file, min(n_bytes_left, n_bytes), _CUT_SAMPLES_MESSAGE)
-            yield _byte_swapped(data, sample_bytes) if info.container == "RIFX" else data
+            data = read_exactly(open_file, min(n_bytes_left, block_bytes), _CUT_SAMPLES_MESSAGE)
+            yield _byte_swapped(data, bytes_per_sample) if info.container == "RIFX" else data
             n_bytes_left -= len(data)
 
 
-def _byte_swapped(sample_data: bytes, sample_bytes: int) -> bytes:
+def _byte_swapped(sample_data: bytes, bytes_per_sample: int) -> bytes:
     """Samples with their bytes in the other order."""
     import numpy as np
 
-    return np.frombuffer(sample_data, np.uint8).reshape(-1, sample_bytes)[:, ::-1].tobytes()
+    return np.frombuffer(sample_data, np.uint8).reshape(-1, bytes_per_sample)[:, ::-1].tobytes()
 
 
 def is_render(path: Path) -> bool:

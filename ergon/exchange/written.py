@@ -27,7 +27,7 @@ from ergon.common.private import make_private_folder
 from ergon.common.regular import open_regular, read_bounded
 from ergon.common.user_folders import state_folder
 
-from .temporary import is_at, try_lock
+from .temporary import has_path, try_lock
 from .wave_header import NotWaveError, parse
 
 _BLOCK_BYTES = 1 << 20  # bytes that are read at once
@@ -41,8 +41,8 @@ _hashes_written_here: set[str] = set()
 
 
 def digest(hashed_file: BinaryIO, samples_hash: str | None = None) -> str:
-    """The hash of a whole file, 64 hex digits. The hash of its `samples_hash`, if it is a WAVE file
-    whose writer knows it, is not computed again.
+    """The hash of a whole file, 64 hex digits. `samples_hash`, the hash of the samples of a WAVE
+    file, is computed only if it is None.
     """
     try:
         hashed_file.seek(0)
@@ -52,13 +52,13 @@ def digest(hashed_file: BinaryIO, samples_hash: str | None = None) -> str:
     n_bytes = info.n_frames * info.format.frame_bytes
     hash_state = hashlib.sha256()
     hashed_file.seek(0)
-    _hash_next_bytes(hash_state, hashed_file, info.offset)
+    _hash_next_bytes(hash_state, hashed_file, info.samples_offset)
     if samples_hash is None:
-        hashed_samples = hashlib.sha256()
-        _hash_next_bytes(hashed_samples, hashed_file, n_bytes)
-        samples_hash = hashed_samples.hexdigest()
+        samples_hash_state = hashlib.sha256()
+        _hash_next_bytes(samples_hash_state, hashed_file, n_bytes)
+        samples_hash = samples_hash_state.hexdigest()
     hash_state.update(samples_hash.encode())
-    hashed_file.seek(info.offset + n_bytes)
+    hashed_file.seek(info.samples_offset + n_bytes)
     _hash_next_bytes(hash_state, hashed_file)
     return hash_state.hexdigest()
 
@@ -71,18 +71,18 @@ def _plain_digest(hashed_file: BinaryIO) -> str:
     return hash_state.hexdigest()
 
 
-def _hash_next_bytes(hashed: hashlib._Hash, file: BinaryIO, n_bytes: float = math.inf) -> None:
+def _hash_next_bytes(hash_state: hashlib._Hash, file: BinaryIO, n_bytes: float = math.inf) -> None:
     """Hash the next bytes of a file, at most `n_bytes` or all."""
     while block := file.read(int(min(n_bytes, _BLOCK_BYTES))):
-        hashed.update(block)
+        hash_state.update(block)
         n_bytes -= len(block)
 
 
-def remember(hashed: str) -> None:
+def remember(file_hash: str) -> None:
     """Note the hash of a file that is about to get its name. Where no register can be kept, only
     this process knows it.
     """
-    _hashes_written_here.add(hashed)
+    _hashes_written_here.add(file_hash)
     folder = state_folder()
     if folder is None:
         return
@@ -91,7 +91,7 @@ def remember(hashed: str) -> None:
         _make_room(folder)
         handle = os.open(folder / _REGISTER_NAME, _APPEND_FLAGS, 0o600)
         try:
-            os.write(handle, f"{hashed}\n".encode())
+            os.write(handle, f"{file_hash}\n".encode())
         finally:
             os.close(handle)
 
@@ -102,22 +102,26 @@ def is_known(path: Path) -> bool:
         with open_regular(path) as written_file:
             stat = os.fstat(written_file.fileno())
             if abs(time.time_ns() - stat.st_mtime_ns) < _CLOCK_STEP_NANOSECONDS:
-                hashed = digest(written_file)
+                file_hash = digest(written_file)
             else:
-                hashed = _digest_of(path, stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
+                file_hash = _digest_of(
+                    path, stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns
+                )
     except OSError:
         return False
-    if hashed in _hashes_written_here:
+    if file_hash in _hashes_written_here:
         return True
     folder = state_folder()
-    names = () if folder is None else (folder / _REGISTER_NAME, folder / _OLD_REGISTER_NAME)
-    registers = [_register_content(name) for name in names]
-    if any(hashed.encode() in register for register in registers):
+    register_paths = (
+        () if folder is None else (folder / _REGISTER_NAME, folder / _OLD_REGISTER_NAME)
+    )
+    registers = [_register_content(name) for name in register_paths]
+    if any(file_hash.encode() in register for register in registers):
         return True
     # An earlier version hashed WAVE files as all others.
     with contextlib.suppress(OSError), open_regular(path) as written_file:
-        hashed = _plain_digest(written_file)
-    return any(hashed.encode() in register for register in registers)
+        file_hash = _plain_digest(written_file)
+    return any(file_hash.encode() in register for register in registers)
 
 
 @lru_cache(maxsize=64)
@@ -140,5 +144,5 @@ def _make_room(folder: Path) -> None:
     if not path.exists() or path.stat().st_size < _REGISTER_BYTES_MAX:
         return
     with path.open("rb+") as file:
-        if try_lock(file.fileno()) and is_at(file.fileno(), path):
+        if try_lock(file.fileno()) and has_path(file.fileno(), path):
             os.replace(path, folder / _OLD_REGISTER_NAME)

@@ -221,7 +221,7 @@ def _warm_up(
     frame_count = 0
     for computed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
         for stem in config.frozen_stems:
-            stem.join(computed_frames, frame_count)
+            stem.copy_into(computed_frames, frame_count)
         mixer.process(computed_frames, np.zeros((len(computed_frames), n_channels)))
         frame_count += len(computed_frames)
         progress(frame_count)

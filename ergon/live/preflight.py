@@ -62,7 +62,7 @@ def find_gain(
     frame_count = 0
     for computed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
         for stem in frozen_stems:
-            stem.join(computed_frames, frame_count)
+            stem.copy_into(computed_frames, frame_count)
         mix = np.zeros((len(computed_frames), stage.n_channels))
         mixer.process(computed_frames, mix)
         level_meter.take(mix)

@@ -42,7 +42,7 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
     """A recording of hands that played this piece. Raises RecordingMismatchError."""
     import numpy as np
 
-    from ergon.exchange.recording import NotRecordingError, from_start, read_description
+    from ergon.exchange.recording import NotRecordingError, positions_from_start, read_description
     from ergon.scores.staging.live import TICK_HZ
 
     try:
@@ -56,7 +56,7 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
             f"{rate_option} renders at the recorded rate"
         )
     try:
-        tick_positions = from_start(recording)
+        tick_positions = positions_from_start(recording)
     except NotRecordingError as error:
         raise RecordingMismatchError(f"{path}: {error}") from None
     tick_positions[: int(recording.ticks()[0])] = np.nan

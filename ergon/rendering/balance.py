@@ -63,15 +63,15 @@ class Balance:
         self._recalled: NDArray[np.float64] | None = None
         self._n_channels, self._unit = n_channels, unit
         self._start, self._stop = start, stop
-        self._mixed: NDArray[np.float64] = np.empty((0, n_channels))
+        self._mix_buffer: NDArray[np.float64] = np.empty((0, n_channels))
 
     def take(self, frames: NDArray[np.float64]) -> None:
         """Measure the next frames (n_frames, n_out)."""
         import numpy as np
 
-        if len(self._mixed) < len(frames):
-            self._mixed = np.empty((len(frames), self._n_channels))
-        mixed = self._mixed[: len(frames)]
+        if len(self._mix_buffer) < len(frames):
+            self._mix_buffer = np.empty((len(frames), self._n_channels))
+        mixed = self._mix_buffer[: len(frames)]
         self._mixer.process(frames, mixed)
         self._levels.process(mixed)
 
@@ -110,7 +110,7 @@ class Balance:
         """Take what an earlier render measured, in place of frames up to `stop`; False if it is too
         short.
         """
-        if len(measured) < min(stop, self._stop) // self._loudness.step:
+        if len(measured) < min(stop, self._stop) // self._loudness.step_frames:
             return False
         self._recalled = measured
         return True
@@ -121,17 +121,19 @@ class Balance:
 
         gain *= self._unit
         stop = self._stop if stop is None else stop
-        loudness_step, measured = self._loudness.step, self.measured
-        self._loudness.blocks = measured[:, 0].tolist()
+        loudness_step, measured = self._loudness.step_frames, self.measured
+        self._loudness.block_levels = measured[:, 0].tolist()
         loudness = self._loudness.loudness(
             gain, -(-self._start // loudness_step), stop // loudness_step
         )
-        cells = np.arange(len(measured) * _PEAKS_PER_MEASURE)
-        begins = (
-            cells // _PEAKS_PER_MEASURE * loudness_step
-            + cells % _PEAKS_PER_MEASURE * loudness_step // _PEAKS_PER_MEASURE
+        peak_indices = np.arange(len(measured) * _PEAKS_PER_MEASURE)
+        peak_starts = (
+            peak_indices // _PEAKS_PER_MEASURE * loudness_step
+            + peak_indices % _PEAKS_PER_MEASURE * loudness_step // _PEAKS_PER_MEASURE
         )
-        is_inside = (begins >= self._start) & (begins + loudness_step // _PEAKS_PER_MEASURE < stop)
+        is_inside = (peak_starts >= self._start) & (
+            peak_starts + loudness_step // _PEAKS_PER_MEASURE < stop
+        )
         peaks = measured[:, 1:].reshape(-1)[is_inside]
         return InstrumentLevel(self._name, float(np.max(peaks, initial=0.0)) * gain, loudness)
 

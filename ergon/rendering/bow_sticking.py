@@ -19,43 +19,46 @@ _FALLING_FRICTION_RATIO = 0.95  # a bow's friction falls below this share of its
 
 @dataclass(slots=True)
 class Sliding:
-    """Whether a bow stuck after it had first slipped: it sticks at speeds between `low` and `high`
-    [m/s].
+    """Whether a bow stuck after it had first slipped: it sticks at speeds between `low_speed` and
+    `high_speed` [m/s].
     """
 
-    rubbing: ProbedLink
-    low: float
-    high: float
+    friction_link: ProbedLink
+    low_speed: float
+    high_speed: float
     has_slipped: bool = False
     has_stuck: bool = False
-    _apart: float | None = None
-    _held: int = 0
+    _last_elongation: float | None = None
+    _n_sticking_frames: int = 0
 
     def take(self, frames: NDArray[np.float64], rate: float) -> None:
         """Go on with positions (n_frames, n_points)."""
         import numpy as np
 
         elongations = (
-            frames[:, self.rubbing.b.output_number] - frames[:, self.rubbing.a.output_number]
+            frames[:, self.friction_link.b.output_number]
+            - frames[:, self.friction_link.a.output_number]
         )
-        start_distance = elongations[0] if self._apart is None else self._apart
-        speeds = np.diff(elongations, prepend=start_distance) * rate
-        self._apart = float(elongations[-1])
+        first_elongation = (
+            elongations[0] if self._last_elongation is None else self._last_elongation
+        )
+        speeds = np.diff(elongations, prepend=first_elongation) * rate
+        self._last_elongation = float(elongations[-1])
         frames_min = max(1, int(_STICK_SECONDS_MIN * rate))
-        for is_sticking in ((speeds > self.low) & (speeds < self.high)).tolist():
+        for is_sticking in ((speeds > self.low_speed) & (speeds < self.high_speed)).tolist():
             if not is_sticking:
-                self.has_slipped, self._held = True, 0
+                self.has_slipped, self._n_sticking_frames = True, 0
             elif self.has_slipped:
-                self._held += 1
-                self.has_stuck = self.has_stuck or self._held >= frames_min
+                self._n_sticking_frames += 1
+                self.has_stuck = self.has_stuck or self._n_sticking_frames >= frames_min
 
 
-def sticking_detector(rubbing: ProbedLink) -> Sliding | None:
+def sticking_detector(friction_link: ProbedLink) -> Sliding | None:
     """A detector for a link whose friction falls beyond a maximum, as a bow's does; None for other
     links.
     """
-    band = friction_extremes(rubbing.module.fields)
-    return None if band is None else Sliding(rubbing, *band)
+    sticking_speeds = friction_extremes(friction_link.module.fields)
+    return None if sticking_speeds is None else Sliding(friction_link, *sticking_speeds)
 
 
 def friction_extremes(law_fields: Any) -> tuple[float, float] | None:

@@ -16,27 +16,29 @@ _FADE_SECONDS = 0.005  # length of a fade
 class Edges:
     """Which edges of a file are faded: the first frame, the last one."""
 
-    first: bool = False
-    last: bool = False
+    is_first_faded: bool = False
+    is_last_faded: bool = False
 
     def fade(
-        self, frames: NDArray[np.float64], number: int, start: int, stop: int, rate: float
+        self, frames: NDArray[np.float64], first_frame: int, start: int, stop: int, rate: float
     ) -> NDArray[np.float64]:
         """Frames (n_frames, n_channels) of a file from frame `start` to `stop` of the piece, with a
-        raised cosine of 5 ms at its edges; the first of them is frame `number`.
+        raised cosine of 5 ms at its edges; the first of them is frame `first_frame`.
         """
         import numpy as np
 
         fade_frames = min(int(rate * _FADE_SECONDS + 0.5), (stop - start) // 2)
-        is_inside = number >= start + fade_frames and number + len(frames) <= stop - fade_frames
-        if is_inside or not (self.first or self.last):
+        is_inside = (
+            first_frame >= start + fade_frames and first_frame + len(frames) <= stop - fade_frames
+        )
+        if is_inside or not (self.is_first_faded or self.is_last_faded):
             return frames
-        indices = np.arange(number, number + len(frames))
+        frame_numbers = np.arange(first_frame, first_frame + len(frames))
         distances = np.full(len(frames), fade_frames)
-        if self.first:
-            distances = np.minimum(distances, indices - start)
-        if self.last:
-            distances = np.minimum(distances, stop - 1 - indices)
+        if self.is_first_faded:
+            distances = np.minimum(distances, frame_numbers - start)
+        if self.is_last_faded:
+            distances = np.minimum(distances, stop - 1 - frame_numbers)
         gains = np.ones(len(frames))
         is_faded = distances < fade_frames
         gains[is_faded] = np.sin(0.5 * np.pi * (distances[is_faded] + 0.5) / fade_frames) ** 2

@@ -22,13 +22,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Film:
-    """The motion file, the last frame at which motion is sampled, and what begins the recording."""
+class MotionRecording:
+    """A motion file that is to be written: the last frame at which motion is sampled, and the
+    function that starts its recorder.
+    """
 
     path: Path
-    stop: int
+    last_sample_frame: int
     n_channels: int
-    begin: Callable[[Simulation], MotionRecorder]
+    start_recorder: Callable[[Simulation], MotionRecorder]
 
 
 class FilmedSimulation:
@@ -36,10 +38,12 @@ class FilmedSimulation:
     there.
     """
 
-    def __init__(self, simulation: Simulation, film: Film, mixer: Mixer, file: BinaryIO) -> None:
+    def __init__(
+        self, simulation: Simulation, film: MotionRecording, mixer: Mixer, file: BinaryIO
+    ) -> None:
         """Begin the recording; nothing is written yet."""
         self._simulation, self._film, self._mixer, self._file = simulation, film, mixer, file
-        self._recorder = film.begin(simulation)
+        self._recorder = film.start_recorder(simulation)
 
     @property
     def n_out(self) -> int:
@@ -51,12 +55,12 @@ class FilmedSimulation:
         import numpy as np
 
         while len(out):
-            film_frame, film_stop = self._simulation.frame, self._film.stop
-            self._look()
-            if film_frame >= film_stop:
+            frame, last_sample_frame = self._simulation.frame, self._film.last_sample_frame
+            self._sample_if_due()
+            if frame >= last_sample_frame:
                 self._simulation.process(out)
                 return
-            frame_count = min(len(out), min(self._recorder.next, film_stop) - film_frame)
+            frame_count = min(len(out), min(self._recorder.next, last_sample_frame) - frame)
             self._simulation.process(out[:frame_count])
             mixed = np.zeros((frame_count, self._film.n_channels))
             self._mixer.process(out[:frame_count], mixed)
@@ -67,14 +71,14 @@ class FilmedSimulation:
         """Run to the last frame at which motion is sampled, and end the file."""
         import numpy as np
 
-        while (frames_left := self._film.stop - self._simulation.frame) > 0:
+        while (frames_left := self._film.last_sample_frame - self._simulation.frame) > 0:
             self.process(np.zeros((min(frames_left, 4096), self.n_out)))
-        self._look()
+        self._sample_if_due()
         self._file.write(self._recorder.finish())
 
-    def _look(self) -> None:
+    def _sample_if_due(self) -> None:
         """Sample the motion if this frame is due."""
         frame = self._simulation.frame
-        if frame == self._recorder.next and frame <= self._film.stop:
+        if frame == self._recorder.next and frame <= self._film.last_sample_frame:
             self._recorder.look(self._simulation)
             self._file.write(self._recorder.take())

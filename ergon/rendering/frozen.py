@@ -40,18 +40,18 @@ def write_frozen_parts(
     """
     import numpy as np
 
-    stem_columns = [
+    parts_and_columns = [
         (part, tuple(tap_columns[first_column : first_column + CHANNELS_MAX]))
         for part, tap_columns in taps.items()
         for first_column in range(0, len(tap_columns), CHANNELS_MAX)
     ]
-    paths = stem_paths(folder, [part for part, _ in stem_columns], WAVE)
+    paths = stem_paths(folder, [part for part, _ in parts_and_columns], WAVE)
     for path in (*paths, folder / MANIFEST_NAME):
         check_target(path, force=force, inputs=inputs)
     stamp = Stamp(source_facts.title, source_facts.score, source_facts.plan)
     with file_group(force=force, inputs=inputs) as output_files:
         writers = []
-        for (_, tap_columns), path in zip(stem_columns, paths, strict=True):
+        for (_, tap_columns), path in zip(parts_and_columns, paths, strict=True):
             file = output_files.open(path, binary=True)
             format = WaveFormat(int(source_facts.rate), len(tap_columns), "double")
             writers.append(WaveWriter(file, format, n_frames, stamp))
@@ -59,7 +59,7 @@ def write_frozen_parts(
         blocks = frames_of(stage.simulation, n_frames, BLOCK_FRAMES)
         with contextlib.closing(computed_ahead(blocks) if threads > 1 else blocks) as frame_blocks:
             for tap_frames in frame_blocks:
-                for writer, (_, tap_columns) in zip(writers, stem_columns, strict=True):
+                for writer, (_, tap_columns) in zip(writers, parts_and_columns, strict=True):
                     writer.write(np.ascontiguousarray(tap_frames[:, list(tap_columns)]))
                 frames_done += len(tap_frames)
                 progress(frames_done)
@@ -67,7 +67,9 @@ def write_frozen_parts(
             writer.close()
         stems = tuple(
             Stem(part, path, tap_columns, writer.sha256)
-            for (part, tap_columns), path, writer in zip(stem_columns, paths, writers, strict=True)
+            for (part, tap_columns), path, writer in zip(
+                parts_and_columns, paths, writers, strict=True
+            )
         )
         frozen = Frozen(source_facts, n_frames, stems)
         # The manifest gets its name last.

@@ -12,9 +12,9 @@ from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .balance import InstrumentLevel
 from .edges import NO_EDGES_FADED, Edges
-from .filmed import Film
+from .filmed import MotionRecording
 from .level import Level
-from .mixed_stretches import Ending, Outcome
+from .mixed_stretches import Outcome, SilenceSearch
 from .remote import Workers
 from .silence import FadedSilence
 
@@ -36,7 +36,7 @@ class RenderJob:
     stamp: Stamp
     stems: Path | None = None
     splits_stems: bool = False  # a dry stem for each instrument, and the answer of the rooms
-    block: int = BLOCK_FRAMES
+    block_frames: int = BLOCK_FRAMES
     threads: int = 1
     force: bool = False
     inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
@@ -46,7 +46,7 @@ class RenderJob:
     fades_from: int | None = None
     is_part: bool = False  # the file ends at `stop`, whether the sound has faded or not
     stretches: StretchStore | None = None  # stretches of earlier renders
-    film: Film | None = None  # the motion file to write as well
+    motion: MotionRecording | None = None  # the motion file to write as well
     workers: Workers | None = None  # other processes that compute islands
     stores_mix: bool = True  # store the mix too, not the islands alone
     measures_instruments: bool = True  # how loud each is by itself, if there are several
@@ -66,7 +66,7 @@ class RenderJob:
         return self.fades_from is not None and not self.is_part
 
     @property
-    def ending(self) -> Ending | None:
+    def silence_search(self) -> SilenceSearch | None:
         """The search for silence, where the end of the piece is needed: for the length of the file,
         or for a level.
         """
@@ -95,9 +95,9 @@ class RenderedFile:
 class RenderedFiles:
     """The files that a render wrote, their length, and how long it took: `wall_seconds`.
 
-    `n_simulated` frames were computed or recalled. `instruments` are the levels of the
-    instruments, if there are several. `recalled` is the share of the work that an earlier render
-    had done (0 to 1); if that is all, `outcome` is what its simulation reported.
+    `n_simulated` frames were computed or recalled. `instruments` are the levels of the instruments,
+    if there are several. `recalled_share` is the share of the work that an earlier render had done
+    (0 to 1); if that is all, `outcome` is what its simulation reported.
     """
 
     mix: RenderedFile
@@ -106,5 +106,5 @@ class RenderedFiles:
     n_frames: int
     n_simulated: int
     instruments: tuple[InstrumentLevel, ...] = ()
-    recalled: float = 0.0
+    recalled_share: float = 0.0
     outcome: Outcome | None = None

@@ -37,28 +37,31 @@ class KnownLevels:
             number
             for number, balance in enumerate(balances)
             if not any(
-                self._set_measure(balance, keys[number], stop)
+                self._recall_measures(balance, keys[number], stop)
                 for keys in self._keys[stretch_index:]
             )
         ]
 
-    def put(self, balances: Sequence[Balance], numbers: Sequence[int], stop: int) -> None:
+    def put(self, balances: Sequence[Balance], balance_numbers: Sequence[int], stop: int) -> None:
         """Store what was measured of some balances up to frame `stop`."""
         index = (stop - 1) // stretches.STRETCH_FRAMES
-        for number in numbers:
-            measured, stretch_key = balances[number].measured, self._keys[index][number]
+        for balance_number in balance_numbers:
+            measured, stretch_key = (
+                balances[balance_number].measured,
+                self._keys[index][balance_number],
+            )
             known_level = self._store.get(stretch_key)
             if known_level is None or len(known_level.sound) < measured.size:
                 self._store.put(stretch_key, measured.reshape(-1), b"")
 
     def put_states(
-        self, balances: Sequence[Balance], numbers: Sequence[int], n_stretches: int
+        self, balances: Sequence[Balance], balance_numbers: Sequence[int], n_stretches: int
     ) -> None:
         """Store the states of some balances after the first stretches."""
-        if not numbers:
+        if not balance_numbers:
             return
         keys = self._state_keys(n_stretches - 1)
-        for balance_number in numbers:
+        for balance_number in balance_numbers:
             if not self._store.has(keys[balance_number]):
                 state = balances[balance_number].state()
                 if state is not None:
@@ -66,10 +69,10 @@ class KnownLevels:
                         keys[balance_number], balances[balance_number].measured.reshape(-1), state
                     )
 
-    def has_states(self, numbers: Sequence[int], n_stretches: int) -> bool:
+    def has_states(self, balance_numbers: Sequence[int], n_stretches: int) -> bool:
         """Whether the states of some balances after the first stretches are stored."""
-        keys = self._state_keys(n_stretches - 1) if numbers else ()
-        return all(self._store.has(keys[number]) for number in numbers)
+        keys = self._state_keys(n_stretches - 1) if balance_numbers else ()
+        return all(self._store.has(keys[number]) for number in balance_numbers)
 
     def states(self, balance_numbers: Sequence[int], n_stretches: int) -> list[Stretch] | None:
         """The measures and states of some balances after the first stretches; None if any is not
@@ -80,7 +83,7 @@ class KnownLevels:
         known_states = [state for state in stored if state is not None]
         return known_states if len(known_states) == len(balance_numbers) else None
 
-    def _set_measure(self, balance: Balance, key: str, stop_frame: int) -> bool:
+    def _recall_measures(self, balance: Balance, key: str, stop_frame: int) -> bool:
         known_level = self._store.get(key)
         if known_level is None or len(known_level.sound) % balance.n_measures:
             return False

@@ -18,9 +18,9 @@ class KnownMasters:
     and by the level and the search for silence of a job. `score` is the hash of the score.
     """
 
-    def __init__(self, store: StretchStore, mix: str, *, n_frames: int, score: str) -> None:
+    def __init__(self, store: StretchStore, mix_hash: str, *, n_frames: int, score: str) -> None:
         """Read nothing yet."""
-        self._store, self._mix, self._n_frames, self._score = store, mix, n_frames, score
+        self._store, self._mix_hash, self._n_frames, self._score = store, mix_hash, n_frames, score
 
     def get(self, job: RenderJob) -> KnownMaster | None:
         """What is known of a job; None if it is not, or if the frames of the job are enough."""
@@ -42,17 +42,17 @@ class KnownMasters:
         import numpy as np
 
         if _needs_piece_end(job) and is_sufficient(master, job):
-            state = [master.piece_end, master.gain, *master.outcome.fields(self._score)]
+            state = [master.piece_end, master.gain, *master.outcome.to_fields(self._score)]
             self._store.put(self._key(job), np.empty(0), json.dumps(state).encode())
 
     def _key(self, job: RenderJob) -> str:
-        key_content = f"{self._mix} {job.level!r} {job.format.n_channels} {job.ending}"
+        key_content = f"{self._mix_hash} {job.level!r} {job.format.n_channels} {job.silence_search}"
         return stretch_key("master", self._n_frames, key_content)
 
 
 def _needs_piece_end(job: RenderJob) -> bool:
     """Whether the file depends on the end of the piece, or on how loud all of it is."""
-    return job.level.is_levelled or job.ending is not None
+    return job.level.is_levelled or job.silence_search is not None
 
 
 def is_sufficient(master: KnownMaster, job: RenderJob) -> bool:

@@ -100,8 +100,8 @@ class FrameSpool:
 
         yield from self._blocks
         self._file.seek(0)
-        width = 8 * self._n_channels
-        while data := self._file.read(n_frames * width):
+        frame_bytes = 8 * self._n_channels
+        while data := self._file.read(n_frames * frame_bytes):
             yield np.frombuffer(data).reshape(-1, self._n_channels)
 
 
@@ -129,7 +129,7 @@ class ArrayWriter:
     def __init__(self, format: WaveFormat, frames: NDArray[np.float64]) -> None:
         """Fill `frames` from its beginning."""
         self.format = format
-        self._frames, self._frame = frames, 0
+        self._frames, self._n_written = frames, 0
 
     @property
     def sha256(self) -> str:
@@ -138,8 +138,8 @@ class ArrayWriter:
 
     def write(self, samples: NDArray[np.float64]) -> None:
         """Append (n_frames, n_channels)."""
-        self._frames[self._frame : self._frame + len(samples)] = samples
-        self._frame += len(samples)
+        self._frames[self._n_written : self._n_written + len(samples)] = samples
+        self._n_written += len(samples)
 
     def close(self) -> None:
         """End; nothing more comes."""
@@ -172,10 +172,10 @@ class MasterChain:
         self._limiter = limiter
         self.latency = limiter.latency if limiter is not None else 0
         # The index in the piece of the next frame that leaves the limiter.
-        self._frame = first_frame - self.latency
+        self._output_frame = first_frame - self.latency
         self._start, self._stop = start, stop
         self._rate, self._silences, self._edges = rate, silences, edges
-        self._scaled: NDArray[np.float64] = np.empty((0, n_channels))
+        self._scaled_buffer: NDArray[np.float64] = np.empty((0, n_channels))
 
     @property
     def peak(self) -> float:
@@ -203,23 +203,25 @@ class MasterChain:
 
         from ergon import _core
 
-        if len(self._scaled) < len(block):
-            self._scaled = np.empty(block.shape)
-        block_frames = np.multiply(block, self.gain, out=self._scaled[: len(block)])
+        if len(self._scaled_buffer) < len(block):
+            self._scaled_buffer = np.empty(block.shape)
+        block_frames = np.multiply(block, self.gain, out=self._scaled_buffer[: len(block)])
         if self._limiter is not None:
             block_frames = self._limiter.limit(block_frames)
         played_frames = np.ascontiguousarray(
-            block_frames[max(self._start - self._frame, 0) : max(self._stop - self._frame, 0)]
+            block_frames[
+                max(self._start - self._output_frame, 0) : max(self._stop - self._output_frame, 0)
+            ]
         )
-        take_start = max(self._start, self._frame)
-        self._frame += len(block_frames)
+        played_start = max(self._start, self._output_frame)
+        self._output_frame += len(block_frames)
         if not len(played_frames):
             return
         played_frames = np.ascontiguousarray(
-            apply_silences(played_frames, take_start, self._silences, self._rate)
+            apply_silences(played_frames, played_start, self._silences, self._rate)
         )
         played_frames = self._edges.fade(
-            played_frames, take_start, self._start, self._stop, self._rate
+            played_frames, played_start, self._start, self._stop, self._rate
         )
         self._meter.process(played_frames)
         self._true_peak.process(played_frames)
@@ -235,6 +237,6 @@ class MasterChain:
         """Push out what the limiter still holds, and end the file."""
         import numpy as np
 
-        if self._frame < self._stop:
-            self.take(np.zeros((self._stop - self._frame, self._writer.format.n_channels)))
+        if self._output_frame < self._stop:
+            self.take(np.zeros((self._stop - self._output_frame, self._writer.format.n_channels)))
         self._writer.close()

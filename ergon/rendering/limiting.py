@@ -58,12 +58,12 @@ class StemLimiter:
 
         self._mix = mix
         self.latency = mix.latency
-        self._late = np.zeros((mix.latency, n_channels))
+        self._delayed_frames = np.zeros((mix.latency, n_channels))
 
     def limit(self, frames: NDArray[np.float64]) -> NDArray[np.float64]:
         """The next frames (n_frames, n_channels), as loud as in the mix."""
         import numpy as np
 
-        frames_with_late = np.concatenate([self._late, frames])
-        self._late = frames_with_late[len(frames) :]
-        return frames_with_late[: len(frames)] * self._mix.gains[:, None]
+        delayed_and_new = np.concatenate([self._delayed_frames, frames])
+        self._delayed_frames = delayed_and_new[len(frames) :]
+        return delayed_and_new[: len(frames)] * self._mix.gains[:, None]

@@ -22,35 +22,38 @@ _GAIN_ROUNDS_MAX = 50  # rounds of the search for a gain; a few are usually enou
 class GatedLoudness:
     """The 400 ms blocks of a sound, because which of them pass the gates depends on the gain.
 
-    `blocks` are the levels [LUFS] of the 400 ms that end with each `step` of 100 ms [frames].
+    `block_levels` are the levels [LUFS] of the 400 ms that end with each `step_frames` of 100 ms
+    [frames].
     """
 
     def __init__(self, rate: float, n_channels: int) -> None:
         """Measure frames of `n_channels` at `rate` [Hz], all channels alike."""
         from ergon import _core
 
-        self.step = (int(rate + 0.5) + 5) // 10
-        self.blocks: list[float] = []
+        self.step_frames = (int(rate + 0.5) + 5) // 10
+        self.block_levels: list[float] = []
         self._meter = _core.Meter(rate, n_channels)
-        self._measured = 0
+        self._n_measured = 0
 
     def take(self, frames: NDArray[np.float64]) -> None:
         """Measure the next frames (n_frames, n_channels)."""
         import numpy as np
 
         while len(frames):
-            frame_count = min(self.step - self._measured % self.step, len(frames))
+            frame_count = min(self.step_frames - self._n_measured % self.step_frames, len(frames))
             self._meter.process(np.ascontiguousarray(frames[:frame_count]))
             frames = frames[frame_count:]
-            self._measured += frame_count
-            if self._measured % self.step == 0:
-                self.blocks.append(self._meter.momentary)
+            self._n_measured += frame_count
+            if self._n_measured % self.step_frames == 0:
+                self.block_levels.append(self._meter.momentary)
 
-    def loudness(self, gain: float, first: int = 0, last: int | None = None) -> float:
-        """Integrated loudness [LUFS] of the steps `first` to `last` at a gain (a ratio); -inf where
-        nothing passes the gates.
+    def loudness(self, gain: float, first_step: int = 0, end_step: int | None = None) -> float:
+        """Integrated loudness [LUFS] of the steps `first_step` to `end_step` at a gain (a ratio);
+        -inf where nothing passes the gates.
         """
-        return _gated_level(self._blocks_within(first, last), 20.0 * math.log10(max(gain, 1e-30)))
+        return _gated_level(
+            self._blocks_within(first_step, end_step), 20.0 * math.log10(max(gain, 1e-30))
+        )
 
     def gain_to(self, target_lufs: float) -> float | None:
         """The gain [dB] at which the loudness is `target_lufs` [LUFS]; None for silence."""
@@ -68,24 +71,24 @@ class GatedLoudness:
                 break
         return gain_db
 
-    def _blocks_within(self, first: int, last: int | None) -> NDArray[np.float64]:
-        """The blocks that lie between two steps: the first of them ends 400 ms after `first`."""
+    def _blocks_within(self, first_step: int, end_step: int | None) -> NDArray[np.float64]:
+        """The blocks between two steps: the first of them ends 400 ms after `first_step`."""
         import numpy as np
 
-        return np.array(self.blocks[first + _STEPS_PER_BLOCK - 1 : last])
+        return np.array(self.block_levels[first_step + _STEPS_PER_BLOCK - 1 : end_step])
 
 
 def gain_to_peak(true_peak: float) -> float:
     """The gain (a ratio) that brings a true peak above 0 to `TRUE_PEAK_DB_MAX`, or just below."""
     from ergon import _core
 
-    highest = TRUE_PEAK_DB_MAX - 20.0 * math.log10(true_peak)
-    return _core.decibels(math.floor(highest / GAIN_STEP_DB) * GAIN_STEP_DB)
+    gain_db_max = TRUE_PEAK_DB_MAX - 20.0 * math.log10(true_peak)
+    return _core.decibels(math.floor(gain_db_max / GAIN_STEP_DB) * GAIN_STEP_DB)
 
 
-def _gated_level(blocks: NDArray[np.float64], decibels: float) -> float:
+def _gated_level(blocks: NDArray[np.float64], gain_db: float) -> float:
     """The level [LUFS] of those `blocks` that pass both gates after a gain."""
-    amplified_blocks = blocks + decibels
+    amplified_blocks = blocks + gain_db
     amplified_blocks = amplified_blocks[amplified_blocks > _ABSOLUTE_GATE_LUFS]
     if len(amplified_blocks):
         amplified_blocks = amplified_blocks[

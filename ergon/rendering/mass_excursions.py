@@ -31,21 +31,22 @@ class Excursion:
 
 @dataclass(slots=True)
 class ContactClosings:
-    """How often a contact closed, from frame `first` to `last`, and its deepest penetration [m].
+    """How often a contact closed, from frame `first_frame` to `last_frame`, and its deepest
+    penetration [m].
 
     If it never closed the penetration is negative: its size is the least distance, at frame
-    `deepest_at`. `deepest_swapped` is the deepest penetration [m] that the same motion has where
-    the ends of the contact are swapped.
+    `deepest_frame`. `swapped_depth_max` is the deepest penetration [m] that the same motion has
+    where the ends of the contact are swapped.
     """
 
     contact: ProbedLink
-    times: int = 0
-    first: int | None = None
-    last: int | None = None
-    deepest: float = -inf
-    deepest_at: int = 0
+    n_closings: int = 0
+    first_frame: int | None = None
+    last_frame: int | None = None
+    depth_max: float = -inf
+    deepest_frame: int = 0
     is_closed: bool = False
-    deepest_swapped: float = -inf
+    swapped_depth_max: float = -inf
 
     def take(self, frames: NDArray[np.float64], first_frame: int) -> None:
         """Go on with positions (n_frames, n_points) from frame `first_frame` on."""
@@ -56,18 +57,23 @@ class ContactClosings:
         elongations = frames[:, contact.b.output_number] - frames[:, contact.a.output_number]
         gap = contact_fields["gap"]
         depth = -elongations - gap if contact_fields["side"] == "below" else elongations - gap
-        self.deepest_swapped = max(self.deepest_swapped, -float(depth.min()) - 2.0 * gap)
+        self.swapped_depth_max = max(self.swapped_depth_max, -float(depth.min()) - 2.0 * gap)
         is_closed = depth > 0
-        begins = np.flatnonzero(is_closed & ~np.concatenate(([self.is_closed], is_closed[:-1])))
-        if begins.size and self.first is None:
-            self.first = first_frame + int(begins[0])
-        self.times += len(begins)
+        closing_indices = np.flatnonzero(
+            is_closed & ~np.concatenate(([self.is_closed], is_closed[:-1]))
+        )
+        if closing_indices.size and self.first_frame is None:
+            self.first_frame = first_frame + int(closing_indices[0])
+        self.n_closings += len(closing_indices)
         if is_closed.any():
-            self.last = first_frame + int(np.flatnonzero(is_closed)[-1])
+            self.last_frame = first_frame + int(np.flatnonzero(is_closed)[-1])
         self.is_closed = bool(is_closed[-1])
         deepest_index = int(np.argmax(depth))
-        if depth[deepest_index] > self.deepest:
-            self.deepest, self.deepest_at = float(depth[deepest_index]), first_frame + deepest_index
+        if depth[deepest_index] > self.depth_max:
+            self.depth_max, self.deepest_frame = (
+                float(depth[deepest_index]),
+                first_frame + deepest_index,
+            )
 
 
 def measure_excursions(

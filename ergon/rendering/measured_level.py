@@ -49,9 +49,9 @@ class MeasuredLevel:
         wanted_level = self._level
         if wanted_level.loudness is None or self._loudness is None or self._peak == 0.0:
             return self.gain_of_peak(self._peak)
-        to_peak = gain_to_peak(self._true_peak.peak)
-        decibels = self._loudness.gain_to(wanted_level.loudness)
-        if decibels is None:
-            return to_peak
-        gain = _core.decibels(round(decibels / GAIN_STEP_DB) * GAIN_STEP_DB)
-        return gain if wanted_level.limit is not None else min(gain, to_peak)
+        peak_gain = gain_to_peak(self._true_peak.peak)
+        gain_db = self._loudness.gain_to(wanted_level.loudness)
+        if gain_db is None:
+            return peak_gain
+        gain = _core.decibels(round(gain_db / GAIN_STEP_DB) * GAIN_STEP_DB)
+        return gain if wanted_level.limit is not None else min(gain, peak_gain)

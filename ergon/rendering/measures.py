@@ -34,7 +34,7 @@ class Measures:
     t60: float | None
 
 
-def measures(sound_frames: NDArray[np.float64], rate: float) -> Measures:
+def measure_sound(sound_frames: NDArray[np.float64], rate: float) -> Measures:
     """The figures of frames (n_frames, n_channels) at `rate` [Hz].
 
     Powers of channels are added up; pitch and partial are those of the loudest channel.
@@ -43,7 +43,7 @@ def measures(sound_frames: NDArray[np.float64], rate: float) -> Measures:
 
     if not len(sound_frames) or not sound_frames.any():
         return Measures(None, None, None, None)
-    power_values = (sound_frames * sound_frames).sum(axis=1)
+    powers = (sound_frames * sound_frames).sum(axis=1)
     loudest_channel = sound_frames[:, int((sound_frames * sound_frames).sum(axis=0).argmax())]
     frequencies, spectrum = _spectrum(sound_frames, rate)
     is_audible = frequencies >= _PITCH_HZ_MIN
@@ -51,9 +51,9 @@ def measures(sound_frames: NDArray[np.float64], rate: float) -> Measures:
     centroid = float((frequencies * spectrum)[is_audible].sum() / total) if total > 0.0 else None
     return Measures(
         centroid,
-        _pitch(loudest_channel, power_values, rate),
+        _pitch(loudest_channel, powers, rate),
         _strongest_partial(loudest_channel, rate),
-        _decay_time(np.asarray(power_values), rate),
+        _decay_time(np.asarray(powers), rate),
     )
 
 
@@ -64,41 +64,39 @@ def _spectrum(
     import numpy as np
 
     window = np.hanning(_WINDOW_SAMPLES + 1)[:-1, None]
-    power_values: NDArray[np.float64] = np.zeros(_WINDOW_SAMPLES // 2 + 1)
+    spectrum: NDArray[np.float64] = np.zeros(_WINDOW_SAMPLES // 2 + 1)
     for first_frame in range(
         0, max(1, len(sound_frames) - _WINDOW_SAMPLES // 2), _WINDOW_SAMPLES // 2
     ):
         block = sound_frames[first_frame : first_frame + _WINDOW_SAMPLES]
         padded = np.zeros((_WINDOW_SAMPLES, sound_frames.shape[1]))
         padded[: len(block)] = block
-        power_values += (np.abs(np.fft.rfft(window * padded, axis=0)) ** 2).sum(axis=1)
-    frequencies = np.arange(len(power_values), dtype=np.float64) * (rate / _WINDOW_SAMPLES)
-    return frequencies, power_values
+        spectrum += (np.abs(np.fft.rfft(window * padded, axis=0)) ** 2).sum(axis=1)
+    frequencies = np.arange(len(spectrum), dtype=np.float64) * (rate / _WINDOW_SAMPLES)
+    return frequencies, spectrum
 
 
-def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> float | None:
+def _pitch(samples: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> float | None:
     """The pitch by the normalised difference function of YIN (de Cheveigné & Kawahara 2002)."""
     import numpy as np
 
-    span_frames, longest_lag = int(_PITCH_SECONDS * rate), int(rate / _PITCH_HZ_MIN) + 2
-    if len(x) < span_frames + longest_lag:
+    window_frames, longest_lag = int(_PITCH_SECONDS * rate), int(rate / _PITCH_HZ_MIN) + 2
+    if len(samples) < window_frames + longest_lag:
         return None
     sums = np.concatenate([[0.0], np.cumsum(power)])
     segment_start = int(
         np.argmax(
-            sums[span_frames : len(x) - longest_lag + 1]
-            - sums[: len(x) - longest_lag - span_frames + 1]
+            sums[window_frames : len(samples) - longest_lag + 1]
+            - sums[: len(samples) - longest_lag - window_frames + 1]
         )
     )
-    segment = x[segment_start : segment_start + span_frames + longest_lag]
+    segment = samples[segment_start : segment_start + window_frames + longest_lag]
     size = 1 << (2 * len(segment)).bit_length()
-    transform = np.fft.rfft(segment[:span_frames], size)
-    segment_match = np.fft.irfft(np.conj(transform) * np.fft.rfft(segment, size), size)[
-        :longest_lag
-    ]
-    squares = np.concatenate([[0.0], np.cumsum(segment * segment)])
-    energy = squares[span_frames : span_frames + longest_lag] - squares[:longest_lag]
-    difference = np.maximum(energy[0] + energy - 2.0 * segment_match, 0.0)
+    transform = np.fft.rfft(segment[:window_frames], size)
+    correlation = np.fft.irfft(np.conj(transform) * np.fft.rfft(segment, size), size)[:longest_lag]
+    energy_sums = np.concatenate([[0.0], np.cumsum(segment * segment)])
+    energy = energy_sums[window_frames : window_frames + longest_lag] - energy_sums[:longest_lag]
+    difference = np.maximum(energy[0] + energy - 2.0 * correlation, 0.0)
     total = np.cumsum(difference[1:])
     normalised = np.ones(longest_lag)
     np.divide(
@@ -114,12 +112,12 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
     return rate / _parabola_peak(-difference[lag - 1 : lag + 2], lag)
 
 
-def _strongest_partial(x: NDArray[np.float64], rate: float) -> float | None:
+def _strongest_partial(samples: NDArray[np.float64], rate: float) -> float | None:
     """The highest peak of one Hann window over the whole sound, interpolated by a parabola."""
     import numpy as np
 
-    transform_size = 2 * len(x)
-    magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x) + 1)[:-1], transform_size))
+    transform_size = 2 * len(samples)
+    magnitude = np.abs(np.fft.rfft(samples * np.hanning(len(samples) + 1)[:-1], transform_size))
     lowest_bin = max(1, math.ceil(_PITCH_HZ_MIN * transform_size / rate))
     if len(magnitude) < lowest_bin + 2 or not magnitude[lowest_bin:-1].any():
         return None
@@ -132,46 +130,47 @@ def _strongest_partial(x: NDArray[np.float64], rate: float) -> float | None:
 
 
 def _parabola_peak(three_values: NDArray[np.float64], peak_bin: int) -> float:
-    """Position of the maximum of the parabola through three values; the middle one is at "
-    "`peak_bin`."""
+    """Position of the maximum of the parabola through three values, of which the middle one is at
+    `peak_bin`.
+    """
     a, b, c = (float(y) for y in three_values)
-    curve = a - 2.0 * b + c
-    return peak_bin + 0.5 * (a - c) / curve if curve < 0.0 else float(peak_bin)
+    curvature = a - 2.0 * b + c
+    return peak_bin + 0.5 * (a - c) / curvature if curvature < 0.0 else float(peak_bin)
 
 
 def _decay_time(power: NDArray[np.float64], rate: float) -> float | None:
     """T60 by backward integration of the energy (Schroeder 1965), after the last loud blow."""
     import numpy as np
 
-    span_frames = max(1, int(_LEVEL_SECONDS * rate))
-    level_values = (
-        power[: len(power) // span_frames * span_frames].reshape(-1, span_frames).sum(axis=1)
+    window_frames = max(1, int(_LEVEL_SECONDS * rate))
+    window_energies = (
+        power[: len(power) // window_frames * window_frames].reshape(-1, window_frames).sum(axis=1)
     )
-    if len(level_values) < 3:
+    if len(window_energies) < 3:
         return None
     # A blow is a rise by 3 dB to a level that is loud.
-    is_rising = level_values[1:] > np.maximum(
-        2.0 * level_values[:-1], level_values.max() / _LAST_BLOW_RATIO
+    is_rising = window_energies[1:] > np.maximum(
+        2.0 * window_energies[:-1], window_energies.max() / _LAST_BLOW_RATIO
     )
     blow_index = (
-        1 + int(np.flatnonzero(is_rising)[-1]) if is_rising.any() else int(level_values.argmax())
+        1 + int(np.flatnonzero(is_rising)[-1]) if is_rising.any() else int(window_energies.argmax())
     )
-    level_values = level_values[
-        blow_index + int(level_values[blow_index : blow_index + 5].argmax()) :
+    window_energies = window_energies[
+        blow_index + int(window_energies[blow_index : blow_index + 5].argmax()) :
     ]
-    energy_left = np.cumsum(level_values[::-1])[::-1]
+    energy_left = np.cumsum(window_energies[::-1])[::-1]
     if energy_left[0] <= 0.0:
         return None
     decay_db = 10.0 * np.log10(np.maximum(energy_left / energy_left[0], 1e-30))
-    fitted_frames = np.flatnonzero(
+    fitted_windows = np.flatnonzero(
         (decay_db <= _DECAY_RANGE_DB[0]) & (decay_db >= _DECAY_RANGE_DB[1])
     )
-    # The sum misses what the file cuts off, so the end of the file has to lie well below the range.
+    # The sum misses what the file cuts off, so the level at the end has to be well below the range.
     if (
-        len(fitted_frames) < 2
-        or 10.0 * math.log10(max(level_values[-1] / level_values.max(), 1e-30))
+        len(fitted_windows) < 2
+        or 10.0 * math.log10(max(window_energies[-1] / window_energies.max(), 1e-30))
         > _DECAY_RANGE_DB[1] - 10.0
     ):
         return None
-    slope = float(np.polyfit(fitted_frames * span_frames / rate, decay_db[fitted_frames], 1)[0])
+    slope = float(np.polyfit(fitted_windows * window_frames / rate, decay_db[fitted_windows], 1)[0])
     return -60.0 / slope if slope < 0.0 else None

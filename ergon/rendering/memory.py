@@ -54,7 +54,7 @@ class ComputedRender:
     known_frames: Sequence[NDArray[np.float64]]
     _memory: RenderMemory
     _all_balances: Sequence[Balance]
-    _numbers: list[int]
+    _balance_numbers: list[int]
 
     @property
     def n_known(self) -> int:
@@ -70,19 +70,22 @@ class ComputedRender:
         if self.recorder is not None:
             self.recorder.take(mixed)
 
-    def end_block(self, done_frame: int, mixer: Mixer) -> None:
-        """Store states where a stretch ends: `mixer` and balances have all before `done_frame`."""
-        if self.recorder is not None and done_frame % stretches.STRETCH_FRAMES == 0:
+    def end_block(self, stop_frame: int, mixer: Mixer) -> None:
+        """Store states where a stretch ends: `mixer` and balances have all before `stop_frame`."""
+        if self.recorder is not None and stop_frame % stretches.STRETCH_FRAMES == 0:
             self._memory.put_states(
-                done_frame // stretches.STRETCH_FRAMES, mixer, self._all_balances, self._numbers
+                stop_frame // stretches.STRETCH_FRAMES,
+                mixer,
+                self._all_balances,
+                self._balance_numbers,
             )
 
     def finish(self, job: RenderJob, n_simulated: int) -> None:
         """Store the results known after a number of computed frames of the job."""
         if self.recorder is not None:
-            self.recorder.end(Outcome.from_simulation(self._memory.simulation), job.ending)
-        self._memory.levels.put(self._all_balances, self._numbers, n_simulated)
-        self._memory.store.forget()
+            self.recorder.end(Outcome.from_simulation(self._memory.simulation), job.silence_search)
+        self._memory.levels.put(self._all_balances, self._balance_numbers, n_simulated)
+        self._memory.store.remove_oldest()
 
 
 class RenderMemory:
@@ -94,22 +97,22 @@ class RenderMemory:
         """Compute the keys of all stretches."""
         self.store, self.simulation = store, simulation
         self._n_frames, self._rate = stage.n_frames, stage.rate
-        step = stretches.STRETCH_FRAMES
-        stops = [*range(step, stage.n_frames, step), stage.n_frames]
+        stretch_frames = stretches.STRETCH_FRAMES
+        stops = [*range(stretch_frames, stage.n_frames, stretch_frames), stage.n_frames]
         highpass, reference = job.level.highpass, job.level.reference
-        mixes, stretch_levels = [], []
+        mix_keys, level_keys = [], []
         all_taps = simulation.output_keys(stops)
         for stop_frame, taps in zip(stops, all_taps, strict=True):
-            mix = stage.mix_key(taps, highpass=highpass, reference=reference)
+            mix_hash = stage.mix_key(taps, highpass=highpass, reference=reference)
             stems = stage.stem_keys(taps, highpass=highpass, reference=reference)
-            mixes.append(stretch_key("mix", stop_frame, mix))
-            stretch_levels.append([stretch_key("levels", stop_frame, stem) for stem in stems])
+            mix_keys.append(stretch_key("mix", stop_frame, mix_hash))
+            level_keys.append([stretch_key("levels", stop_frame, stem) for stem in stems])
 
         def mixer_key(stretch_index: int) -> str:
-            mix = stage.mix_key(
+            mix_hash = stage.mix_key(
                 all_taps[stretch_index], highpass=highpass, reference=reference, with_silent=True
             )
-            return stretch_key("mixer", stops[stretch_index], mix)
+            return stretch_key("mixer", stops[stretch_index], mix_hash)
 
         def balance_keys(stretch_index: int) -> list[str]:
             stems = stage.stem_keys(
@@ -117,23 +120,25 @@ class RenderMemory:
             )
             return [stretch_key("balance", stops[stretch_index], stem) for stem in stems]
 
-        self._mixed = MixedStretches(
+        self._mixed_stretches = MixedStretches(
             store,
-            mixes,
+            mix_keys,
             n_frames=stage.n_frames,
             n_channels=stage.n_channels,
             score=job.stamp.score,
             state_key=mixer_key,
         )
-        self.levels = KnownLevels(store, stretch_levels, balance_keys)
+        self.levels = KnownLevels(store, level_keys, balance_keys)
         self.masters = KnownMasters(
-            store, mixes[-1], n_frames=stage.n_frames, score=job.stamp.score
+            store, mix_keys[-1], n_frames=stage.n_frames, score=job.stamp.score
         )
 
     def known_mix(self, job: RenderJob, balances: Sequence[Balance]) -> KnownMix | None:
         """All that is heard of a job, with the levels in `balances`; None if any is not known."""
         recalled_mix = self._known_with_master(job) or self._followed_mix(job)
-        if recalled_mix is None or self.levels.recall(balances, min(job.stop, recalled_mix.stop)):
+        if recalled_mix is None or self.levels.recall(
+            balances, min(job.stop, recalled_mix.stop_frame)
+        ):
             return None
         return recalled_mix
 
@@ -149,12 +154,12 @@ class RenderMemory:
                 0,
                 min(self._n_frames, stop_frame + ceil(_LIMITER_LOOK_AHEAD_SECONDS * self._rate)),
             )
-        return self._mixed.known_with(master, start_frame, stop_frame)
+        return self._mixed_stretches.find_mastered_mix(master, start_frame, stop_frame)
 
     def _followed_mix(self, job: RenderJob) -> KnownMix | None:
         """The frames that a job follows to find the end and the gain of the piece, or its own."""
         start_frame, stop_frame = job.start, job.stop
-        if job.level.limit is not None or job.level.is_levelled or job.ending is not None:
+        if job.level.limit is not None or job.level.is_levelled or job.silence_search is not None:
             # What limiter, level and search do depends on all that came before.
             start_frame, stop_frame = (
                 0,
@@ -162,11 +167,11 @@ class RenderMemory:
             )
         last_frame = max(stop_frame, job.simulated_frames(self._n_frames))
         # A part may sound on after the piece has faded out.
-        return self._mixed.known(
-            start_frame, last_frame, job.ending, 0 if job.has_open_end else stop_frame
+        return self._mixed_stretches.find_followed_mix(
+            start_frame, last_frame, job.silence_search, 0 if job.has_open_end else stop_frame
         )
 
-    def computing(
+    def begin_computing(
         self, job: RenderJob, balances: Sequence[Balance], mixer: Mixer | None
     ) -> ComputedRender:
         """How to compute a job, with what is known of its parts; a `mixer` that mixes all of it is
@@ -175,27 +180,36 @@ class RenderMemory:
         last_frame = job.simulated_frames(self._n_frames)
         simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, last_frame)
         balance_numbers = self.levels.recall(balances, job.stop)
-        part_balances = [balances[number] for number in balance_numbers]
+        unknown_balances = [balances[number] for number in balance_numbers]
         if mixer is None:
             return ComputedRender(
-                simulation, part_balances, None, (), self, balances, balance_numbers
+                simulation, unknown_balances, None, (), self, balances, balance_numbers
             )
         known_frames: Sequence[NDArray[np.float64]] = ()
         for n_stretches in range(
-            min(self._mixed.n_leading(), (last_frame - 1) // stretches.STRETCH_FRAMES), 0, -1
+            min(
+                self._mixed_stretches.n_leading_stretches(),
+                (last_frame - 1) // stretches.STRETCH_FRAMES,
+            ),
+            0,
+            -1,
         ):
-            is_stored = self._mixed.has_state(n_stretches) and simulation.has_states(n_stretches)
+            is_stored = self._mixed_stretches.has_mixer_state(
+                n_stretches
+            ) and simulation.has_states(n_stretches)
             if is_stored and self.levels.has_states(balance_numbers, n_stretches):
                 known_frames = self._resume(
-                    n_stretches, simulation, mixer, part_balances, balance_numbers
+                    n_stretches, simulation, mixer, unknown_balances, balance_numbers
                 )
                 break
         recorder = None
         if job.stores_mix:
-            recorder = MixRecorder(self._mixed, self._n_frames, sum(map(len, known_frames)))
+            recorder = MixRecorder(
+                self._mixed_stretches, self._n_frames, sum(map(len, known_frames))
+            )
             simulation.outcomes = recorder.outcomes
         return ComputedRender(
-            simulation, part_balances, recorder, known_frames, self, balances, balance_numbers
+            simulation, unknown_balances, recorder, known_frames, self, balances, balance_numbers
         )
 
     def _resume(
@@ -209,7 +223,10 @@ class RenderMemory:
         """Bring everything to the end of the first stretches; their frames, or none if any part of
         that cannot be read.
         """
-        known_frames, mix_state = self._mixed.leading(n_stretches), self._mixed.state(n_stretches)
+        known_frames, mix_state = (
+            self._mixed_stretches.leading_frames(n_stretches),
+            self._mixed_stretches.mixer_state(n_stretches),
+        )
         levels = self.levels.states(balance_numbers, n_stretches)
         if (
             known_frames is None
@@ -227,7 +244,7 @@ class RenderMemory:
         self, n_stretches: int, mixer: Mixer, balances: Sequence[Balance], numbers: Sequence[int]
     ) -> None:
         """Store what a later render needs in order to go on after the first stretches."""
-        self._mixed.put_state(n_stretches, mixer)
+        self._mixed_stretches.put_mixer_state(n_stretches, mixer)
         self.levels.put_states(balances, numbers, n_stretches)
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from .staged import Mixer
 
 # The search for silence that ended a render: the frame from which on, and the number of channels.
-Ending = tuple[int, int]
+SilenceSearch = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Outcome:
         """Whether there is nothing to report."""
         return not self.parts_finer and not self.energy_gains
 
-    def fields(self, score: str) -> list[Any]:
+    def to_fields(self, score: str) -> list[Any]:
         """The outcome in lists, as JSON writes it; `score` is the hash of the score."""
         return [list(self.parts_finer), list(self.energy_gains), "" if self.is_empty else score]
 
@@ -62,12 +62,12 @@ class Outcome:
         """The outcome in `outcome_fields`; None if it names modules of another score, whose names
         may differ. Raises ValueError, TypeError or LookupError where it is no outcome.
         """
-        finer_parts, gains, score_then = outcome_fields
+        finer_parts, gains, stored_score = outcome_fields
         outcome = cls(
             tuple(_core.FinerPart(*part_fields) for part_fields in finer_parts),
             tuple(_core.EnergyGain(*part_fields) for part_fields in gains),
         )
-        return outcome if outcome.is_empty or score_then == score else None
+        return outcome if outcome.is_empty or stored_score == score else None
 
     def finer(self) -> list[_core.FinerPart]:
         """As `Simulation.finer`."""
@@ -91,29 +91,31 @@ class KnownMaster:
 
 @dataclass(frozen=True, slots=True)
 class _MixedStretch:
-    """Mixed frames, and the outcome after them; `ending` if the render ended within the stretch."""
+    """Mixed frames, and the outcome after them; `silence_search` if the render ended within the
+    stretch.
+    """
 
     frames: NDArray[np.float64]
     outcome: Outcome
-    ending: Ending | None
+    silence_search: SilenceSearch | None
 
 
 @dataclass(frozen=True, slots=True)
 class KnownMix:
-    """Mixed frames from frame `first` of the piece on, stretch by stretch, and the outcome.
+    """Mixed frames from frame `first_frame` of the piece on, stretch by stretch, and the outcome.
 
     `master` is the end and the gain of the piece, if they are known before its frames are read.
     """
 
-    first: int
+    first_frame: int
     frames: tuple[NDArray[np.float64], ...]
     outcome: Outcome
     master: KnownMaster | None = None
 
     @property
-    def stop(self) -> int:
+    def stop_frame(self) -> int:
         """The frame after the last."""
-        return self.first + sum(map(len, self.frames))
+        return self.first_frame + sum(map(len, self.frames))
 
     def blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
         """All frames, at most `n_frames` at a time."""
@@ -141,16 +143,18 @@ class MixedStretches:
         self._store, self._keys, self._score = store, keys, score
         self._n_frames, self._n_channels = n_frames, n_channels
         self._state_key = state_key
-        self._known: dict[int, _MixedStretch] = {}  # stretches that `known` has read
+        self._read_stretches: dict[
+            int, _MixedStretch
+        ] = {}  # stretches that `find_followed_mix` has read
 
-    def known(
-        self, start: int, stop: int, ending: Ending | None, frames_needed: int
+    def find_followed_mix(
+        self, start: int, stop: int, silence_search: SilenceSearch | None, frames_needed: int
     ) -> KnownMix | None:
         """The mix from the stretch of frame `start` on up to frame `stop` or later; None if any of
         it, or its outcome, is not known.
 
-        If the sound is followed to its end, the mix may end sooner, by the same `ending`, but not
-        before frame `frames_needed`.
+        If the sound is followed to its end, the mix may end sooner, by the same `silence_search`,
+        but not before frame `frames_needed`.
         """
         stretch_frames = stretches.STRETCH_FRAMES
         first_index = start // stretch_frames
@@ -161,15 +165,17 @@ class MixedStretches:
             stretch = self._read(stretch_index)
             if stretch is None:
                 return None
-            self._known[stretch_index] = stretch
+            self._read_stretches[stretch_index] = stretch
             if known_stretches:
                 outcome_before = known_stretches[-1].outcome
             known_stretches.append(stretch)
             known_stop = stretch_index * stretch_frames + len(stretch.frames)
-            has_ended = has_ended or (ending is not None and stretch.ending == ending)
+            has_ended = has_ended or (
+                silence_search is not None and stretch.silence_search == silence_search
+            )
             if known_stop >= stop or (has_ended and known_stop >= frames_needed):
                 break
-            if known_stop < self._stop(stretch_index):
+            if known_stop < self._stop_frame(stretch_index):
                 return None
         last_stretch = known_stretches[-1]
         if stop < known_stop and not has_ended:
@@ -180,11 +186,13 @@ class MixedStretches:
             if outcome_before != last_stretch.outcome:
                 return None
         known_frames = [stretch.frames for stretch in known_stretches]
-        if ending is None:
+        if silence_search is None:
             known_frames[-1] = known_frames[-1][: stop - known_stop + len(known_frames[-1])]
         return KnownMix(first_index * stretch_frames, tuple(known_frames), last_stretch.outcome)
 
-    def known_with(self, master: KnownMaster, start_frame: int, stop_frame: int) -> KnownMix | None:
+    def find_mastered_mix(
+        self, master: KnownMaster, start_frame: int, stop_frame: int
+    ) -> KnownMix | None:
         """The mix from the stretch of frame `start_frame` on up to frame `stop_frame`, of a piece
         whose end, gain and outcome are known; None if any of it is not.
         """
@@ -198,7 +206,7 @@ class MixedStretches:
             known_frames.append(stretch.frames[:n_needed])
         return KnownMix(first_index * stretch_frames, tuple(known_frames), master.outcome, master)
 
-    def n_leading(self) -> int:
+    def n_leading_stretches(self) -> int:
         """How many stretches from the first one on are stored, and complete unless a render ended
         in them.
         """
@@ -206,26 +214,26 @@ class MixedStretches:
         unknown = (index for index in indices if not self._store.has(self._keys[index]))
         return next(unknown, len(indices))
 
-    def leading(self, n_stretches: int) -> list[NDArray[np.float64]] | None:
+    def leading_frames(self, n_stretches: int) -> list[NDArray[np.float64]] | None:
         """The frames of the first stretches; None if any of them is not known."""
         known_stretches = [
-            self._known.get(index) or self._read(index) for index in range(n_stretches)
+            self._read_stretches.get(index) or self._read(index) for index in range(n_stretches)
         ]
-        self._known = {}
+        self._read_stretches = {}
         frames = [stretch.frames for stretch in known_stretches if stretch is not None]
         n_frames = n_stretches * stretches.STRETCH_FRAMES
         return frames if sum(map(len, frames)) == n_frames else None
 
-    def has_state(self, n_stretches: int) -> bool:
+    def has_mixer_state(self, n_stretches: int) -> bool:
         """Whether the state of a mixer after the first stretches is stored."""
         return self._store.has(self._state_key(n_stretches - 1))
 
-    def state(self, n_stretches: int) -> bytes | None:
+    def mixer_state(self, n_stretches: int) -> bytes | None:
         """The state of a mixer after the first stretches; None if it is not known."""
         stored = self._store.get(self._state_key(n_stretches - 1))
         return None if stored is None else stored.state
 
-    def put_state(self, n_stretches: int, mixer: Mixer) -> None:
+    def put_mixer_state(self, n_stretches: int, mixer: Mixer) -> None:
         """Store the state of a mixer after the first stretches."""
         import numpy as np
 
@@ -239,7 +247,7 @@ class MixedStretches:
         first_frame: int,
         blocks: Sequence[NDArray[np.float64]],
         outcome: Outcome,
-        ending: Ending | None,
+        silence_search: SilenceSearch | None,
     ) -> bool:
         """Store the frames of `blocks` from frame `first_frame` on, where a stretch begins; False
         if the folder takes nothing.
@@ -249,13 +257,16 @@ class MixedStretches:
             self._read(stretch_index) if self._store.has(self._keys[stretch_index]) else None
         )
         if stretch_before is not None and len(stretch_before.frames) >= sum(map(len, blocks)):
-            if ending in (None, stretch_before.ending) or stretch_before.outcome != outcome:
+            if (
+                silence_search in (None, stretch_before.silence_search)
+                or stretch_before.outcome != outcome
+            ):
                 return True
             blocks = [stretch_before.frames]
-        state = [*outcome.fields(self._score), ending]
+        state = [*outcome.to_fields(self._score), silence_search]
         return self._store.put(self._keys[stretch_index], blocks, json.dumps(state).encode())
 
-    def _stop(self, index: int) -> int:
+    def _stop_frame(self, index: int) -> int:
         return min((index + 1) * stretches.STRETCH_FRAMES, self._n_frames)
 
     def _read(self, index: int) -> _MixedStretch | None:
@@ -263,14 +274,16 @@ class MixedStretches:
         if stored is None or len(stored.sound) % self._n_channels:
             return None
         try:
-            *fields, ending = json.loads(stored.state)
+            *fields, silence_search = json.loads(stored.state)
             outcome = Outcome.from_fields(fields, self._score)
-            ending = None if ending is None else (int(ending[0]), int(ending[1]))
+            silence_search = (
+                None if silence_search is None else (int(silence_search[0]), int(silence_search[1]))
+            )
         except (ValueError, TypeError, LookupError):
             return None
         if outcome is None:
             return None
-        return _MixedStretch(stored.sound.reshape(-1, self._n_channels), outcome, ending)
+        return _MixedStretch(stored.sound.reshape(-1, self._n_channels), outcome, silence_search)
 
 
 class MixRecorder:
@@ -279,10 +292,10 @@ class MixRecorder:
     `outcomes` gets the outcome at the end of each stretch before its last frames come.
     """
 
-    def __init__(self, mixed: MixedStretches, n_frames: int, frame: int = 0) -> None:
+    def __init__(self, store: MixedStretches, n_frames: int, frame: int = 0) -> None:
         """Begin at a frame of a piece of `n_frames`, where a stretch begins."""
         self.outcomes: dict[int, Outcome] = {}
-        self._mixed, self._n_frames = mixed, n_frames
+        self._store, self._n_frames = store, n_frames
         self._frame = frame
         self._blocks: list[NDArray[np.float64]] = []
         self._store_accepts = True
@@ -295,28 +308,28 @@ class MixRecorder:
             if self._frame == stop_frame:
                 self._put(self.outcomes.pop(stop_frame, None), None)
                 continue
-            frames_now = mixed[: stop_frame - self._frame]
-            self._blocks.append(frames_now)
-            self._frame += len(frames_now)
-            mixed = mixed[len(frames_now) :]
+            stretch_frames = mixed[: stop_frame - self._frame]
+            self._blocks.append(stretch_frames)
+            self._frame += len(stretch_frames)
+            mixed = mixed[len(stretch_frames) :]
 
-    def end(self, outcome: Outcome, ending: Ending | None) -> None:
-        """Store the last stretch if it is complete, or if the end `ending` of the render may
-        have cut it.
+    def end(self, outcome: Outcome, silence_search: SilenceSearch | None) -> None:
+        """Store the last stretch if it is complete, or if the end `silence_search` of the render
+        may have cut it.
         """
         is_complete = self._frame in self.outcomes
-        if self._n_pending and self._store_accepts and (is_complete or ending is not None):
-            self._put(self.outcomes.pop(self._frame, outcome), ending)
+        if self._n_pending and self._store_accepts and (is_complete or silence_search is not None):
+            self._put(self.outcomes.pop(self._frame, outcome), silence_search)
 
     @property
     def _n_pending(self) -> int:
         return sum(map(len, self._blocks))
 
-    def _put(self, outcome: Outcome | None, ending: Ending | None) -> None:
+    def _put(self, outcome: Outcome | None, silence_search: SilenceSearch | None) -> None:
         first_frame, blocks = self._frame - self._n_pending, self._blocks
         self._blocks = []
         if outcome is not None:
-            self._store_accepts = self._mixed.put(first_frame, blocks, outcome, ending)
+            self._store_accepts = self._store.put(first_frame, blocks, outcome, silence_search)
 
 
 def blocks_of(
@@ -328,8 +341,8 @@ def blocks_of(
             yield stretch[first_frame : first_frame + n_frames]
 
 
-def stretch_key(noun: str, stop_frame: int, depends: str) -> str:
+def stretch_key(kind: str, stop_frame: int, dependencies_hash: str) -> str:
     """The key of what is stored of a stretch that ends at frame `stop_frame`, from the hash of all
     else that it depends on.
     """
-    return hashlib.sha256(f"{noun} {stop_frame} {depends}".encode()).hexdigest()
+    return hashlib.sha256(f"{kind} {stop_frame} {dependencies_hash}".encode()).hexdigest()

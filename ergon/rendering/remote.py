@@ -111,10 +111,10 @@ class _IslandChain:
     parts: list[_ChainIsland]
     frame: int = 0
     keys: list[str] = field(default_factory=list)
-    asked: Future[Answer] | None = None
+    pending_answer: Future[Answer] | None = None
     sounds: dict[int, list[NDArray[np.float64]]] = field(default_factory=dict)
     states: dict[int, list[bytes]] = field(default_factory=dict)
-    is_home: bool = False  # after a divergence this process computes the chain
+    is_local: bool = False  # after a divergence this process computes the chain
 
     @property
     def cost(self) -> float:
@@ -128,9 +128,9 @@ def group_by_cost(costs: Sequence[float], group_count: int) -> list[list[int]]:
     cost_groups: list[tuple[float, list[int]]] = [(0.0, []) for _ in range(max(1, group_count))]
     for cost_index in sorted(range(len(costs)), key=lambda i: (-costs[i], i)):
         cheapest_group = min(range(len(cost_groups)), key=lambda i: cost_groups[i][0])
-        group_cost, numbers = cost_groups[cheapest_group]
-        cost_groups[cheapest_group] = group_cost + costs[cost_index], [*numbers, cost_index]
-    return [sorted(numbers) for _, numbers in cost_groups if numbers]
+        group_cost, cost_indices = cost_groups[cheapest_group]
+        cost_groups[cheapest_group] = group_cost + costs[cost_index], [*cost_indices, cost_index]
+    return [sorted(cost_indices) for _, cost_indices in cost_groups if cost_indices]
 
 
 def chain_count(process_count: int, simulation: Simulation | None = None) -> int:
@@ -162,8 +162,8 @@ class RemoteSimulation(StretchedSimulation):
         super().__init__(simulation, n_frames)
         self._workers, self._store = workers, store
         costly_islands = [
-            (number, island)
-            for number, island in enumerate(simulation.storable())
+            (costly_index, island)
+            for costly_index, island in enumerate(simulation.storable())
             if is_expensive(island)
         ]
         groups = group_by_cost(
@@ -172,49 +172,53 @@ class RemoteSimulation(StretchedSimulation):
         self._chains = []
         for group in groups:
             chain_parts = []
-            for number in group:
-                index, island = costly_islands[number]
+            for costly_index in group:
+                number, island = costly_islands[costly_index]
                 simulation.record(island)
-                chain_parts.append(_ChainIsland(island, index, simulation.recorded(island).state))
+                chain_parts.append(_ChainIsland(island, number, simulation.recorded(island).state))
             self._chains.append(_IslandChain(chain_parts))
 
-    def _begin(self) -> None:
+    def _begin_stretch(self) -> None:
         """Get the sounds of the stretch that begins; wait for those that are missing."""
         while True:
             for chain in self._chains:
                 self._receive_and_request(chain)
             missing_chains = [
-                c for c in self._chains if not c.is_home and self._frame not in c.sounds
+                chain
+                for chain in self._chains
+                if not chain.is_local and self._frame not in chain.sounds
             ]
             if not missing_chains:
                 break
-            requests = [chain.asked for chain in self._chains if chain.asked is not None]
+            requests = [
+                chain.pending_answer for chain in self._chains if chain.pending_answer is not None
+            ]
             self._workers.wait(requests)
         for chain in self._chains:
             for part, sound in zip(chain.parts, chain.sounds.pop(self._frame, ()), strict=False):
                 self._simulation.recall(part.island, sound)
 
-    def _end(self) -> None:
+    def _end_stretch(self) -> None:
         """Give the islands of the simulation their state after the stretch."""
         for chain in self._chains:
             for part, state in zip(chain.parts, chain.states.pop(self._frame, ()), strict=False):
                 self._simulation.set_state(part.island, state)
         if self._frame == self._n_frames and self._store is not None:
-            self._store.forget()
+            self._store.remove_oldest()
 
     def _receive_and_request(self, chain: _IslandChain) -> None:
         """Take what arrived, and request the next stretch, unless it is too far ahead."""
-        if chain.asked is not None and chain.asked.done():
-            answer, chain.asked = self._workers.answer(chain.asked), None
-            self._take(chain, answer)
-        while chain.asked is None and not chain.is_home and self._is_wanted(chain):
+        if chain.pending_answer is not None and chain.pending_answer.done():
+            answer, chain.pending_answer = self._workers.answer(chain.pending_answer), None
+            self._take_answer(chain, answer)
+        while chain.pending_answer is None and not chain.is_local and self._is_wanted(chain):
             stop_frame = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
             chain.keys = [
                 self._simulation.island_key(part.island, chain.frame, stop_frame, part.key)
                 for part in chain.parts
             ]
             if not self._recall(chain, stop_frame):
-                chain.asked = self._workers.submit(self._request(chain, stop_frame))
+                chain.pending_answer = self._workers.submit(self._request(chain, stop_frame))
 
     def _is_wanted(self, chain: _IslandChain) -> bool:
         return chain.frame < min(
@@ -232,28 +236,31 @@ class RemoteSimulation(StretchedSimulation):
         """Take the stretch from the store, if all of it is there."""
         if self._store is None or stop_frame - chain.frame < stretches.STRETCH_FRAMES:
             return False
-        known_islands = []
+        known_stretches = []
         for part, key in zip(chain.parts, chain.keys, strict=True):
-            stored = self._store.get(key)
-            if stored is None or len(stored.sound) != stretches.STRETCH_FRAMES * part.island.n_out:
+            known_stretch = self._store.get(key)
+            if (
+                known_stretch is None
+                or len(known_stretch.sound) != stretches.STRETCH_FRAMES * part.island.n_out
+            ):
                 return False
-            known_islands.append(stored)
-        self._keep(
+            known_stretches.append(known_stretch)
+        self._advance(
             chain,
             stop_frame,
-            [island_stretch.sound for island_stretch in known_islands],
-            [island_stretch.state for island_stretch in known_islands],
+            [island_stretch.sound for island_stretch in known_stretches],
+            [island_stretch.state for island_stretch in known_stretches],
         )
-        self.n_recalled += stretches.STRETCH_FRAMES * len(known_islands)
+        self.n_recalled += stretches.STRETCH_FRAMES * len(known_stretches)
         return True
 
-    def _take(self, chain: _IslandChain, answer: Answer) -> None:
+    def _take_answer(self, chain: _IslandChain, answer: Answer) -> None:
         import numpy as np
 
         if refusal := answer.get("refused"):
             raise ClusterError(f"worker {answer['worker']}: {refusal}")
         if answer.get("diverged"):
-            chain.is_home = True  # it continues from the state that `_end` restores
+            chain.is_local = True  # it continues from the state that `_end_stretch` restores
             return
         stop_frame = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
         n_frames = stop_frame - chain.frame
@@ -271,9 +278,9 @@ class RemoteSimulation(StretchedSimulation):
                 self._store.put(key, sound, state)
         self.n_computed += n_frames * len(sound_sizes)
         self._workers.receive(answer, n_frames * len(sound_sizes))
-        self._keep(chain, stop_frame, sounds, answer["states"])
+        self._advance(chain, stop_frame, sounds, answer["states"])
 
-    def _keep(
+    def _advance(
         self,
         chain: _IslandChain,
         stop: int,

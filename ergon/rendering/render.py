@@ -56,7 +56,7 @@ class _FilledFiles:
     files: list[RenderedFile]
     n_simulated: int
     piece_end: int
-    recalled: float = 0.0
+    recalled_share: float = 0.0
     outcome: Outcome | None = None
 
 
@@ -98,23 +98,23 @@ def render_files(stage: Staged, job: RenderJob, progress: Callable[[int], None])
                 (str(path), mixer, stem_limiter, _channel_names(stem, job.format.n_channels))
             )
         tracks, opened_files = [], []
-        for output_name, mixer, limits, channel_names in mixers:
+        for output_name, mixer, track_limiter, channel_names in mixers:
             open_file = output_files.open(output_name, binary=True)
             opened_files.append(open_file)
 
-            def written_to(
+            def begin_chain(
                 job: RenderJob,
                 first_frame: int,
                 output_name: str = output_name,
                 output_file: BinaryIO = open_file,
-                limits: FrameLimiter | None = limits,
+                track_limiter: FrameLimiter | None = track_limiter,
                 channel_names: tuple[str, ...] = channel_names,
             ) -> MasterChain:
                 stamp = replace(job.stamp, tracks=channel_names)
                 writer = sound.writer(output_name, output_file, job.format, job.n_frames, stamp)
-                return master_chain(writer, stage, job, limits, first_frame)
+                return master_chain(writer, stage, job, track_limiter, first_frame)
 
-            tracks.append(open_track(stack, job, output_name, mixer, written_to))
+            tracks.append(open_track(stack, job, output_name, mixer, begin_chain))
         balances = _instrument_balances(stage, job)
         filmed_simulation = _filmed_simulation(output_files, stage, job, reference)
         if filmed_simulation is not None:
@@ -123,18 +123,18 @@ def render_files(stage: Staged, job: RenderJob, progress: Callable[[int], None])
         else:
             filled_files = _recalled_or_computed(stage, job, tracks, progress, balances)
         for open_file, rendered in zip(opened_files, filled_files.files, strict=True):
-            output_files.note_samples(open_file, rendered.sha256)
-    wall = time.perf_counter() - start_time
+            output_files.note_samples_hash(open_file, rendered.sha256)
+    wall_seconds = time.perf_counter() - start_time
     mix, *other_files = filled_files.files
     levels = tuple(balance.level(mix.gain, filled_files.job.stop) for balance in balances)
     return RenderedFiles(
         mix,
         tuple(other_files),
-        wall,
+        wall_seconds,
         filled_files.job.n_frames,
         filled_files.n_simulated,
         levels,
-        filled_files.recalled,
+        filled_files.recalled_share,
         filled_files.outcome,
     )
 
@@ -160,7 +160,7 @@ def _recalled_or_computed(
         filled_files = _compute_files(stage, job, tracks, progress, balances, resumed_simulation)
         return replace(
             filled_files,
-            recalled=0.0 if resumed_simulation is None else resumed_simulation.recalled,
+            recalled_share=0.0 if resumed_simulation is None else resumed_simulation.recalled_share,
         )
     is_alone = len(tracks) == 1
     known_mix = memory.known_mix(job, balances) if is_alone else None
@@ -169,13 +169,13 @@ def _recalled_or_computed(
         if known_mix.master is None:
             _store_found_master(memory, job, filled_files, known_mix.outcome)
         return filled_files
-    computing = memory.computing(job, balances, tracks[0].mixer if is_alone else None)
+    computing = memory.begin_computing(job, balances, tracks[0].mixer if is_alone else None)
     filled_files = _compute_files(
         stage, job, tracks, progress, computing.balances, computing.simulation, computing
     )
     _store_found_master(memory, job, filled_files, Outcome.from_simulation(memory.simulation))
     computing.finish(job, filled_files.n_simulated)
-    return replace(filled_files, recalled=computing.simulation.recalled)
+    return replace(filled_files, recalled_share=computing.simulation.recalled_share)
 
 
 def _store_found_master(
@@ -211,10 +211,10 @@ def _filmed_simulation(
     recalled island does not move.
     """
     simulation = stage.simulation
-    if job.film is None or not isinstance(simulation, _core.Simulation):
+    if job.motion is None or not isinstance(simulation, _core.Simulation):
         return None
-    file = files.open(job.film.path, binary=True)
-    return FilmedSimulation(simulation, job.film, stage.mixer(reference=reference), file)
+    file = files.open(job.motion.path, binary=True)
+    return FilmedSimulation(simulation, job.motion, stage.mixer(reference=reference), file)
 
 
 def _instrument_balances(stage: Staged, job: RenderJob) -> list[Balance]:
@@ -240,12 +240,12 @@ def render_array(
     """
     import numpy as np
 
-    mixed_blocks: list[NDArray[np.float64]] = []
+    written_frames: list[NDArray[np.float64]] = []
 
-    def written_to(written_job: RenderJob, first_frame: int) -> MasterChain:
-        mixed_blocks.append(np.zeros((written_job.n_frames, written_job.format.n_channels)))
+    def begin_chain(written_job: RenderJob, first_frame: int) -> MasterChain:
+        written_frames.append(np.zeros((written_job.n_frames, written_job.format.n_channels)))
         return master_chain(
-            ArrayWriter(written_job.format, mixed_blocks[0]),
+            ArrayWriter(written_job.format, written_frames[0]),
             stage,
             written_job,
             mix_limiter(stage, written_job),
@@ -254,9 +254,9 @@ def render_array(
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
-        track = open_track(stack, job, "-", mixer, written_to)
+        track = open_track(stack, job, "-", mixer, begin_chain)
         filled_files = _recalled_or_computed(stage, job, [track], progress, ())
-    return mixed_blocks[0], filled_files.files[0], filled_files.outcome
+    return written_frames[0], filled_files.files[0], filled_files.outcome
 
 
 def _compute_files(
@@ -271,7 +271,7 @@ def _compute_files(
     """Compute the files."""
     if not job.has_open_end:
         for track in tracks:
-            track.finish = track.begin(job, 0)
+            track.chain = track.begin_chain(job, 0)
     piece_end, n_simulated = _simulate(
         stage, simulation or stage.simulation, job, tracks, progress, balances, computing
     )
@@ -289,24 +289,24 @@ def _fill_with_known_mix(
     if known_mix.master is not None:
         return _fill_with_master(stage, job, track, known_mix, known_mix.master, progress)
     if not job.has_open_end:
-        track.finish = track.begin(job, known_mix.first)
-    frame_count, end = known_mix.first, None
+        track.chain = track.begin_chain(job, known_mix.first_frame)
+    mixed_frame, end = known_mix.first_frame, None
     n_frames = job.simulated_frames(stage.n_frames)
-    fade = _silence_detector(stage, job)
-    for mixed in known_mix.blocks(job.block):
+    silence_detector = _silence_detector(stage, job)
+    for mixed in known_mix.blocks(job.block_frames):
         folded = _folded_mix(mixed, job.format.n_channels)
-        if fade is not None and end is None:
-            end = fade.take(folded)
+        if silence_detector is not None and end is None:
+            end = silence_detector.take(folded)
         track.take(folded)
-        frame_count += len(mixed)
-        progress(min(frame_count, n_frames))
+        mixed_frame += len(mixed)
+        progress(min(mixed_frame, n_frames))
         if end is not None and job.has_open_end:
             break
-    piece_end = frame_count if end is None else end
+    piece_end = mixed_frame if end is None else end
     filled_files = _finished_files(
-        stage, job, [track], known_mix.first, piece_end, frame_count - known_mix.first
+        stage, job, [track], known_mix.first_frame, piece_end, mixed_frame - known_mix.first_frame
     )
-    return replace(filled_files, recalled=1.0, outcome=known_mix.outcome)
+    return replace(filled_files, recalled_share=1.0, outcome=known_mix.outcome)
 
 
 def _fill_with_master(
@@ -318,20 +318,20 @@ def _fill_with_master(
     progress: Callable[[int], None],
 ) -> _FilledFiles:
     """Fill a file in one pass, for the end of the piece and its gain are known."""
-    track.held = None
+    track.spool = None
     ended_job = _job_with_end(job, master.piece_end)
-    track.finish = track.begin(ended_job, known_mix.first)
-    track.finish.gain = master.gain
-    mixed_frame = known_mix.first
-    for mixed in known_mix.blocks(job.block):
+    track.chain = track.begin_chain(ended_job, known_mix.first_frame)
+    track.chain.gain = master.gain
+    mixed_frame = known_mix.first_frame
+    for mixed in known_mix.blocks(job.block_frames):
         track.take(_folded_mix(mixed, job.format.n_channels))
         mixed_frame += len(mixed)
         progress(mixed_frame)
-    n_frames = mixed_frame - known_mix.first
+    n_frames = mixed_frame - known_mix.first_frame
     filled_files = _finished_files(
-        stage, ended_job, [track], known_mix.first, master.piece_end, n_frames
+        stage, ended_job, [track], known_mix.first_frame, master.piece_end, n_frames
     )
-    return replace(filled_files, recalled=1.0, outcome=known_mix.outcome)
+    return replace(filled_files, recalled_share=1.0, outcome=known_mix.outcome)
 
 
 def _job_with_end(job: RenderJob, piece_end: int) -> RenderJob:
@@ -352,15 +352,15 @@ def _finished_files(
     """The files, once all of `n_simulated` frames from frame `first_frame` on are mixed."""
     job = _job_with_end(job, piece_end)
     for track in tracks:
-        track.finish = track.finish or track.begin(job, first_frame)
+        track.chain = track.chain or track.begin_chain(job, first_frame)
     write_spooled_tracks(stage, job, tracks, piece_end)
     return _FilledFiles(job, [close_track(track) for track in tracks], n_simulated, piece_end)
 
 
 def _silence_detector(stage: Staged, job: RenderJob) -> _core.SilenceDetector | None:
-    if job.ending is None:
+    if job.silence_search is None:
         return None
-    fades_from, n_channels = job.ending
+    fades_from, n_channels = job.silence_search
     return _core.SilenceDetector(stage.rate, n_channels, fades_from)
 
 
@@ -376,46 +376,46 @@ def _simulate(
     """Mix all frames that are not known; returns the frame at which the piece ends, as far as that
     was computed, and the number of frames that were.
     """
-    first_frame = 0
+    done_frames = 0
     # A limiter looks ahead, so it needs frames past the cut.
-    latencies = (track.finish.latency for track in tracks if track.finish is not None)
+    latencies = (track.chain.latency for track in tracks if track.chain is not None)
     frames_needed = min(stage.n_frames, job.stop + max(latencies, default=0))
     last_frame = max(frames_needed, job.simulated_frames(stage.n_frames))
-    fade, piece_end = _silence_detector(stage, job), None
+    silence_detector, piece_end = _silence_detector(stage, job), None
     n_known = 0 if computing is None else computing.n_known
-    known_blocks = () if computing is None else computing.known_blocks(job.block)
-    blocks = frames_of(simulation, last_frame - n_known, job.block)
-    mixed_block = _NewBlocks(stage.n_channels, last_frame)
+    known_blocks = () if computing is None else computing.known_blocks(job.block_frames)
+    blocks = frames_of(simulation, last_frame - n_known, job.block_frames)
+    new_block = _BlockAllocator(stage.n_channels, last_frame)
     # A filmed simulation goes on after the sound has faded, so no block may be abandoned midway.
     # Other processes are not waited for in a thread that Ctrl-C does not reach.
-    is_ahead = job.threads > 1 and job.film is None and job.workers is None
+    is_ahead = job.threads > 1 and job.motion is None and job.workers is None
     with contextlib.closing(computed_ahead(blocks) if is_ahead else blocks) as coming_blocks:
         for mixed in known_blocks:
             folded = _folded_mix(mixed, job.format.n_channels)
-            if fade is not None and piece_end is None:
-                piece_end = fade.take(folded)
+            if silence_detector is not None and piece_end is None:
+                piece_end = silence_detector.take(folded)
             tracks[0].take(folded)
-            first_frame += len(mixed)
-            progress(first_frame)
+            done_frames += len(mixed)
+            progress(done_frames)
         for coming_frames in coming_blocks:
             for track in tracks:
-                mixed = mixed_block(len(coming_frames))
+                mixed = new_block(len(coming_frames))
                 track.mixer.process(coming_frames, mixed)
                 if computing is not None and track is tracks[0]:
                     computing.take(mixed)
                 folded = _folded_mix(mixed, job.format.n_channels)
-                if fade is not None and piece_end is None and track is tracks[0]:
-                    piece_end = fade.take(folded)
+                if silence_detector is not None and piece_end is None and track is tracks[0]:
+                    piece_end = silence_detector.take(folded)
                 track.take(folded)
             for balance in balances:
                 balance.take(coming_frames)
-            first_frame += len(coming_frames)
-            progress(first_frame)
+            done_frames += len(coming_frames)
+            progress(done_frames)
             if computing is not None:
-                computing.end_block(first_frame, tracks[0].mixer)
-            if piece_end is not None and (job.has_open_end or first_frame >= frames_needed):
+                computing.end_block(done_frames, tracks[0].mixer)
+            if piece_end is not None and (job.has_open_end or done_frames >= frames_needed):
                 break
-    return first_frame if piece_end is None else piece_end, first_frame
+    return done_frames if piece_end is None else piece_end, done_frames
 
 
 def frames_of(
@@ -430,7 +430,7 @@ def frames_of(
         yield frames
 
 
-class _NewBlocks:
+class _BlockAllocator:
     """New arrays for mixed frames, cut from large ones: the system gives memory in large pages."""
 
     def __init__(self, n_channels: int, n_frames: int) -> None:

@@ -32,8 +32,8 @@ _WORK_SECONDS_MIN = 1.0  # s on one core: a shorter render is not worth any file
 
 
 @dataclass(slots=True)
-class _RecalledIsland:
-    """An island, the key of the current stretch, and the state after the last one if it was
+class _StoredIsland:
+    """An island, the key of its current stretch, and its state after that stretch if this is
     recalled.
     """
 
@@ -56,61 +56,61 @@ class ResumedSimulation(StretchedSimulation):
     ) -> None:
         """Find the islands that are expensive enough.
 
-        The simulation may be left from frame `last_frame` on: a stretch that goes on after it is
-        computed, for what is reported of a recalled one is known at its end.
+        The simulation may be left from frame `last_frame` on. A stretch that ends after it is
+        computed, not recalled, because a recalled stretch reports only at its end.
         `outcomes` gets what the simulation reports at the end of each stretch, by its frame.
         """
         super().__init__(simulation, n_frames)
-        self._store, self._last, self.outcomes = store, last_frame, outcomes
-        self._parts = [
-            _RecalledIsland(island)
+        self._store, self._last_frame, self.outcomes = store, last_frame, outcomes
+        self._islands = [
+            _StoredIsland(island)
             for island in simulation.storable()
             if is_expensive(island, _COST_SHARE_MIN)
         ]
-        if 1e-9 * n_frames * sum(part.island.cost for part in self._parts) < _WORK_SECONDS_MIN:
-            self._parts = []
+        if 1e-9 * n_frames * sum(part.island.cost for part in self._islands) < _WORK_SECONDS_MIN:
+            self._islands = []
         self._store_accepts = True
         # The stretches before the first one that is asked for.
         self._stretches_before: list[Stretch] = []
-        self._n_skipped = 0
+        self._n_to_skip = 0
 
     def has_states(self, n_stretches: int) -> bool:
         """Whether the states of all islands after the first stretches are stored."""
-        return all(self._store.has(key) for key in self._keys(n_stretches))
+        return all(self._store.has(key) for key in self._end_keys(n_stretches))
 
     def resume(self, n_stretches: int) -> bool:
         """Go on after the first stretches, which are not heard any more; False if a state of an
         island after them is not known. The samples are those of a render from frame 0.
         """
-        keys = self._keys(n_stretches)
+        keys = self._end_keys(n_stretches)
         known_stretches = [self._store.get(key) for key in keys]
         n_frames = stretches.STRETCH_FRAMES
-        for island_part, stretch, stretch_key in zip(
-            self._parts, known_stretches, keys, strict=True
+        for stored_island, stretch, stretch_key in zip(
+            self._islands, known_stretches, keys, strict=True
         ):
-            if stretch is None or len(stretch.sound) != n_frames * island_part.island.n_out:
+            if stretch is None or len(stretch.sound) != n_frames * stored_island.island.n_out:
                 return False
-            island_part.key = stretch_key
+            stored_island.key = stretch_key
         self._stretches_before = [stretch for stretch in known_stretches if stretch is not None]
         self._frame = n_stretches * n_frames
-        self._n_skipped = self._frame
+        self._n_to_skip = self._frame
         return True
 
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_out) with the next frames. Raises DivergedError."""
-        if self._n_skipped:
+        if self._n_to_skip:
             self._skip()
         super().process(out)
 
-    def _keys(self, n_stretches: int) -> list[str]:
-        """The keys of the last of the first stretches of each island."""
+    def _end_keys(self, n_stretches: int) -> list[str]:
+        """For each island, the key of its stretch number `n_stretches` - 1."""
         stretch_frames = stretches.STRETCH_FRAMES
         stretch_keys = []
-        for island_part in self._parts:
+        for stored_island in self._islands:
             stretch_key = ""
-            for start in range(0, n_stretches * stretch_frames, stretch_frames):
+            for start_frame in range(0, n_stretches * stretch_frames, stretch_frames):
                 stretch_key = self._simulation.island_key(
-                    island_part.island, start, start + stretch_frames, stretch_key
+                    stored_island.island, start_frame, start_frame + stretch_frames, stretch_key
                 )
             stretch_keys.append(stretch_key)
         return stretch_keys
@@ -123,56 +123,63 @@ class ResumedSimulation(StretchedSimulation):
         """
         import numpy as np
 
-        stretch_frames, n_skipped, self._n_skipped = stretches.STRETCH_FRAMES, self._n_skipped, 0
-        for island_part in self._parts:
-            self._simulation.silence(island_part.island)
+        stretch_frames, n_to_skip, self._n_to_skip = stretches.STRETCH_FRAMES, self._n_to_skip, 0
+        for stored_island in self._islands:
+            self._simulation.silence(stored_island.island)
         unheard_frames = np.empty((min(stretch_frames, _UNHEARD_FRAMES), self.n_out))
-        for first_frame in range(0, n_skipped, len(unheard_frames)):
-            if first_frame == n_skipped - stretch_frames:
-                for island_part, stretch in zip(self._parts, self._stretches_before, strict=True):
-                    self._simulation.recall(island_part.island, stretch.sound)
+        for first_frame in range(0, n_to_skip, len(unheard_frames)):
+            if first_frame == n_to_skip - stretch_frames:
+                for stored_island, stretch in zip(
+                    self._islands, self._stretches_before, strict=True
+                ):
+                    self._simulation.recall(stored_island.island, stretch.sound)
             self._simulation.process(unheard_frames)
-        for island_part, stretch in zip(self._parts, self._stretches_before, strict=True):
-            self._simulation.set_state(island_part.island, stretch.state)
-        self.n_recalled += n_skipped * len(self._parts)
+        for stored_island, stretch in zip(self._islands, self._stretches_before, strict=True):
+            self._simulation.set_state(stored_island.island, stretch.state)
+        self.n_recalled += n_to_skip * len(self._islands)
         self._stretches_before = []
 
-    def _begin(self) -> None:
+    def _begin_stretch(self) -> None:
         """Recall the islands whose stretch is known; compute the others."""
         stop_frame = min(self._frame + stretches.STRETCH_FRAMES, self._n_frames)
         n_frames = stop_frame - self._frame
-        for island_part in self._parts:
-            island_part.is_recalled, island_part.state = False, None
+        for stored_island in self._islands:
+            stored_island.is_recalled, stored_island.state = False, None
             if n_frames <= 0:
                 continue
-            island_part.key = self._simulation.island_key(
-                island_part.island, self._frame, stop_frame, island_part.key
+            stored_island.key = self._simulation.island_key(
+                stored_island.island, self._frame, stop_frame, stored_island.key
             )
-            stored = self._store.get(island_part.key) if stop_frame <= self._last else None
-            if stored is not None and len(stored.sound) == n_frames * island_part.island.n_out:
-                self._simulation.recall(island_part.island, stored.sound)
-                island_part.is_recalled, island_part.state = True, stored.state
+            known_stretch = (
+                self._store.get(stored_island.key) if stop_frame <= self._last_frame else None
+            )
+            if (
+                known_stretch is not None
+                and len(known_stretch.sound) == n_frames * stored_island.island.n_out
+            ):
+                self._simulation.recall(stored_island.island, known_stretch.sound)
+                stored_island.is_recalled, stored_island.state = True, known_stretch.state
                 self.n_recalled += n_frames
                 continue
             if self._store_accepts:
-                self._simulation.record(island_part.island)
+                self._simulation.record(stored_island.island)
             self.n_computed += n_frames
 
-    def _end(self) -> None:
+    def _end_stretch(self) -> None:
         """Keep what was computed of a complete stretch; the last one ends with the piece."""
-        for island_part in self._parts:
-            if island_part.is_recalled and island_part.state is not None:
+        for stored_island in self._islands:
+            if stored_island.is_recalled and stored_island.state is not None:
                 # What the simulation reports is then that of a render which recalls nothing.
-                self._simulation.set_state(island_part.island, island_part.state)
+                self._simulation.set_state(stored_island.island, stored_island.state)
         if self.outcomes is not None:
             self.outcomes[self._frame] = Outcome.from_simulation(self._simulation)
         if self._frame > self._n_frames:
             return
-        for island_part in self._parts:
-            if island_part.is_recalled or not self._store_accepts:
+        for stored_island in self._islands:
+            if stored_island.is_recalled or not self._store_accepts:
                 continue
-            stretch = self._simulation.recorded(island_part.island)
+            stretch = self._simulation.recorded(stored_island.island)
             # A folder that takes nothing now will take nothing later.
-            self._store_accepts = self._store.put(island_part.key, stretch.sound, stretch.state)
+            self._store_accepts = self._store.put(stored_island.key, stretch.sound, stretch.state)
         if self._frame == self._n_frames:
-            self._store.forget()
+            self._store.remove_oldest()

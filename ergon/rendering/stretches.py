@@ -34,33 +34,33 @@ class StretchedSimulation(ABC):
         return self._simulation.n_out
 
     @property
-    def recalled(self) -> float:
+    def recalled_share(self) -> float:
         """The share of the islands' frames that was recalled (0 to 1)."""
         return self.n_recalled / max(1, self.n_recalled + self.n_computed)
 
     def process(self, out: NDArray[np.float64]) -> None:
-        """Fill (n_frames, n_out) with the next frames. Raises DivergedError and what `_begin`
-        raises.
+        """Fill (n_frames, n_out) with the next frames. Raises DivergedError and what
+        `_begin_stretch` raises.
         """
         while len(out):
             if self._frame % STRETCH_FRAMES == 0:
-                self._begin()
-            until_frame = (self._frame // STRETCH_FRAMES + 1) * STRETCH_FRAMES
+                self._begin_stretch()
+            stop_frame = (self._frame // STRETCH_FRAMES + 1) * STRETCH_FRAMES
             if self._frame < self._n_frames:
-                until_frame = min(until_frame, self._n_frames)
-            n_frames = min(len(out), until_frame - self._frame)
+                stop_frame = min(stop_frame, self._n_frames)
+            n_frames = min(len(out), stop_frame - self._frame)
             self._simulation.process(out[:n_frames])
             self._frame += n_frames
             out = out[n_frames:]
-            if self._frame == until_frame:
-                self._end()
+            if self._frame == stop_frame:
+                self._end_stretch()
 
     @abstractmethod
-    def _begin(self) -> None:
+    def _begin_stretch(self) -> None:
         """Give the simulation what is known of the stretch that begins."""
 
     @abstractmethod
-    def _end(self) -> None:
+    def _end_stretch(self) -> None:
         """Keep what was computed of the stretch that ended."""
 
 

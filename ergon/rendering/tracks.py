@@ -26,15 +26,15 @@ class OutputTrack:
     path: str
     mixer: Mixer
     # Once the length of the file is known: the job, and the first frame that comes.
-    begin: Callable[[RenderJob, int], MasterChain]
-    held: FrameSpool | None
-    finish: MasterChain | None = None
+    begin_chain: Callable[[RenderJob, int], MasterChain]
+    spool: FrameSpool | None
+    chain: MasterChain | None = None
 
     def take(self, block: NDArray[np.float64]) -> None:
         """Take the next mixed frames: into the spool, or through the chain at once."""
-        receive = self.held or self.finish
-        assert receive is not None
-        receive.take(block)
+        receiver = self.spool or self.chain
+        assert receiver is not None
+        receiver.take(block)
 
 
 def mix_limiter(stage: Staged, job: RenderJob) -> MixLimiter | None:
@@ -78,15 +78,15 @@ def write_spooled_tracks(
 
     The tracks go side by side, for stems follow the limiter of the mix.
     """
-    if any(track.held is None for track in tracks):
+    if any(track.spool is None for track in tracks):
         return
     if job.level.is_levelled:
         _set_track_gains(stage, job, tracks, piece_end)
-    spools = (track.held.blocks(job.block) for track in tracks if track.held is not None)
+    spools = (track.spool.blocks(job.block_frames) for track in tracks if track.spool is not None)
     for blocks in zip(*spools, strict=True):
         for track, block in zip(tracks, blocks, strict=True):
-            if track.finish is not None:
-                track.finish.take(block)
+            if track.chain is not None:
+                track.chain.take(block)
 
 
 def _set_track_gains(
@@ -95,7 +95,7 @@ def _set_track_gains(
     """The gain of the mix for all tracks; all stems share a smaller one if one of them would clip,
     so that they still add up. What a limiter does to the mix is done to them too.
     """
-    mix, *stems = [track.held for track in tracks if track.held is not None]
+    mix, *stems = [track.spool for track in tracks if track.spool is not None]
     mix_gain = _measured_gain(stage, job, mix, piece_end)
     shared_gain = mix_gain
     if job.format.bits != "float" and job.level.limit is None:
@@ -104,8 +104,8 @@ def _set_track_gains(
             mix_gain, ceiling_gain(max((stem.peak for stem in stems), default=0.0), ceiling)
         )
     for index, track in enumerate(tracks):
-        if track.finish is not None:
-            track.finish.gain = shared_gain if index else mix_gain
+        if track.chain is not None:
+            track.chain.gain = shared_gain if index else mix_gain
 
 
 def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: int) -> float:
@@ -113,7 +113,7 @@ def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: in
     if job.level.loudness is None and piece_end >= mix.n_frames:
         return level_meter.gain_of_peak(mix.peak)
     frames_left = piece_end
-    for block in mix.blocks(job.block):
+    for block in mix.blocks(job.block_frames):
         level_meter.take(block[:frames_left])
         frames_left = max(frames_left - len(block), 0)
     return level_meter.gain()
@@ -121,9 +121,9 @@ def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: in
 
 def close_track(track: OutputTrack) -> RenderedFile:
     """End a file."""
-    finish = track.finish
-    assert finish is not None
-    finish.close()
+    chain = track.chain
+    assert chain is not None
+    chain.close()
     return RenderedFile(
-        track.path, finish.peak, finish.loudness, finish.gain, finish.sha256, finish.true_peak
+        track.path, chain.peak, chain.loudness, chain.gain, chain.sha256, chain.true_peak
     )

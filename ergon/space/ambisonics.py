@@ -42,8 +42,8 @@ def harmonics(ambisonic_order: int, directions: NDArray[np.float64]) -> NDArray[
     cosine, sine = (
         np.ones(len(directions)),
         np.zeros(len(directions)),
-    )  # cos and sin of m·azimuth, times level^m
-    diagonal = 1.0  # P_m^m without its level^m
+    )  # cos and sin of m·azimuth, times cos^m of the elevation
+    diagonal = 1.0  # P_m^m divided by cos^m of the elevation
     for m in range(ambisonic_order + 1):
         legendre_before, legendre = np.zeros(len(directions)), np.full(len(directions), diagonal)
         for n in range(m, ambisonic_order + 1):
@@ -114,12 +114,14 @@ def allrad(
         active = np.flatnonzero(row)
         decoder[active] += row[active, None] * harmonic
     decoder *= weights
-    played = np.zeros((len(array), len(virtual)))
+    played_gains = np.zeros((len(array), len(virtual)))
     for column, harmonic in zip(decoder.T, basis.T, strict=True):
-        played += column[:, None] * harmonic
-    covered, energy = np.zeros(len(virtual)), np.zeros(len(virtual))
-    for gain, speaker_gains in zip(gains.T, played, strict=True):
-        covered += gain * gain
-        energy += speaker_gains * speaker_gains
-    mean = fsum((covered * energy).tolist()) / fsum(covered.tolist())
-    return decoder / sqrt(mean)
+        played_gains += column[:, None] * harmonic
+    covered_energies, played_energies = np.zeros(len(virtual)), np.zeros(len(virtual))
+    for gain, speaker_gains in zip(gains.T, played_gains, strict=True):
+        covered_energies += gain * gain
+        played_energies += speaker_gains * speaker_gains
+    mean_energy = fsum((covered_energies * played_energies).tolist()) / fsum(
+        covered_energies.tolist()
+    )
+    return decoder / sqrt(mean_energy)

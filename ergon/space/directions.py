@@ -37,8 +37,15 @@ def sine_cosine(degrees: float) -> tuple[float, float]:
 
 def point(azimuth: float, elevation: float, distance: float) -> Point:
     """The point in a direction [degrees] at a distance [m]."""
-    (left_share, front_share), (up, level) = sine_cosine(azimuth), sine_cosine(elevation)
-    return (0.0 - distance * level * left_share, distance * level * front_share, distance * up)
+    (left_share, front_share), (upward_share, horizontal_share) = (
+        sine_cosine(azimuth),
+        sine_cosine(elevation),
+    )
+    return (
+        0.0 - distance * horizontal_share * left_share,
+        distance * horizontal_share * front_share,
+        distance * upward_share,
+    )
 
 
 def angles(place: Point) -> Angles:
@@ -71,23 +78,25 @@ def unit_vectors(places: Iterable[Point]) -> NDArray[np.float64]:
     import numpy as np
 
     vectors = np.array([*places], np.float64).reshape(-1, 3)
-    length = np.sqrt((vectors * vectors).sum(1))
-    vectors[length == 0.0] = 0.0, 1.0, 0.0
-    return vectors / np.where(length == 0.0, 1.0, length)[:, None]
+    lengths = np.sqrt((vectors * vectors).sum(1))
+    vectors[lengths == 0.0] = 0.0, 1.0, 0.0
+    return vectors / np.where(lengths == 0.0, 1.0, lengths)[:, None]
 
 
 def spread_directions(direction_count: int, height_min: float = -1.0) -> NDArray[np.float64]:
     """`direction_count` directions that fill the sphere evenly above the height `height_min` (z),
-    (count, 3).
+    (direction_count, 3).
 
     On a spiral by the golden angle (R. Swinbank, R. J. Purser, Q. J. R. Meteorol. Soc. 132, 2006).
     """
     import numpy as np
 
-    direction_rows = []
+    directions = []
     for direction_index in range(direction_count):
         z = 1.0 - (1.0 - height_min) * (direction_index + 0.5) / direction_count
-        level = sqrt(1.0 - z * z)
+        horizontal_length = sqrt(1.0 - z * z)
         turn = _GOLDEN_ANGLE * direction_index
-        direction_rows.append((level * _core.cos(turn), level * _core.sin(turn), z))
-    return np.array(direction_rows)
+        directions.append(
+            (horizontal_length * _core.cos(turn), horizontal_length * _core.sin(turn), z)
+        )
+    return np.array(directions)

@@ -73,7 +73,7 @@ def to_stereo(source_field: Field) -> NDArray[np.float64]:
     side_gains = np.stack(
         [np.sqrt((1.0 - rightward_shares) / 2.0), np.sqrt((1.0 + rightward_shares) / 2.0)], 1
     )
-    return _through(decoder, side_gains[:, :, None])
+    return _combine_filters(decoder, side_gains[:, :, None])
 
 
 def _are_mirrored(array: NDArray[np.float64]) -> bool:
@@ -85,7 +85,7 @@ def _are_mirrored(array: NDArray[np.float64]) -> bool:
 def to_ears(source: Field, head: Head, rate: float) -> NDArray[np.float64]:
     """Two ears, (n_in, 2, n_taps), at a rate [Hz]. Raises ArrayError."""
     array, decoder = _directions(source)
-    return _through(decoder, head.pairs(array, rate))
+    return _combine_filters(decoder, head.pairs(array, rate))
 
 
 def directions_of(source: Field) -> NDArray[np.float64]:
@@ -112,7 +112,7 @@ def _decoder(order: int, array: NDArray[np.float64]) -> NDArray[np.float64]:
     return allrad(order, array) / sn3d(order)
 
 
-def _through(
+def _combine_filters(
     decoder: NDArray[np.float64] | None, filters: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Filters of the channels, from filters (n, n_out, n_taps) of the directions they are decoded

@@ -29,11 +29,11 @@ KEMAR_PATH = Path(__file__).with_name("kemar.csv")
 FULL_SCALE = 8192.0  # full scale of a coefficient in the shipped file
 _RATE = 44_100.0  # [Hz] of the shipped file
 _HALF_TAPS = 16  # samples on either side that make a resampled one
-_POINTS = 4096  # points of a spectrum
-_AROUND = 4  # measured directions that are averaged for one in between
-_UPSAMPLED = 16
+_SPECTRUM_POINTS = 4096  # points of a spectrum
+_NEIGHBOURS_MAX = 4  # measured directions that are averaged for one in between
+_UPSAMPLING = 16
 _LONG_WAVES = (100.0, 400.0)  # [Hz]
-_BAND = (100.0, 16_000.0)  # [Hz] outside it the equaliser keeps its value at the border
+_EQUALISED_BAND = (100.0, 16_000.0)  # [Hz] outside it the equaliser keeps its value at the border
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ def prepared(
     2008). Between measured directions, magnitudes (in dB) and delays are means weighted by the
     inverse squares of angular distances (D. Shepard, 1968).
     """
-    transform_size = max(_POINTS, 1 << (responses.shape[2] - 1).bit_length())
+    transform_size = max(_SPECTRUM_POINTS, 1 << (responses.shape[2] - 1).bit_length())
     magnitude = np.abs(np.fft.rfft(responses, transform_size))
     relative_level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse_field_level(
         directions, magnitude, rate
@@ -162,12 +162,12 @@ def _diffuse_field_level(
 ) -> NDArray[np.float64]:
     """Root of the mean power over all directions and both ears, by frequency, smoothed."""
     # A direction is weighted by the area around it: the squared mean angle to its five neighbours.
-    rows = np.argsort(directions @ directions.T, 1)[:, -6:-1]
-    near_cosines = np.take_along_axis(directions @ directions.T, rows, 1)
+    neighbour_indices = np.argsort(directions @ directions.T, 1)[:, -6:-1]
+    near_cosines = np.take_along_axis(directions @ directions.T, neighbour_indices, 1)
     area = np.arccos(np.clip(near_cosines, -1.0, 1.0)).mean(1) ** 2
     power = np.tensordot(area / area.sum(), magnitude**2, 1).mean(0)
     frequency = np.fft.rfftfreq(2 * (len(power) - 1), 1.0 / rate)
-    low, high = np.searchsorted(frequency, _BAND)
+    low, high = np.searchsorted(frequency, _EQUALISED_BAND)
     high = min(int(high), len(power) - 1)
     power[:low], power[high:] = power[low], power[high]
     return np.sqrt(_smooth(power))
@@ -196,11 +196,11 @@ def _weights(
 ) -> NDArray[np.float64]:
     angles = np.arccos(np.clip(directions @ direction, -1.0, 1.0))
     direction_weights = np.zeros(len(directions))
-    nearest_rows = np.argsort(angles)[:_AROUND]
-    if angles[nearest_rows[0]] < np.radians(0.5):
-        direction_weights[nearest_rows[0]] = 1.0
+    nearest_indices = np.argsort(angles)[:_NEIGHBOURS_MAX]
+    if angles[nearest_indices[0]] < np.radians(0.5):
+        direction_weights[nearest_indices[0]] = 1.0
     else:
-        direction_weights[nearest_rows] = 1.0 / angles[nearest_rows] ** 2
+        direction_weights[nearest_indices] = 1.0 / angles[nearest_indices] ** 2
     direction_weights /= direction_weights.sum()
     return direction_weights
 
@@ -225,8 +225,8 @@ def _delay(response: NDArray[np.float64], rate: float) -> float:
     minimum_phase_spectrum = np.fft.rfft(
         _minimum_phase(np.maximum(np.abs(spectrum), magnitude_min), transform_size), transform_size
     )
-    match = np.fft.irfft(spectrum * np.conj(minimum_phase_spectrum), transform_size * _UPSAMPLED)
-    return float(np.argmax(match[: len(match) // 2])) / (rate * _UPSAMPLED)
+    match = np.fft.irfft(spectrum * np.conj(minimum_phase_spectrum), transform_size * _UPSAMPLING)
+    return float(np.argmax(match[: len(match) // 2])) / (rate * _UPSAMPLING)
 
 
 def _fade() -> NDArray[np.float64]:

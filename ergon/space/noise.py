@@ -23,11 +23,11 @@ def pink_noise_burst(burst_seconds: float, rate: float, burst_level: float) -> N
     import numpy as np
 
     n_frames = max(1, int(burst_seconds * rate))
-    chance = _core.Chance(1, "noise", "loudspeaker", 0, 0)
+    random_generator = _core.Chance(1, "noise", "loudspeaker", 0, 0)
     states = [0.0] * len(_POLES)
     burst = np.zeros(n_frames)
     for i in range(n_frames):
-        white = chance.uniform(-1.0, 1.0)
+        white = random_generator.uniform(-1.0, 1.0)
         pink_sample = white * _WHITE_GAIN
         for k, (pole, gain) in enumerate(_POLES):
             states[k] = pole * states[k] + white * gain

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 # If no loudspeaker lies within 60° of straight up (or down), an imaginary one there closes the
 # hull, as below a dome (Zotter and Frank, J. Audio Eng. Soc. 60, 2012, section 3).
-_CLOSED = 0.5  # cosine of that angle
-_FLAT = 1e-9  # tolerance for points of one facet, on the unit sphere
-_INSIDE = -1e-9  # least gain of a source on the edge of a triangle
+_CLOSED_COSINE = 0.5  # cosine of that angle
+_FACET_TOLERANCE = 1e-9  # tolerance for points of one facet, on the unit sphere
+_GAIN_MIN = -1e-9  # least gain of a source on the edge of a triangle
 SPEAKERS_MAX = 64  # loudspeakers
 
 
@@ -58,7 +58,9 @@ def _products(
 def imaginary_speakers(array: NDArray[np.float64]) -> NDArray[np.float64]:
     """Directions of the imaginary loudspeakers that close the hull of an array, (n, 3)."""
     added_speakers = [
-        (0.0, 0.0, z) for z in (-1.0, 1.0) if not len(array) or (array[:, 2] * z).max() < _CLOSED
+        (0.0, 0.0, z)
+        for z in (-1.0, 1.0)
+        if not len(array) or (array[:, 2] * z).max() < _CLOSED_COSINE
     ]
     return np.array(added_speakers).reshape(-1, 3)
 
@@ -76,16 +78,16 @@ def triangles(hull_points: NDArray[np.float64]) -> NDArray[np.intp]:
     triples = np.array([*combinations(range(len(hull_points)), 3)], np.intp).reshape(-1, 3)
     first_corners, b, c = (hull_points[triples[:, i]] for i in range(3))
     normals = _cross(b - first_corners, c - first_corners)
-    size = np.sqrt((normals * normals).sum(1))
-    is_proper = size > _FLAT
-    triples, normals = triples[is_proper], normals[is_proper] / size[is_proper, None]
-    distance = (normals * first_corners[is_proper]).sum(1)
-    normals, distance = (
-        normals * np.where(distance < 0.0, -1.0, 1.0)[:, None],
-        np.abs(distance),
+    doubled_areas = np.sqrt((normals * normals).sum(1))
+    is_proper = doubled_areas > _FACET_TOLERANCE
+    triples, normals = triples[is_proper], normals[is_proper] / doubled_areas[is_proper, None]
+    distances = (normals * first_corners[is_proper]).sum(1)
+    normals, distances = (
+        normals * np.where(distances < 0.0, -1.0, 1.0)[:, None],
+        np.abs(distances),
     )
-    has_points_beyond = _products(normals, hull_points).max(1) > distance + _FLAT
-    faces: NDArray[np.intp] = triples[~has_points_beyond & (distance > _FLAT)]
+    has_points_beyond = _products(normals, hull_points).max(1) > distances + _FACET_TOLERANCE
+    faces: NDArray[np.intp] = triples[~has_points_beyond & (distances > _FACET_TOLERANCE)]
     if not len(faces):
         raise ArrayError("these loudspeakers do not surround the middle of the room")
     return faces
@@ -119,7 +121,7 @@ def vbap(
     hull_points = np.vstack([array, imaginary_speakers(array)])
     corners = triangles(hull_points)
     first_corners, second_corners, third_corners = (hull_points[corners[:, i]] for i in range(3))
-    volume = (first_corners * _cross(second_corners, third_corners)).sum(1)
+    sixfold_volumes = (first_corners * _cross(second_corners, third_corners)).sum(1)
     # Rows of the inverse of (a b c) by Cramer's rule, whose bits do not depend on a library.
     inverse_matrices = (
         np.stack(
@@ -130,13 +132,13 @@ def vbap(
             ],
             1,
         )
-        / volume[:, None, None]
+        / sixfold_volumes[:, None, None]
     )
     speaker_gains = np.zeros((len(source_directions), len(hull_points)))
     n_faces = np.zeros(len(source_directions), np.intp)
     for rows, corner in zip(inverse_matrices, corners, strict=True):
         corner_gains = _products(source_directions, rows)
-        is_inside = corner_gains.min(1) >= _INSIDE
+        is_inside = corner_gains.min(1) >= _GAIN_MIN
         corner_gains = np.maximum(corner_gains[is_inside], 0.0)
         corner_gains /= np.sqrt((corner_gains * corner_gains).sum(1))[:, None]
         speaker_gains[np.flatnonzero(is_inside)[:, None], corner] += corner_gains

@@ -36,10 +36,10 @@ class Quality:
     """
 
     name: str
-    energy_length: tuple[float, float]  # mean, least
+    energy_length: tuple[float, float]  # mean and minimum
     velocity_length: float  # mean
-    angles_off: tuple[float, float]  # mean, most [degrees]
-    loudness: tuple[float, float]  # least, most [dB]
+    angles_off: tuple[float, float]  # mean and maximum [degrees]
+    loudness: tuple[float, float]  # minimum and maximum [dB]
 
 
 def localisation_vectors(
@@ -81,15 +81,17 @@ def quality(
     array: NDArray[np.float64],
 ) -> Quality:
     """How gains (n_sources, n_loudspeakers) place sources."""
-    velocity, vector, energy = localisation_vectors(gains, array)
-    vector_lengths = np.linalg.norm(vector, axis=1)
-    unit_vectors_found = vector / np.where(vector_lengths == 0.0, 1.0, vector_lengths)[:, None]
-    angles_off = np.degrees(np.arccos(np.clip((unit_vectors_found * sources).sum(1), -1.0, 1.0)))
+    velocity_vectors, energy_vectors, energy = localisation_vectors(gains, array)
+    vector_lengths = np.linalg.norm(energy_vectors, axis=1)
+    energy_directions = (
+        energy_vectors / np.where(vector_lengths == 0.0, 1.0, vector_lengths)[:, None]
+    )
+    angles_off = np.degrees(np.arccos(np.clip((energy_directions * sources).sum(1), -1.0, 1.0)))
     energy_level = 10.0 * np.log10(np.maximum(energy, 1e-12) / energy.mean())
     return Quality(
         quality_name,
         (float(vector_lengths.mean()), float(vector_lengths.min())),
-        float(np.linalg.norm(velocity, axis=1).mean()),
+        float(np.linalg.norm(velocity_vectors, axis=1).mean()),
         (float(angles_off.mean()), float(angles_off.max())),
         (float(energy_level.min()), float(energy_level.max())),
     )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 # Bits of U+2800 by dot column (0, 1) and dot row (0 at the top); ISO/TR 11548-1.
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 _BLANK = 0x2800
-# Dash pattern of each curve: of `period` dot columns the first `drawn` are drawn.
+# Dash pattern of each curve: of how many dot columns how many are drawn.
 _DASHES = ((1, 1), (4, 2), (6, 1))
 WIDTH_MIN, HEIGHT_MIN = 24, 5
 
@@ -126,7 +126,7 @@ def _columns(
 
 
 def _fractions(axis: Axis, values: Sequence[float]) -> NDArray[np.float64]:
-    """`Axis.part` of each value."""
+    """`Axis.fraction` of each value."""
     return (np.asarray(values, np.float64) - axis.low) / (axis.high - axis.low)
 
 

@@ -129,7 +129,9 @@ def _waveform_path(mono: NDArray[np.float64], frame: Frame) -> str:
 
 
 def _spectrogram(mono: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
-    """Level below the loudest [0 … 1], (_ROWS, columns), highest frequency first."""
+    """Level from 0, _RANGE_DB below the loudest, to 1, (_SPECTRUM_ROWS, n_columns), highest
+    frequency first.
+    """
     import numpy as np
 
     n_columns = _RIGHT - _LEFT

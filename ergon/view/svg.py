@@ -116,9 +116,9 @@ def axes(frame: Frame, t_label: str, x_label: str) -> str:
         elements.append(_line(x, frame.top, x, frame.bottom))
         elements.append(text(x, frame.bottom + 16, frame.t_axis.text(tick), anchor="middle"))
     for tick in frame.x_axis.ticks:
-        x = frame.y_pixel(tick)
-        elements.append(_line(frame.left, x, frame.right, x))
-        elements.append(text(frame.left - 6, x + 4, frame.x_axis.text(tick), anchor="end"))
+        y = frame.y_pixel(tick)
+        elements.append(_line(frame.left, y, frame.right, y))
+        elements.append(text(frame.left - 6, y + 4, frame.x_axis.text(tick), anchor="end"))
     elements.append(
         f"<rect x='{frame.left:g}' y='{frame.top:g}' "
         f"width='{frame.right - frame.left:g}' "
@@ -185,14 +185,14 @@ def _dash_attribute(dash: str) -> str:
 
 def _path(curve: Curve, frame: Frame) -> str:
     """Path data; a gap begins a new subpath."""
-    commands, command = [], "M"
+    path_commands, path_command = [], "M"
     for t, x in zip(curve.t, curve.x, strict=True):
         if isfinite(t) and isfinite(x):
-            commands.append(f"{command}{frame.x_pixel(t):.2f} {frame.y_pixel(x):.2f}")
-            command = "L"
+            path_commands.append(f"{path_command}{frame.x_pixel(t):.2f} {frame.y_pixel(x):.2f}")
+            path_command = "L"
         else:
-            command = "M"
-    return "".join(commands)
+            path_command = "M"
+    return "".join(path_commands)
 
 
 def _legend(curves: Sequence[Curve], frame: Frame) -> str:

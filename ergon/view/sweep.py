@@ -42,7 +42,7 @@ def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
     Variants that differ only in the first value are joined by a line; lines get darker from the
     first to the last of the other values.
     """
-    x_axis = _across(points)
+    x_axis = _make_x_axis(points)
     point_groups: dict[tuple[str, ...], list[Point]] = {}
     for point in points:
         point_groups.setdefault(point.values[1:], []).append(point)
@@ -106,7 +106,7 @@ class _XAxis:
         return self.positions[value]
 
 
-def _across(points: Sequence[Point]) -> _XAxis:
+def _make_x_axis(points: Sequence[Point]) -> _XAxis:
     """Numbers in their own unit, on a logarithmic axis if they are spaced evenly on one; other
     values at equal distances.
     """
@@ -123,7 +123,7 @@ def _across(points: Sequence[Point]) -> _XAxis:
         unit_text = f" [{unit}]" if unit else ""
         if _is_geometric(numbers):
             positions = [math.log10(x) for x in numbers]
-            ticks = tuple(sorted(_thin(positions)))
+            ticks = tuple(sorted(_decimate(positions)))
             tick_labels = tuple(f"{10.0**tick:.3g}" for tick in ticks)
             return _XAxis(
                 _axis_with_margin(positions, ticks, tick_labels),
@@ -132,7 +132,7 @@ def _across(points: Sequence[Point]) -> _XAxis:
             )
         return _XAxis(axis(numbers, 6), unit_text, dict(zip(first_values, numbers, strict=True)))
     positions = [float(i) for i in range(len(first_values))]
-    ticks = _thin(positions)
+    ticks = _decimate(positions)
     tick_labels = tuple(first_values[int(tick)] for tick in ticks)
     return _XAxis(
         _axis_with_margin(positions, ticks, tick_labels),
@@ -148,7 +148,7 @@ def _axis_with_margin(
     return Axis(min(positions) - margin, max(positions) + margin, ticks, 0, tick_labels)
 
 
-def _thin(positions: Sequence[float], n_max: int = 6) -> tuple[float, ...]:
+def _decimate(positions: Sequence[float], n_max: int = 6) -> tuple[float, ...]:
     stride = math.ceil(len(positions) / n_max)
     return tuple(positions[::stride])
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.exchange.recording import NotRecordingError, from_start
+from ergon.exchange.recording import NotRecordingError, positions_from_start
 from ergon.repl.session.engine import RecordedHand
 from ergon.repl.session.journal import FRAME_MAX, JournalError, JournalEvent
 
@@ -113,7 +113,7 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
     if recording.rate != stage.rate or recording.frames != tick_frames or recording.axes != axes:
         raise JournalError(f"{take.path} does not record {player_names} of this session")
     try:
-        tick_positions = from_start(recording)
+        tick_positions = positions_from_start(recording)
     except NotRecordingError as error:
         raise JournalError(f"{take.path}: {error}") from None
     hands = tuple(

@@ -71,7 +71,9 @@ RULE_BY_KIND: Mapping[LineKind, KindRule] = {
 
 def keep_order(earlier: LineKind, later: LineKind) -> bool:
     """Whether a line of the kind `later` must not overtake one of the kind `earlier` that slips."""
-    return earlier is later or (RULES[earlier].is_structural and RULES[later].is_structural)
+    return earlier is later or (
+        RULE_BY_KIND[earlier].is_structural and RULE_BY_KIND[later].is_structural
+    )
 
 
 # Commands that are not listed change structure.

@@ -14,7 +14,7 @@ from ergon.cli import app
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 from ergon.workshop.bells.bell import bell_from_table
-from ergon.workshop.bells.chain import chain
+from ergon.workshop.bells.chain import build_chain
 from ergon.workshop.bells.contact import DEFAULT_CONTACT_DURATION, spectrum
 from ergon.workshop.bells.instrument import FormError, text
 from ergon.workshop.bells.resonances import TableError, read
@@ -174,7 +174,7 @@ def test_chain_end_has_modes_and_levels() -> None:
     f = np.array([200.0, 540.0, 1100.0])
     t60 = even(f)
     level = np.array([1.0, 0.5, 0.3])
-    single = chain(f, t60, level, 0.1)
+    single = build_chain(f, t60, level, 0.1)
     stiffness = np.diag(single.springs) + np.diag(np.r_[0, single.springs[:-1]])
     stiffness -= np.diag(single.springs[:-1], 1) + np.diag(single.springs[:-1], -1)
     root = 1 / np.sqrt(single.masses)

@@ -7,7 +7,7 @@ import pytest
 from struck import RATE, church, matched, others
 from sweep import few
 
-from ergon.workshop.bells.modes import find_modes, uncertainty
+from ergon.workshop.bells.modes import find_modes, mode_uncertainty
 
 DURATION = 6.0
 
@@ -17,7 +17,7 @@ def analysed(struck, noise_db, seed, duration=DURATION):
     deviation = np.abs(clean).max() * 10 ** (noise_db / 20)
     sound = clean + deviation * np.random.default_rng(seed).standard_normal(clean.size)
     modes, rest = find_modes(sound, RATE)
-    output = uncertainty(modes, rest, RATE)
+    output = mode_uncertainty(modes, rest, RATE)
     return modes, output, deviation, clean.size
 
 
@@ -25,14 +25,14 @@ def analysed(struck, noise_db, seed, duration=DURATION):
 def test_bell_modes_and_beats_of_other_bells(name):
     struck = others()[name]
     modes, output, *_ = analysed(struck, -60, 3)
-    pairs = matched(modes.f, struck.f)
-    assert (len(pairs), len(modes.f)) == (len(struck.f), len(struck.f))
+    pairs = matched(modes.frequencies, struck.f)
+    assert (len(pairs), len(modes.frequencies)) == (len(struck.f), len(struck.f))
     true, item = (np.array(column) for column in zip(*pairs, strict=True))
-    cents = 1200 * np.abs(np.log2(modes.f[item] / struck.f[true]))
+    cents = 1200 * np.abs(np.log2(modes.frequencies[item] / struck.f[true]))
     assert cents.max() < 0.05
-    assert np.abs(struck.d[true] / modes.d[item] - 1).max() < 0.05
-    assert np.abs(np.abs(modes.c[item]) / struck.a[true] - 1).max() < 0.1
-    assert np.all(np.abs(modes.f[item] - struck.f[true]) < 6 * output.f[item])
+    assert np.abs(struck.d[true] / modes.decays[item] - 1).max() < 0.05
+    assert np.abs(np.abs(modes.amplitudes[item]) / struck.a[true] - 1).max() < 0.1
+    assert np.all(np.abs(modes.frequencies[item] - struck.f[true]) < 6 * output.frequencies[item])
 
 
 @pytest.mark.slow
@@ -40,9 +40,11 @@ def test_bell_mode_deviations_equal_cramer_rao_bound():
     struck = church()
     modes, output, deviation, n = analysed(struck, -60, 0)
     bound = struck.bound(n, deviation)
-    true, item = (np.array(column) for column in zip(*matched(modes.f, struck.f), strict=True))
-    assert output.f[item] == pytest.approx(bound[true, 0], rel=0.25)
-    assert output.d[item] == pytest.approx(bound[true, 1], rel=0.25)
+    true, item = (
+        np.array(column) for column in zip(*matched(modes.frequencies, struck.f), strict=True)
+    )
+    assert output.frequencies[item] == pytest.approx(bound[true, 0], rel=0.25)
+    assert output.decays[item] == pytest.approx(bound[true, 1], rel=0.25)
 
 
 @pytest.mark.slow
@@ -62,11 +64,11 @@ def test_modes_of_church_bell_in_noise(noise, outcome, spurious, cents, t60, rat
     more = 0
     for seed in range(seeds):
         modes, _, deviation, n = analysed(struck, noise, seed)
-        pairs = matched(modes.f, struck.f)
-        more += len(modes.f) - len(pairs)
+        pairs = matched(modes.frequencies, struck.f)
+        more += len(modes.frequencies) - len(pairs)
         for true, item in pairs:
-            f[seed, true] = modes.f[item] - struck.f[true]
-            d[seed, true] = modes.d[item] - struck.d[true]
+            f[seed, true] = modes.frequencies[item] - struck.f[true]
+            d[seed, true] = modes.decays[item] - struck.d[true]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a mode may be found in no take
         off_f, off_d = (np.sqrt(np.nanmean(x**2, axis=0)) for x in (f, d))

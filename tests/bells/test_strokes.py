@@ -112,7 +112,7 @@ def test_contact_lengths_from_hard_and_soft_strokes(push, hard: float, soft: flo
         levels = rng.uniform(0.2, 1.0, f.size)
         listened = np.stack([levels * push(f, hard), 0.4 * levels * push(f, soft)])
         listened *= np.exp(0.02 * rng.standard_normal(listened.shape))
-        output = contact.levels(f, listened, np.full(listened.shape, 0.02))
+        output = contact.fit_levels(f, listened, np.full(listened.shape, 0.02))
         lengths = [length or 0.0 for length in output.lengths]
         assert lengths == pytest.approx([hard, soft], rel=0.36)
         assert output.impulses == pytest.approx([1.0, 0.4], rel=0.1)
@@ -129,7 +129,7 @@ def test_contact_lengths_absent_for_unsuitable_strokes(hard: float, soft: float)
         levels = rng.uniform(0.2, 1.0, f.size)
         listened = np.stack([levels * contact.spectrum(f, one) for one in (hard, soft)])
         listened *= np.exp(0.02 * rng.standard_normal(listened.shape)) * [[1.0], [0.4]]
-        output = contact.levels(f, listened, np.full(listened.shape, 0.02))
+        output = contact.fit_levels(f, listened, np.full(listened.shape, 0.02))
         assert output.lengths == (None, None)
         if hard < 1e-3:
             assert output.impulses == pytest.approx([1.0, 0.4], rel=0.05)

@@ -120,7 +120,7 @@ def info_of_tracks(names: list[str], n_channels: int, axml: bytes = b"", mask: i
     ]
     chna = struct.pack("<HH", len(rows), len(rows)) + b"".join(rows) if rows else b""
     format = WaveFormat(48_000, n_channels, 24)
-    return WaveInfo("BW64", format, 1, 0, 3 * n_channels, axml=axml, chna=chna, mask=mask)
+    return WaveInfo("BW64", format, 1, 0, 3 * n_channels, axml=axml, chna=chna, speaker_mask=mask)
 
 
 FIVE = ((30.0, 0.0, 1.0), (-30.0, 0.0, 1.0), (0.0, 0.0, 1.0), (110.0, 0.0, 1.0), (-110.0, 0.0, 1.0))

@@ -88,7 +88,7 @@ def test_aiff_chunks_in_any_order(tmp_path: Path):
     info = sound.read_info(tmp_path / "a.aif")
     assert (info.title, info.format.rate, info.n_frames) == ("Two", 8_000, 4)
     assert info.marks == (("start", 0), ("last", 3))
-    assert info.others == (("INST", 20),)
+    assert info.unread_chunks == (("INST", 20),)
     expected = np.array([1, -2, 300, -32768]) / 32768
     assert np.array_equal(read(tmp_path / "a.aif")[:, 0], expected)
 

@@ -73,7 +73,7 @@ def test_flac_layout_equals_wave_layout(tmp_path: Path, layout):
     for end in (".wav", ".flac"):
         written(tmp_path / f"a{end}", adm.chunks(layout, "Ring"))
     flac, wav = (sound.read_info(tmp_path / f"a{end}") for end in (".flac", ".wav"))
-    assert (flac.axml, flac.chna, flac.others) == (wav.axml, wav.chna, wav.others)
+    assert (flac.axml, flac.chna, flac.unread_chunks) == (wav.axml, wav.chna, wav.unread_chunks)
     assert flac.axml
 
 

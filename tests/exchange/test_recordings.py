@@ -8,7 +8,7 @@ import pytest
 from recordings import END, EVENTS, HEADER, ROWS, Axis, chunk, chunks, end, event, header, row, rows
 
 from ergon import _core
-from ergon.exchange.recording import NotRecordingError, from_start
+from ergon.exchange.recording import NotRecordingError, positions_from_start
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
@@ -219,7 +219,7 @@ def test_recording_playback_equals_live_hand(tmp_path: Path) -> None:
 
     data = [row(tick, Axis(x[tick])) for tick in range(150, 900) if tick not in (650, 651)]
     path = saved(tmp_path, header(), rows(*data), end())
-    back = from_start(_core.read_recording(path))
+    back = positions_from_start(_core.read_recording(path))
     assert back.shape == (900, 1)
     assert np.abs(rendered(x)).max() > 1e-6
     assert rendered(back[:, 0].copy()).tobytes() == rendered(x).tobytes()
@@ -239,7 +239,7 @@ def test_playback_refuses_empty_long_and_late_recordings(
     data = [row(tick, Axis(0.0)) for tick in every]
     path = saved(tmp_path, header(), rows(*data), end())
     with pytest.raises(NotRecordingError, match=words):
-        from_start(_core.read_recording(path))
+        positions_from_start(_core.read_recording(path))
 
 
 def test_damaged_recording_in_score_is_warning(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ def test_ixml_in_wave_header():
     rows = [(t.findtext("INTERLEAVE_INDEX"), t.findtext("NAME")) for t in root.iter("TRACK")]
     assert rows == [("1", "low <1>"), ("2", "höchst 2")]
     info = parse(io.BytesIO(head))
-    assert (info.tracks, info.others) == (("low <1>", "höchst 2"), ())
+    assert (info.tracks, info.unread_chunks) == (("low <1>", "höchst 2"), ())
 
 
 def test_wave_header_without_track_names():

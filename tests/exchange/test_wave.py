@@ -144,7 +144,7 @@ def test_read_blocks_and_hash_of_written_wave(tmp_path: Path) -> None:
         path.write_bytes(written(format, data))
         want, _ = soundfile.read(path, dtype="float64")
         np.testing.assert_array_equal(np.concatenate(list(read_blocks(path))), want)
-        body = path.read_bytes()[read_info(path).offset :]
+        body = path.read_bytes()[read_info(path).samples_offset :]
         assert hash_samples(path) == hashlib.sha256(body).hexdigest()
         assert is_render(path)
 

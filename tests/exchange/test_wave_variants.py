@@ -141,7 +141,7 @@ def test_adm_chunks_behind_samples(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
     path.write_bytes(b"RIFF" + struct.pack("<I", 4 + len(body)) + b"WAVE" + body + b"\0junk")
     info = sound.read_info(path)
-    assert (info.n_frames, info.others) == (10, (("iXML", 9),))
+    assert (info.n_frames, info.unread_chunks) == (10, (("iXML", 9),))
     layout = adm.read(info)
     assert layout is not None
     assert [place[0] for place in layout.speakers] == pytest.approx([30.0, -30.0])
@@ -175,7 +175,7 @@ def test_wave_chunk_of_odd_size_without_filling_byte(tmp_path: Path) -> None:
         path = tmp_path / "x.wav"
         path.write_bytes(b"RIFF" + struct.pack("<I", len(body)) + body)
         info = sound.read_info(path)
-        assert (info.n_frames, info.others) == (20, (("note", 3),)), filling
+        assert (info.n_frames, info.unread_chunks) == (20, (("note", 3),)), filling
 
 
 def test_wave_coding_is_named(tmp_path: Path) -> None:

@@ -227,7 +227,7 @@ def _read_measured(texts: tuple[str, str], _: Path) -> None:
     first, other = map(calibration_file.read, texts)
     comparison.differences(first, other)
     comparison.chi_squared(first, other)
-    comparison.replay_difference(first.row, other.row)
+    comparison.replay_difference(first.parameters, other.parameters)
 
 
 def _measured(chance: random.Random) -> tuple[str, str]:

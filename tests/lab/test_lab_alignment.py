@@ -69,7 +69,7 @@ def test_map_truth_is_closed_form_at_each_rate(output: str):
     for times in springs.ys:
         rate = RATE * times
         n_frames = round(SECONDS * rate)
-        truth = springs.case(1.0, times).truth(n_frames)
+        truth = springs.make_point(1.0, times).truth(n_frames)
         assert truth.frames is not None
         assert truth.change_db < -60.0
         expected = closed_form((np.arange(n_frames) - late) / rate - STRUCK, order)[:, None]

@@ -12,7 +12,7 @@ from ergon.workshop.lab import canonical, chart, chart_table, runs
 from ergon.workshop.lab.energy import ROUNDING_DB
 from ergon.workshop.lab.metrics import waveform_db
 from ergon.workshop.lab.names import METHODS, PRECISIONS
-from ergon.workshop.lab.reference import doubts, ladder, refine, steps
+from ergon.workshop.lab.reference import find_doubts, ladder, oversamplings, refine
 from ergon.workshop.lab.runs import Setting
 from ergon.workshop.lab.scene import Bare, Score
 
@@ -97,7 +97,7 @@ def test_methods_converge_on_linear_and_contact_scenes(method: str):
 
 def test_chart_with_planner_points():
     """By ear two cells and what joins them are two modes; nothing is left to be better at."""
-    wanted = [*chart.settings(METHODS, PRECISIONS, 4), *chart.planned(-60.0)]
+    wanted = [*chart.settings(METHODS, PRECISIONS, 4), *chart.planner_settings(-60.0)]
     result = chart.measure(canonical.coupled(0.1), wanted, 0.1, "waveform", silent)
     points = {str(p.setting): p for p in result.points}
     assert list(points)[-2:] == ["planner", "planner -60 dB"]
@@ -120,9 +120,9 @@ def test_chart_with_planner_points():
 
 
 def test_oversampling_steps_up_to_limit():
-    assert steps(8) == (1, 2, 4, 8)
-    assert steps(1) == (1,)
-    assert steps(6) == (1, 2, 4)
+    assert oversamplings(8) == (1, 2, 4, 8)
+    assert oversamplings(1) == (1,)
+    assert oversamplings(6) == (1, 2, 4)
 
 
 def smooth_string() -> Bare:
@@ -201,11 +201,11 @@ def test_doubts_of_methods_with_different_limits():
     result = refine(row, lambda setting: None)
     assert result is not None
     assert result.setting == Setting("bm4", 8)
-    assert doubts(row, result) == []
+    assert find_doubts(row, result) == []
     row |= {Setting("modal", s): x + 1e-2 * wrong for s in (1, 2)}  # sure of itself, and wrong
     result = refine({s: y for s, y in row.items() if s.method != "modal"}, lambda setting: None)
     assert result is not None
-    (doubt,) = doubts(row, result)
+    (doubt,) = find_doubts(row, result)
     assert doubt.startswith("modal ×2 and bm4 ×8 differ by -40 dB")
 
 

@@ -67,7 +67,7 @@ def test_worker_costs_scaled_to_local_seconds(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(cluster_workers, "play", slow)
     monkeypatch.setattr(cluster_workers, "yardstick", lambda: 0.5)
     with elsewhere_cluster() as cluster:
-        (result,) = cluster_workers.Workers(cluster, content).played(
+        (result,) = cluster_workers.Workers(cluster, content).play_settings(
             [setting], 10, has_energy=False
         )  # type: ignore[arg-type]
     assert result.point.cost == pytest.approx(0.02)

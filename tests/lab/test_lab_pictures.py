@@ -70,7 +70,7 @@ def test_chart_picture_of_energy_below_rounding(tmp_path: Path):
 
 
 def test_chart_picture_merges_equal_methods(tmp_path: Path):
-    chart = replace(example("waveform"), alike=(("ca", "bm4"),))
+    chart = replace(example("waveform"), identical_methods=(("ca", "bm4"),))
     svg, _ = save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / "one")
     assert "ca = bm4" in svg.read_text(encoding="utf-8")
     assert "the same samples here: ca, bm4" in chart_table.lines(chart)
@@ -126,7 +126,7 @@ def test_chart_table_with_reasons():
 
 
 def test_table_text_of_value_kinds():
-    text = table.text([], ["a"], [[None], [True], [-float("inf")], [1 / 3], [7], ["x, y"]])
+    text = table.csv_text([], ["a"], [[None], [True], [-float("inf")], [1 / 3], [7], ["x, y"]])
     assert text.splitlines()[1:] == ["a", '""', "yes", "-inf", "0.333333", "7", '"x, y"']
 
 

@@ -8,10 +8,10 @@ from sweep import few
 
 from ergon import _core
 from ergon.workshop.lab import map_catalogue, map_table, maps, slow_key_scene
-from ergon.workshop.lab.names import CUTS, SLOW
-from ergon.workshop.lab.slow_key_scene import QUICK, RATE, SOFT, SlowKeyPoint, SlowKeyScene
+from ergon.workshop.lab.names import SLOW, SLOW_MAPS
+from ergon.workshop.lab.slow_key_scene import QUICK_KEY, RATE, SOFT_KEY, SlowKeyPoint, SlowKeyScene
 
-KEYS = {"soft": SOFT, "quick": QUICK}
+KEYS = {"soft": SOFT_KEY, "quick": QUICK_KEY}
 
 
 def survey(name: str, *every: float) -> tuple[maps.Map, list[maps.Spot]]:
@@ -46,7 +46,7 @@ def test_slow_key_map_certificate_agrees_with_runs():
             assert "diverged at" in spot.reason or "times as far" in spot.reason
 
 
-@pytest.mark.parametrize("name", few(CUTS, 1))
+@pytest.mark.parametrize("name", few(SLOW_MAPS, 1))
 def test_slow_key_load_formula_at_stability_border(name: str):
     """Whatever the key's rate; its own springs have no part in it."""
     key = KEYS[name]
@@ -75,7 +75,7 @@ def test_hidden_factor_changes_no_bit():
         return result
 
     for every in (10, 44):
-        plain = SlowKeyScene(SOFT, 5e3, every)
+        plain = SlowKeyScene(SOFT_KEY, 5e3, every)
         assert frames(replace(plain, hidden_factor=64.0)).tobytes() == frames(plain).tobytes()
 
 

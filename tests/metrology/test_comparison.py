@@ -42,7 +42,7 @@ def known(**figures: float) -> Calibration:
 
 def test_calibration_file_equals_fitted_row():
     result = read(TEXT)
-    assert np.allclose(result.row, KEY, rtol=1e-4)
+    assert np.allclose(result.parameters, KEY, rtol=1e-4)
     assert result.date == "2026-11-22"
     assert result.deviations["K"] == 1e-3
 
@@ -76,7 +76,7 @@ def test_replay_residual_at_sensor_noise():
 
 
 def test_replay_difference_of_similar_keys():
-    first = read(TEXT).row
+    first = read(TEXT).parameters
     assert replay_difference(first, first) == 0
     stiffer, heavier = first.copy(), first.copy()
     stiffer[1] *= 1.001
@@ -205,7 +205,7 @@ def test_compare_modes_at_same_pitch():
     assert ("mode2.f", "mode1.f") in rows
     assert rows["mode2.f", "mode1.f"].deviation is None
     alone = rows["mode1.f", "mode0.f"]
-    assert (alone.first, alone.second, alone.deviations) == (900.0, None, None)
+    assert (alone.first_value, alone.second_value, alone.deviation_ratio) == (900.0, None, None)
     again = {each.names: each for each in differences(other, other)}
     assert again["mode1.f", "mode1.f"].deviation == pytest.approx(0.5 * np.sqrt(2))
 

@@ -74,7 +74,7 @@ def test_gesture_lost_forces_reconstructed():
         np.zeros(N, np.uint32),
         RATE,
     )
-    ticks = rows.unknown.ticks
+    ticks = rows.unknown_forces.ticks
     assert 200 < ticks.size <= lost.sum()
     key = fitted(rows)
     assert key.rms < 4.6e-6  # the sensor leaves 4.2

@@ -62,7 +62,7 @@ def test_metrology_keeps_mode_hidden_in_replay(seed: int):
 
 
 @pytest.mark.parametrize(
-    ("rms", "replay", "is_worth", "hidden"),
+    ("rms", "replay", "is_worth", "is_sure"),
     [
         (0.99, 1.0005, True, True),  # surely in the takes, not shown
         (0.4, 1.03, True, True),  # a key of the wrong mass follows the takes much worse
@@ -71,12 +71,12 @@ def test_metrology_keeps_mode_hidden_in_replay(seed: int):
         (0.99, 1.0005, False, False),  # its values are not known
     ],
 )
-def test_stage_is_hidden_by_fit_and_replay(rms: float, replay: float, is_worth: bool, hidden: bool):
+def test_stage_is_sure_despite_replay(rms: float, replay: float, is_worth: bool, is_sure: bool):
     def stage(rms: float, replay: float, is_worth: bool) -> Stage:
         fit = Fit(np.zeros(10), (), (0.0,), np.zeros((0, 0)), rms, 20_000)
         return Stage("mode", fit, replay, False, is_significant=is_worth)
 
-    assert stage(rms, replay, is_worth).is_hidden(stage(1.0, 1.0, True)) == hidden
+    assert stage(rms, replay, is_worth).is_sure_despite_replay(stage(1.0, 1.0, True)) == is_sure
 
 
 def share_within(outcomes: list[Outcome]) -> float:

@@ -94,7 +94,7 @@ def law(fields: dict[str, Any]) -> Law:
 @needs_faust
 def test_faust_law_force_equals_engine() -> None:
     built, laws = Laws(), [law(fields) for fields in LAWS]
-    names = [built.name(item, f"w{index}") for index, item in enumerate(laws)]
+    names = [built.function_name(item, f"w{index}") for index, item in enumerate(laws)]
     called = ", ".join(f"{name}(d, v)" for name in names)
     Path("l.dsp").write_text("\n".join([*built.program_lines(), f"process(d, v) = {called};\n"]))
     # Also where a table's lines meet, and beyond its ends.
@@ -114,7 +114,8 @@ def test_faust_laws_of_equal_links_share_function() -> None:
         law({**LAWS[0]}),
         law({**LAWS[0], "constants": {"k": 3e2, "q": 5e8, "z": 0.2}}),
     )
-    names = [built.name(one, word) for one, word in ((cubic, "a"), (same, "b"), (other, "c"))]
+    named_laws = ((cubic, "a"), (same, "b"), (other, "c"))
+    names = [built.function_name(each, word) for each, word in named_laws]
     assert names == ["law_a", "law_a", "law_c"]
     assert sum(line.startswith("law_") for line in built.program_lines()) == 2
 

@@ -48,7 +48,7 @@ def test_model_functions_equal_python() -> None:
             continue
         if not 1e-9 < abs(number) < 1e12 or len(text) > 180:
             continue
-        value = float(functions.value(text, {}, "a parameter").number)
+        value = float(functions.evaluate_with_functions(text, {}, "a parameter").number)
         assert value == pytest.approx(number, rel=1e-12), text
         compared += 1
 

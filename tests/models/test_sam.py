@@ -16,7 +16,7 @@ from ergon.cli import app
 from ergon.scores.reading.load import load
 from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.sam.expressions import definitions
+from ergon.workshop.models.sam.expressions import parse_definitions
 from ergon.workshop.models.sam.reading import Code
 from ergon.workshop.models.sam.values import LIBRARY, Values
 from ergon.workshop.models.sam.words import LINKS, MASSES, REFUSED, is_model
@@ -265,7 +265,7 @@ def test_sam_faust_expression_values(text: str, value: float) -> None:
         Code("at = int(nentry(\"p\",2,0,2,1));", 2),
         Code("n = 3; // of presets", 3),
     ]  # fmt: skip
-    values = Values({**LIBRARY, **definitions(code)})
+    values = Values({**LIBRARY, **parse_definitions(code)})
     assert values.number(text, 1, "it") == pytest.approx(value, rel=1e-15)
 
 

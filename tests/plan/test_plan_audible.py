@@ -19,7 +19,7 @@ from ergon.scores.reading.outputs import Accuracy
 from ergon.scores.staging import planning
 from ergon.scores.staging.preparing import prepare
 from ergon.workshop.lab.metrics import third_octaves, waveform_db
-from ergon.workshop.lab.partials import compare, strongest
+from ergon.workshop.lab.partials import compare, strongest_partials
 
 SCENES = Path(__file__).parents[1] / "data" / "accuracy"
 Capture = pytest.CaptureFixture[str]
@@ -32,7 +32,7 @@ def apart(ours: np.ndarray, theirs: np.ndarray, rate: float) -> tuple[float, flo
     n_faded = len(theirs) // 4
     fade[-n_faded:] = np.cos(0.5 * np.pi * (np.arange(n_faded) + 0.5) / n_faded) ** 2
     for item, exact in zip((ours - ours.mean(0)).T, (theirs - theirs.mean(0)).T, strict=True):
-        for f in strongest(exact, rate):
+        for f in strongest_partials(exact, rate):
             partial = compare(item, exact, f, rate) if f <= 5000.0 else None
             cents.append(0.0 if partial is None else abs(partial.cents))
         centres, ours_db = third_octaves(item * fade, rate)

@@ -115,7 +115,7 @@ def test_chaotic_gong_judged_by_spectrum():
     assert together <= row.error_db < together + 10.0
     assert metrics.waveform_db(ours[2 * until :], theirs[2 * until :]) > -3.0
     # The same figure by numpy's transform, of the bands that a pilot is long enough for.
-    first = metrics.onset(theirs[: until * 8])
+    first = metrics.onset_frame(theirs[: until * 8])
     assert first is not None
     listened = [sound[first:] - sound[first:].mean(axis=0) for sound in (ours, theirs)]
     size = np.linalg.norm(listened[1], axis=0)

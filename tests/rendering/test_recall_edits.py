@@ -328,15 +328,15 @@ def test_excerpt_of_levelled_piece_reads_its_stretches_alone(
     monkeypatch.setenv("ERGON_CACHE", "on")
     ergon.render("a.yaml")
     n_read = []
-    known_with = MixedStretches.known_with
+    find_mastered_mix = MixedStretches.find_mastered_mix
 
     def counted(*args: Any) -> KnownMix | None:
-        mix = known_with(*args)
+        mix = find_mastered_mix(*args)
         assert mix is not None
         n_read.append(sum(map(len, mix.frames)))
         return mix
 
-    monkeypatch.setattr(MixedStretches, "known_with", counted)
+    monkeypatch.setattr(MixedStretches, "find_mastered_mix", counted)
     excerpt = ergon.render("a.yaml", part)
     assert n_read[0] <= 0.1 * 8000 + stretches.STRETCH_FRAMES
     assert digest(excerpt) == digest(wanted)

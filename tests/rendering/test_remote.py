@@ -208,7 +208,7 @@ def test_remote_render_resumes_from_stored_stretches(tmp_path: Path):
     again = Workers(job_of(second), 2)
     shared = RemoteSimulation(second.stage.simulation, again, store, n_frames)
     assert (frames(shared, n_frames) == expected).all()
-    assert shared.recalled > 0.4
+    assert shared.recalled_share > 0.4
     assert 0 < again.n_computed < done
 
 

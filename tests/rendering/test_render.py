@@ -122,7 +122,7 @@ def test_render_bytes_with_blocks_and_threads(tmp_path: Path, level: Level) -> N
     files = []
     for index, (block, threads) in enumerate([(4096, 1), (64, 1), (997, 2), (10_000, 8)]):
         path = tmp_path / f"{index}.wav"
-        render_files(Stage(), order(path, 24, level, block=block, threads=threads), quiet)
+        render_files(Stage(), order(path, 24, level, block_frames=block, threads=threads), quiet)
         files.append(path.read_bytes())
     assert len(set(files)) == 1
 
@@ -132,7 +132,7 @@ def test_render_excerpt_equals_full_render_samples(tmp_path: Path, level: Level)
     complete, part = tmp_path / "whole.wav", tmp_path / "part.wav"
     render_files(Stage(), order(complete, "float", level), quiet)
     stage = Stage()
-    render_files(stage, order(part, "float", level, start=1234, stop=5000, block=100), quiet)
+    render_files(stage, order(part, "float", level, start=1234, stop=5000, block_frames=100), quiet)
     want, _ = soundfile.read(complete)
     have, _ = soundfile.read(part)
     np.testing.assert_array_equal(have, want[1234:5000])
@@ -178,7 +178,7 @@ def test_render_excerpt_at_level_of_piece(tmp_path: Path, level: Level) -> None:
         part = tmp_path / f"{start}.wav"
         cut = render_files(
             Long(),
-            order(part, 24, level, start=start, stop=stop, block=block, is_part=True),
+            order(part, 24, level, start=start, stop=stop, block_frames=block, is_part=True),
             quiet,
         )
         assert cut.mix.gain == done.mix.gain
@@ -231,7 +231,7 @@ def test_render_channel_count_below_and_above_mix(tmp_path: Path) -> None:
 def test_failing_render_leaves_no_file(tmp_path: Path, threads: int, level: Level) -> None:
     n_threads = threading.active_count()
     wanted = order(
-        tmp_path / "x.wav", 24, level, threads=threads, stems=tmp_path / "stems", block=100
+        tmp_path / "x.wav", 24, level, threads=threads, stems=tmp_path / "stems", block_frames=100
     )
     with pytest.raises(ArithmeticError, match="bell"):
         render_files(Stage(fail_at=3000), wanted, quiet)
@@ -248,7 +248,9 @@ def test_render_interrupted_leaves_no_file(tmp_path: Path, threads: int) -> None
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        render_files(Stage(), order(tmp_path / "x.wav", threads=threads, block=100), interrupt)
+        render_files(
+            Stage(), order(tmp_path / "x.wav", threads=threads, block_frames=100), interrupt
+        )
     assert list(tmp_path.iterdir()) == []
     assert threading.active_count() == n_threads
 

@@ -300,9 +300,9 @@ def test_unwritable_cache_folder_ignored(
 
 
 def test_stretch_store_evicts_least_recently_used(tmp_path: Path):
-    store = StretchStore(tmp_path, n_bytes=1000)
+    store = StretchStore(tmp_path, n_bytes_max=1000)
     for index in range(10):
         store.put(f"{index:064}", np.zeros(20), b"")
-    store.forget()
+    store.remove_oldest()
     saved = [index for index in range(10) if store.get(f"{index:064}") is not None]
     assert 1 <= len(saved) <= 5

@@ -81,10 +81,12 @@ class Bars:
     def bar_beat(self, beats: float) -> tuple[int, float]:
         """(bar, beat) of a beat of the piece; before the start, bars go on 0, -1, ..."""
         meter_index = max(0, bisect_right(self._starts, beats + SAME) - 1)
-        per_bar = self._meters[meter_index].beats
+        beats_per_bar = self._meters[meter_index].beats
         beats_into_meter = beats - self._starts[meter_index]
-        n_bars = int((beats_into_meter + SAME) // per_bar)
-        return self._bars[meter_index] + n_bars, max(0.0, beats_into_meter - n_bars * per_bar) + 1.0
+        n_bars = int((beats_into_meter + SAME) // beats_per_bar)
+        return self._bars[meter_index] + n_bars, max(
+            0.0, beats_into_meter - n_bars * beats_per_bar
+        ) + 1.0
 
     def start(self, bar: float) -> float:
         """The beat of the piece on which `bar` begins; bar 2.5 begins halfway through bar 2."""

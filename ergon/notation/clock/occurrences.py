@@ -56,7 +56,7 @@ def starts(
             if every is None
             else "'every' must be above 0"
         )
-    count = room + 1 if times is None else times
+    count_max = room + 1 if times is None else times
     stop_beat = float("inf") if until is None else until - SAME
     is_mixed = (
         sum(
@@ -72,15 +72,15 @@ def starts(
     )
     # This is quick, because a session repeats without end: thousands of occurrences.
     if step_length.beats and not is_mixed:
-        n_starts = min(count, room)
+        n_starts = min(count_max, room)
         if stop_beat < start_beat + step_length.beats * n_starts:
             n_starts = max(0, ceil((stop_beat - start_beat) / step_length.beats))
-        elif count > room:
+        elif count_max > room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
         return [start_beat + step_length.beats * index for index in range(n_starts)]
     start_beats: list[float] = []
     next_beat = start_beat
-    while len(start_beats) < count and next_beat < stop_beat:
+    while len(start_beats) < count_max and next_beat < stop_beat:
         if len(start_beats) == room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
         if not len(start_beats) % 1024:

@@ -22,18 +22,18 @@ class ShiftedTempoMap(OffsetTempoMap):
     def __init__(self, base: TempoMap, offset_seconds: float) -> None:
         """Share the state of `base`, a complete tempo map."""
         self.__dict__.update(base.__dict__)
-        self.by = offset_seconds
+        self.offset_seconds = offset_seconds
 
     def _state(self) -> tuple[object, ...]:
-        return (*super()._state(), self.by)
+        return (*super()._state(), self.offset_seconds)
 
     def seconds(self, beats: float) -> float:
         """Seconds of the engine at a beat of the piece."""
-        return super().seconds(beats) + self.by
+        return super().seconds(beats) + self.offset_seconds
 
     def beats(self, seconds: float) -> float:
         """The beat of the piece at an instant of the engine."""
-        return super().beats(seconds - self.by)
+        return super().beats(seconds - self.offset_seconds)
 
     def instant(self, start_beats: float, time: Time) -> float:
         """Seconds of the engine of a time counted from beat `start_beats`."""
@@ -43,24 +43,24 @@ class ShiftedTempoMap(OffsetTempoMap):
 class StoppedTempoMap(OffsetTempoMap):
     """A piece that is stopped at a beat: earlier beats are over, later ones never come."""
 
-    def __init__(self, base: TempoMap, start: float, stop_instant: float) -> None:
+    def __init__(self, base: TempoMap, stop_beat: float, stop_instant: float) -> None:
         """Share the state of `base`, a complete tempo map; `stop_instant` is an instant of the
         engine [s].
         """
         self.__dict__.update(base.__dict__)
-        self.stop_beat, self.now = start, stop_instant
+        self.stop_beat, self.stop_instant = stop_beat, stop_instant
 
     def _state(self) -> tuple[object, ...]:
-        return (*super()._state(), self.stop_beat, self.now)
+        return (*super()._state(), self.stop_beat, self.stop_instant)
 
     def seconds(self, beats: float) -> float:
-        """`now` up to the beat where the piece is stopped, NEVER after it."""
-        return self.now if beats <= self.stop_beat + SAME else NEVER
+        """`stop_instant` up to the beat where the piece is stopped, NEVER after it."""
+        return self.stop_instant if beats <= self.stop_beat + SAME else NEVER
 
     def beats(self, seconds: float) -> float:
         """The beat where the piece is stopped."""
         return self.stop_beat
 
     def instant(self, start_beats: float, time: Time) -> float:
-        """The instant of beat `start_beats`: `now` or NEVER."""
+        """The instant of beat `start_beats`: `stop_instant` or NEVER."""
         return self.seconds(start_beats)

@@ -87,7 +87,9 @@ def parse_bpm(text: str) -> tuple[float, float | None]:
 
 @dataclass(frozen=True, slots=True)
 class _Segment:
-    """From beat `start` (`seconds` into the piece) the tempo goes b0 → b1 over `span` beats."""
+    """From beat `start` (`seconds` into the piece) the tempo goes from `bpm_start` to `bpm_end`
+    over `span` beats.
+    """
 
     start: float
     seconds: float
@@ -129,7 +131,7 @@ class TempoMap:
         self._instants = [0.0]
         self._ramp_end = 0.0
         self._last_tempo_beat = -1.0  # beat of the last entry that says a tempo
-        self._is_ramp_in_bars = False  # whether that end would move with the meter
+        self._is_ramp_in_bars = False  # whether the ramp's end would move with the meter
         self._ramp_entry = 0
         self._quarters_per_minute: float | None = (
             None  # quarters a minute, while a file says the tempo
@@ -255,9 +257,9 @@ class TempoMap:
     def written(self, beats: float) -> str:
         """A beat of the piece as `bar|beat`, with the beat rounded to 3 decimals."""
         bar, beat = self.bars.bar_beat(beats)
-        _, per_bar = self.bars.bar(bar)
+        _, beats_per_bar = self.bars.bar(bar)
         rounded_beat = round(beat, 3)
-        return f"{bar + 1}|1" if rounded_beat >= per_bar + 1 else f"{bar}|{rounded_beat:g}"
+        return f"{bar + 1}|1" if rounded_beat >= beats_per_bar + 1 else f"{bar}|{rounded_beat:g}"
 
     def _place_entry(self, entry_index: int, entry: Entry, start: float) -> None:
         self.entries_by_beat.append((start, entry))
@@ -330,12 +332,12 @@ class TempoMap:
         if mark_name is None:
             base_beat = 0.0
             if position.bar is not None:
-                start, per_bar = self.bars.bar(position.bar)
+                start, beats_per_bar = self.bars.bar(position.bar)
                 base_beat = start + (position.beat - 1.0)
-                if position.beat >= per_bar + 1 and not is_lenient:
+                if position.beat >= beats_per_bar + 1 and not is_lenient:
                     raise TextError(
                         f"beat {position.beat:g} does not exist; bar "
-                        f"{position.bar} has {per_bar} beats",
+                        f"{position.bar} has {beats_per_bar} beats",
                         length=max(1, len(position.text)),
                     )
             return self.after(base_beat, position.plus)

@@ -181,7 +181,7 @@ class Either(Shape):
         return ", or ".join(shape.words() for shape in shapes if shape)
 
 
-class _KnownValues:
+class _EntryMemory:
     """The values of a section's entries, kept while their texts stay the same; they keep the places
     that they had then.
     """
@@ -242,7 +242,7 @@ class NamesOf(Shape):
         # The value of an entry in a line of its own is read once, unless the reading made a report.
         let_node = node.document.let
         line_key = id(self.item), context.name, let_node
-        remembered_entries = _KnownValues(node, self.noun, context.memory)
+        remembered_entries = _EntryMemory(node, self.noun, context.memory)
         fields = self.item.field_names()
         lost_indent = lost_indentation(node.entries, lambda _, word: word in fields)
         written_node = loops.written_out(node, context.collector) if self.has_loops else node
@@ -260,9 +260,9 @@ class NamesOf(Shape):
             if (
                 is_written
                 and known_line is None
-                and (known_entry := remembered_entries.old_value(entry_word)) is not None
+                and (remembered_value := remembered_entries.old_value(entry_word)) is not None
             ):
-                values_by_name[entry_word] = known_entry
+                values_by_name[entry_word] = remembered_value
                 continue
             if not NAME.fullmatch(entry_word) or len(entry_word) > MAX_NAME:
                 message = f"{quote(entry_word)} is not a name for a {self.noun}: "

@@ -67,7 +67,7 @@ def _is_comparison_true(
     starts = [text_start, *(sign.end() for sign in signs)]
     ends = [*(sign.start() for sign in signs), text_end]
     amounts = [_amount(written_text, *span, known_names) for span in zip(starts, ends, strict=True)]
-    results = [_compared(sign, *pair) for sign, pair in zip(signs, pairwise(amounts), strict=True)]
+    results = [_compare(sign, *pair) for sign, pair in zip(signs, pairwise(amounts), strict=True)]
     return all(results) == is_expected
 
 
@@ -79,7 +79,7 @@ def _amount(text: str, text_start: int, end: int, names: Mapping[str, Amount]) -
         raise
 
 
-def _compared(sign_match: re.Match[str], first_amount: Amount, second_amount: Amount) -> bool:
+def _compare(sign_match: re.Match[str], first_amount: Amount, second_amount: Amount) -> bool:
     message, suggestion = "", None
     if sign_match[0] == "=":
         message, suggestion = "two values are compared by ==", "=="

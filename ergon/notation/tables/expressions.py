@@ -42,7 +42,7 @@ _NOTE_NAMES = ("A", "A#", "B", "C", "C#", "D", "D#", "E", "F", "F#", "G", "G#")
 
 def _units() -> Iterator[tuple[str, tuple[str, int]]]:
     """Each unit with the unit in which its values are kept, and the power of ten between them."""
-    unit_texts = (
+    dimensions = (
         *(q.MASS, q.STIFFNESS, q.DAMPING, q.POSITION, q.SPEED, q.PUSH, q.IMPULSE, q.HARDENING),
         q.LOUDNESS,
         *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE, q.DENSITY, q.POLES),
@@ -50,7 +50,7 @@ def _units() -> Iterator[tuple[str, tuple[str, int]]]:
     for unit_name, power in q.CONSTANT.units.items():
         if power == 0:
             yield unit_name, (unit_name, 0)
-    for dimension in unit_texts:
+    for dimension in dimensions:
         for unit_name, power in dimension.units.items():
             yield unit_name, (dimension.si, power)
     for word, unit_name in {"bar": "bar", "bars": "bar", "beat": "beat", "beats": "beat"}.items():
@@ -75,10 +75,10 @@ class Amount:
         """The amount as a score writes it."""
         if self.unit == "note":
             if self.number.denominator == 1 and tuning.written() is None:
-                octaves, step = divmod(int(self.number) + 9, 12)
-                octaves, name = 4 + octaves, _NOTE_NAMES[(step - 9) % 12]
-                if 0 <= octaves <= 9:
-                    return f"{name}{octaves}"
+                octave, step = divmod(int(self.number) + 9, 12)
+                octave, name = 4 + octave, _NOTE_NAMES[(step - 9) % 12]
+                if 0 <= octave <= 9:
+                    return f"{name}{octave}"
             return f"{_plain(_hertz(self))}Hz"
         return f"{_plain(float(self.number))}{self.unit}"
 
@@ -97,11 +97,15 @@ class _Reader:
     """Reads one expression, from left to right, once."""
 
     def __init__(
-        self, text: str, known_names: Mapping[str, Amount], later: Container[str], expected: str
+        self,
+        text: str,
+        known_names: Mapping[str, Amount],
+        later_names: Container[str],
+        expected: str,
     ) -> None:
         self.text = text
         self.names = known_names
-        self.later = later
+        self.later_names = later_names
         self.expected = expected
         self.offset = 0
 
@@ -206,7 +210,7 @@ class _Reader:
                 return Amount(Fraction(12.0 * math.log2(hertz / 440.0)), "note")
             steps = _LETTERS[letter] + _SIGNS[accidental_sign] + 12 * (int(octave) - 4)
             return Amount(Fraction(steps), "note")
-        if word_match is not None and word_match[0] in self.later:
+        if word_match is not None and word_match[0] in self.later_names:
             message = (
                 f"{quote(word_match[0])} is named below: a value of `let:` uses names above it"
             )
@@ -288,8 +292,8 @@ class _Reader:
 
     @staticmethod
     def _as_hertz(amount: Amount, second_amount: Amount) -> Amount:
-        is_both = amount.unit == "note" and second_amount.unit == "Hz"
-        return Amount(Fraction(_hertz(amount)), "Hz") if is_both else amount
+        is_note_beside_hertz = amount.unit == "note" and second_amount.unit == "Hz"
+        return Amount(Fraction(_hertz(amount)), "Hz") if is_note_beside_hertz else amount
 
     def _checked(self, amount: Amount, offset: int) -> Amount:
         amount_number = amount.number
@@ -343,13 +347,13 @@ def unit_in_words(amount: Amount) -> str:
 def evaluate(
     expression_text: str,
     known_names: Mapping[str, Amount],
-    later: Container[str] = (),
+    later_names: Container[str] = (),
     expected: str = _EXPECTED,
 ) -> Amount:
-    """The value of an expression; `later` are names that it may not use yet, and `expected` is what
-    a word may be, for messages. Raises TextError with the characters at fault.
+    """The value of an expression; `later_names` are names that it may not use yet, and `expected`
+    is what a word may be, for messages. Raises TextError with the characters at fault.
     """
-    return _Reader(expression_text, known_names, later, expected).read_all()
+    return _Reader(expression_text, known_names, later_names, expected).read_all()
 
 
 def looks_like(written_text: str, known_names: Mapping[str, Amount]) -> bool:

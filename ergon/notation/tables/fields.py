@@ -27,7 +27,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Place
 
 _NO_ENTRY = (None, None)
-_SHORT = 3  # characters: a shorter name resembles too many others
+_SHORT_NAME_LENGTH = 3  # characters: a shorter name resembles too many others
 _NO_ARTICLE = ("rates", "strikes", "accuracy", "render", "mix", "master")
 
 
@@ -185,7 +185,7 @@ class Record(Shape):
                 self._read_kind(record_values, entry_word, key_node, child_node)
             else:
                 self._read_unknown(record_values, entry_word, key_node, child_node)
-        return self.build(record_values) if self._complete(record_values) else MISSING
+        return self.build(record_values) if self._is_complete(record_values) else MISSING
 
     def _group_text(self, node: Node) -> str | None:
         """The group that a lone value stands for: `{bpm: 96}`; None if that is not known."""
@@ -223,7 +223,8 @@ class Record(Shape):
             return entry_word not in self.field_names()
         meant_names = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
         is_misspelt = (
-            len(entry_word) > _SHORT and nearest(entry_word, self.field_names()) is not None
+            len(entry_word) > _SHORT_NAME_LENGTH
+            and nearest(entry_word, self.field_names()) is not None
         )
         return (
             not is_misspelt
@@ -292,7 +293,7 @@ class Record(Shape):
             return False
         return True
 
-    def _complete(self, values: Values) -> bool:
+    def _is_complete(self, values: Values) -> bool:
         is_complete = True
         for declared in self.fields:
             if (

@@ -69,11 +69,11 @@ class _Writer:
         self.node = mapping_node
         self.collector = collector
         self.entries: Entries = {}
-        self.looped: dict[str, Scalar] = {}  # names that loops make
+        self.keys_of_loops: dict[str, Scalar] = {}  # names that loops make
         self.n_turns = 0
         self.n_nodes = 0
         loops = self.node.document.loops
-        self.n_others = sum(n for start, n in loops.items() if start != mapping_node.start)
+        self.n_nodes_of_others = sum(n for start, n in loops.items() if start != mapping_node.start)
 
     def mapping(self) -> document.Mapping:
         for line in self.node.lines.values():
@@ -83,8 +83,11 @@ class _Writer:
             for entry_word, (key_node, child) in self.node.entries.items():
                 if is_loop(entry_word):
                     self.loop(key_node, child, values_by_name, 1)
-                elif entry_word in self.looped:
-                    self.entries[entry_word] = key_node, _merged(self.entries[entry_word][1], child)
+                elif entry_word in self.keys_of_loops:
+                    self.entries[entry_word] = (
+                        key_node,
+                        _merge_exception(self.entries[entry_word][1], child),
+                    )
                 else:
                     self.entries[entry_word] = self.node.entries[entry_word]
         except _LoopError:
@@ -96,15 +99,17 @@ class _Writer:
         """Add what a loop makes; what is written beside the loop, above or below, is an exception
         from it.
         """
-        if word in self.looped:
-            message = f"{quote(word)} is already made on line {self.looped[word].place.line}; "
+        if word in self.keys_of_loops:
+            message = (
+                f"{quote(word)} is already made on line {self.keys_of_loops[word].place.line}; "
+            )
             message += "two modules need two names, such as m(i) in a loop"
             self.collector.error("E102", message, key.place)
             return
-        self.looped[word] = key
+        self.keys_of_loops[word] = key
         if word in self.entries:
             written_key, written_node = self.entries[word]
-            self.entries[word] = written_key, _merged(child, written_node)
+            self.entries[word] = written_key, _merge_exception(child, written_node)
         else:
             self.entries[word] = key, child
 
@@ -189,12 +194,12 @@ class _Writer:
             self.report(error, scalar)
         return ChainMap(inner_amounts.names)
 
-    def count(self, node: Node) -> None:
+    def count_node(self, node: Node) -> None:
         """Count a node that is written out, and the length of its text."""
         self.n_nodes += 1
         if isinstance(node, Scalar):
             self.n_nodes += len(node.text) // _TEXT_COST
-        if self.n_nodes + self.n_others > MAX_NODES:
+        if self.n_nodes + self.n_nodes_of_others > MAX_NODES:
             message = f"loops of this file write more than {MAX_NODES:,} values out"
             self.refuse(message + "; take a STRING, a PLATE or a BANK for large bodies", node)
 
@@ -209,22 +214,24 @@ class _Writer:
         raise _LoopError
 
 
-def _merged(looped: Node, written_node: Node) -> Node:
+def _merge_exception(module_of_loop: Node, written_node: Node) -> Node:
     """A module of a loop with the fields of a written module of the same name and kind. A
     written module of another kind replaces it.
     """
-    if not (isinstance(looped, document.Mapping) and isinstance(written_node, document.Mapping)):
+    if not (
+        isinstance(module_of_loop, document.Mapping) and isinstance(written_node, document.Mapping)
+    ):
         return written_node
-    if not written_node.entries.keys() <= looped.entries.keys():
+    if not written_node.entries.keys() <= module_of_loop.entries.keys():
         return written_node
-    merged_entries = dict(looped.entries)
+    merged_entries = dict(module_of_loop.entries)
     for kind_name, (key_node, written_fields) in written_node.entries.items():
-        known_entry = merged_entries[kind_name][1]
-        if isinstance(known_entry, document.Mapping) and isinstance(
+        looped_fields = merged_entries[kind_name][1]
+        if isinstance(looped_fields, document.Mapping) and isinstance(
             written_fields, document.Mapping
         ):
             written_fields = replace(
-                written_fields, entries={**known_entry.entries, **written_fields.entries}
+                written_fields, entries={**looped_fields.entries, **written_fields.entries}
             )
         merged_entries[kind_name] = key_node, written_fields
     return replace(written_node, entries=merged_entries)
@@ -241,7 +248,7 @@ class _NodeCopier:
     def node(self, node: Node) -> Node:
         if isinstance(node, Scalar):
             return self.scalar(node)
-        self.writer.count(node)
+        self.writer.count_node(node)
         copied_document = self._document(node.document)
         if isinstance(node, document.Mapping):
             entries: Entries = {}
@@ -254,7 +261,7 @@ class _NodeCopier:
         return document.Sequence(copied_document, node.start, node.end, items)
 
     def scalar(self, node: Scalar) -> Scalar:
-        self.writer.count(node)
+        self.writer.count_node(node)
         scalar_text = node.text
         if "(" in scalar_text:
             try:

@@ -18,7 +18,9 @@ _T = TypeVar("_T")
 MAX_NAMES = 1_000
 _NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
 _OPERAND = re.compile(r"\.\.|(?:(?!\.\.)[^\s()@|,;#])+")  # a word of a notation
-_BEGUN = re.compile(r"\s*(\d+\|[\d./]+|[^\W\d]\w*(?:-[^\W\d]\w*)*)\s*([+-])(.+)")  # B+2, 3|1-gap
+_SUM_PATTERN = re.compile(
+    r"\s*(\d+\|[\d./]+|[^\W\d]\w*(?:-[^\W\d]\w*)*)\s*([+-])(.+)"
+)  # B+2, 3|1-gap
 _BAR_BEAT = re.compile(r"\s*\d+\|[\d./]+\s*")
 _MARKED = re.compile(r"\s*([^\W\d]\w*(?:-[^\W\d]\w*)*)")
 _PATH = re.compile(r"[A-Za-z_]\w*(\.[^\s.()*/]+)+")  # a member or a module, such as bell.m
@@ -40,13 +42,15 @@ def named_amounts(source_document: Document) -> NamedAmounts:
         if let_node is None and isinstance(root, document.Mapping) and "let" in root.entries:
             let_node = root.entries["let"][1]
         source_document.lets = (
-            _read(let_node) if isinstance(let_node, document.Mapping) else NamedAmounts({}, [])
+            _read_amounts(let_node)
+            if isinstance(let_node, document.Mapping)
+            else NamedAmounts({}, [])
         )
     amounts_by_name: NamedAmounts = source_document.lets
     return amounts_by_name
 
 
-def _read(let_section: document.Mapping) -> NamedAmounts:
+def _read_amounts(let_section: document.Mapping) -> NamedAmounts:
     amounts_by_name = NamedAmounts({}, [])
     for number, (word, (key, node)) in enumerate(let_section.entries.items()):
         if not add_named(amounts_by_name, number, word, key, node, let_section.entries):
@@ -107,7 +111,7 @@ def parse_with_names(text_node: Scalar, parse: Callable[[str], _T]) -> _T:
     """
     try:
         return parse(text_node.text)
-    except TextError as plain:
+    except TextError as plain_error:
         pieces = _replaced(text_node.text, named_amounts(text_node.document).names)
         if len(pieces) < 2:
             raise
@@ -129,7 +133,7 @@ def parse_with_names(text_node: Scalar, parse: Callable[[str], _T]) -> _T:
                         written_begin + offset_in_piece,
                         max(1, fault_length),
                     )
-                    raise error from plain
+                    raise error from plain_error
                 written_begin += len(written)
             raise
 
@@ -151,10 +155,10 @@ def word_value(table_word: str, document: Document, parse: Callable[[str], _T]) 
     """Read one word of a table, for which an expression may stand. Raises TextError."""
     try:
         return parse(table_word)
-    except TextError as plain:
+    except TextError as plain_error:
         known_names = named_amounts(document).names
         if not is_computed(table_word, document):
-            plain.suggestion = plain.suggestion or nearest(table_word, known_names)
+            plain_error.suggestion = plain_error.suggestion or nearest(table_word, known_names)
             raise
         literal = evaluate(table_word, known_names).literal
     try:
@@ -171,7 +175,7 @@ def position(position_text: str, document: Document, parse: Callable[[str], _T])
     Raises TextError.
     """
     known_names = named_amounts(document).names
-    sum_match = _BEGUN.fullmatch(position_text)
+    sum_match = _SUM_PATTERN.fullmatch(position_text)
     try:
         parsed_position = parse(position_text)
         if getattr(parsed_position, "mark", None) not in known_names or _is_mark(

@@ -121,10 +121,10 @@ def moved(pitch_word: str, semitones: float) -> str:
         return tuning.hertz_word(q.frequency(pitch_word) * _core.pow(2.0, semitones / 12.0))
     note_name, cents = cents_match[1], float((cents_match[2] or "0").replace("_", "."))
     current_tuning, note_key = tuning.current(), number(note_name)
-    is_keys = isinstance(semitones, int) or (
+    counts_keys = isinstance(semitones, int) or (
         current_tuning.scale is None and semitones.is_integer()
     )
-    if current_tuning.has_keys and note_key is not None and is_keys:
+    if current_tuning.has_keys and note_key is not None and counts_keys:
         note_name = name(note_key + int(semitones))
     else:
         cents += 100.0 * semitones

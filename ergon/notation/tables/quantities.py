@@ -47,7 +47,7 @@ class Dimension:
     units: Mapping[str, int]
     example: str
     sign: Sign = "any"
-    bare: bool = True  # whether a number without a unit is taken as SI
+    takes_bare_number: bool = True  # whether a number without a unit is taken as SI
     low: float = -MAX_SIZE
     high: float = MAX_SIZE
 
@@ -63,7 +63,7 @@ def _dimension(
     example: str,
     value_sign: Sign = "any",
     *,
-    bare_unit: bool = True,
+    takes_bare_number: bool = True,
     low_bound: float = -MAX_SIZE,
     high_bound: float = MAX_SIZE,
 ) -> Dimension:
@@ -72,13 +72,19 @@ def _dimension(
         unit, _, power = word.partition(":")
         powers_by_unit[unit] = int(power or 0)
     return Dimension(
-        dimension_name, powers_by_unit, example, value_sign, bare_unit, low_bound, high_bound
+        dimension_name,
+        powers_by_unit,
+        example,
+        value_sign,
+        takes_bare_number,
+        low_bound,
+        high_bound,
     )
 
 
 _LENGTH_UNITS = "mm:-3 cm:-2 m um:-6 µm:-6 μm:-6"
 _HARDENING = "N/m3 N/mm3:9 kN/m3:3 MN/m3:6"
-MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive", bare_unit=False)
+MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive", takes_bare_number=False)
 MASS_OR_NUMBER = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")  # for `units: ca`
 STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
@@ -94,11 +100,13 @@ ELEVATION = _dimension("elevation", "deg", "35deg", low_bound=-90.0, high_bound=
 PAN = _dimension(
     "place from -1 (first channel) to 1 (second)", "", "-0.3", low_bound=-1.0, high_bound=1.0
 )
-DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive", bare_unit=False)
+DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive", takes_bare_number=False)
 SURFACE_TENSION = _dimension(
-    "tension of a membrane", "N/m kN/m:3", "3kN/m", "positive", bare_unit=False
+    "tension of a membrane", "N/m kN/m:3", "3kN/m", "positive", takes_bare_number=False
 )
-PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive", bare_unit=False)
+PRESSURE = _dimension(
+    "pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive", takes_bare_number=False
+)
 INHARMONICITY = _dimension("inharmonicity", "", "0.0003", "not negative", high_bound=0.1)
 POISSON = _dimension("Poisson's ratio", "", "0.33", "not negative", high_bound=0.5)
 SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high_bound=1e6, low_bound=-1e6)
@@ -110,7 +118,7 @@ INPUT_FORCE = _dimension(
     "force", "N kN:3 mN:-3 uN:-6 µN:-6 μN:-6", "2mN", low_bound=-1e3, high_bound=1e3
 )
 INPUT_LENGTH = _dimension("length", _LENGTH_UNITS, "0.1mm", low_bound=-1.0, high_bound=1.0)
-IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs", bare_unit=False)
+IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs", takes_bare_number=False)
 POLES = _dimension(
     "force times the square of a distance", "Nm2 Ncm2:-4 Nmm2:-6 mNmm2:-9", "200Nmm2"
 )
@@ -121,33 +129,37 @@ TICK_RATE = _dimension(
     "rate of ticks", "Hz kHz:3", "1kHz", "positive", low_bound=1.0, high_bound=1e5
 )
 DURATION = _dimension(
-    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2.5s", "positive", bare_unit=False
+    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2.5s", "positive", takes_bare_number=False
 )
 INSTANT = _dimension(
-    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "0.4s", "not negative", bare_unit=False
+    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "0.4s", "not negative", takes_bare_number=False
 )
 CONTACT_TIME = _dimension(
     "time in seconds",
     "s ms:-3 us:-6 µs:-6 μs:-6",
     "2ms",
     "not negative",
-    bare_unit=False,
+    takes_bare_number=False,
     high_bound=0.05,
 )
 # The highest level that a session takes, from a line or from the network: a slip of the finger must
 # not hurt the ears [dB].
 LOUDEST_DB = 24.0
 LOUDNESS = _dimension(
-    "loudness", "LUFS", "-31LUFS", bare_unit=False, low_bound=-150.0, high_bound=60.0
+    "loudness", "LUFS", "-31LUFS", takes_bare_number=False, low_bound=-150.0, high_bound=60.0
 )
-LEVEL = _dimension("level", "dB", "-6dB", bare_unit=False, low_bound=-400.0, high_bound=200.0)
-ERROR = _dimension("error", "dB", "-60dB", bare_unit=False, low_bound=-160.0, high_bound=-10.0)
+LEVEL = _dimension(
+    "level", "dB", "-6dB", takes_bare_number=False, low_bound=-400.0, high_bound=200.0
+)
+ERROR = _dimension(
+    "error", "dB", "-60dB", takes_bare_number=False, low_bound=-160.0, high_bound=-10.0
+)
 CENTS = _dimension(
     "error of pitch in cents", "", "3", "positive", low_bound=0.01, high_bound=1200.0
 )
 CHANCE = _dimension("chance", "%:-2", "0.6", "not negative", high_bound=1.0)
 SHARE = _dimension(
-    "share of the processor", "%:-2", "80%", "positive", bare_unit=False, high_bound=64.0
+    "share of the processor", "%:-2", "80%", "positive", takes_bare_number=False, high_bound=64.0
 )
 NUMBER = _dimension("plain number", "", "0.5")
 RATIO = _dimension("plain number", "", "0.5", "not negative")
@@ -252,7 +264,7 @@ def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dime
     unit_list = ", ".join(unit for unit in dimension.units if unit.isascii())
     fault_length = len(quantity_word)
     if not unit_text:
-        if dimension.bare or not quantity_word.strip("+-0."):
+        if dimension.takes_bare_number or not quantity_word.strip("+-0."):
             return 0
         example_unit = dimension.example.lstrip("+-.0123456789")
         foreign_unit = next(
@@ -506,8 +518,8 @@ def gain(gain_text: str) -> float:
         message = f"{quote(word)} has no unit; write {factor_words}{word}dB for a level"
         suggestion = f"x{word}" if factor_words else f"{word}dB"
         raise TextError(message, length=len(word), suggestion=suggestion, code="E203")
-    if _NUMBER.fullmatch(share := word.removesuffix("%").rstrip()) and share != word:
-        factor_text = f"x{float(share) / 100.0:g}"
+    if _NUMBER.fullmatch(percentage := word.removesuffix("%").rstrip()) and percentage != word:
+        factor_text = f"x{float(percentage) / 100.0:g}"
         message = (
             f"{quote(word)} is a percentage; write {factor_text} for a factor, or a level in dB"
         )

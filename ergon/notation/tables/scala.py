@@ -79,17 +79,17 @@ class KeyMap:
         """The degree of a key; None if the key has no pitch."""
         if not self.degrees:
             return key - self.middle
-        period, place = divmod(key - self.middle, len(self.degrees))
-        degree = self.degrees[place]
+        period, index_in_period = divmod(key - self.middle, len(self.degrees))
+        degree = self.degrees[index_in_period]
         return None if degree is None else degree + period * (self.octave or len(scale.ratios))
 
     def hertz(self, key: int, scale: Scale) -> float | None:
         """The frequency of a key [Hz]; None if the key has no pitch."""
         degree = self.degree(key, scale) if self.low <= key <= self.high else None
-        base = self.degree(self.reference, scale)
-        if degree is None or base is None:
+        reference_degree = self.degree(self.reference, scale)
+        if degree is None or reference_degree is None:
             return None
-        return self.frequency * (scale.ratio(degree) / scale.ratio(base))
+        return self.frequency * (scale.ratio(degree) / scale.ratio(reference_degree))
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:

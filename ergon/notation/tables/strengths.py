@@ -76,16 +76,18 @@ class Level:
             return replace(self, factor=self.factor * factor)
         return replace(self, low=self.low * factor, high=self.high * factor)
 
-    def impulse(self, reach: ImpulseRange | None, draw: Callable[[float, float], float]) -> float:
+    def impulse(
+        self, impulse_range: ImpulseRange | None, draw: Callable[[float, float], float]
+    ) -> float:
         """An impulse [N·s]; `draw` is a uniform draw between two values that differ.
 
         A strength s is soft·(hard/soft)^s of its reach.
         """
-        drawn_impulse = self.low if self.low == self.high else draw(self.low, self.high)
+        drawn_level = self.low if self.low == self.high else draw(self.low, self.high)
         if not self.is_strength:
-            return drawn_impulse
-        assert reach is not None
-        return reach.impulse(drawn_impulse) * self.factor
+            return drawn_level
+        assert impulse_range is not None
+        return impulse_range.impulse(drawn_level) * self.factor
 
     @property
     def written(self) -> str:
@@ -118,9 +120,9 @@ class Levels:
         if not self.is_line:
             return self.steps[number % len(self.steps)]
         first_level, last_level = self.steps
-        share = min(1.0, number / (count - 1)) if count > 1 else 0.0
-        impulse = first_level.low + (last_level.low - first_level.low) * share
-        return Level(impulse, impulse, first_level.is_strength)
+        progress = min(1.0, number / (count - 1)) if count > 1 else 0.0
+        level_value = first_level.low + (last_level.low - first_level.low) * progress
+        return Level(level_value, level_value, first_level.is_strength)
 
 
 MEZZO_FORTE = Level(*(DYNAMICS.index("mf") / _N_STEPS,) * 2, is_strength=True)
@@ -146,14 +148,14 @@ def level(level_text: str) -> Level:
     """A level: `2mNs`, `1mNs..4mNs`, `mf`, `p..f`, `f!`, `0.6`, `v64`, `-6dB`. Raises TextError."""
     level_word = level_text.strip()
     if ".." not in level_word:
-        return _end(level_word)
+        return _parse_end(level_word)
     level_words = level_word.split("..")
     if len(level_words) != 2 or not all(level_words):
         message = "a range has two ends: 1mNs..4mNs, or p..f"
         raise TextError(message, length=max(1, len(level_text)), code="E204")
-    low_level = _end(level_words[0].strip())
+    low_level = _parse_end(level_words[0].strip())
     try:
-        high_level = _end(level_words[1].strip())
+        high_level = _parse_end(level_words[1].strip())
     except TextError as error:
         error.offset += level_text.index("..") + 2
         raise
@@ -170,7 +172,7 @@ def level(level_text: str) -> Level:
     return Level(low_level.low, high_level.low, low_level.is_strength, high_level.factor)
 
 
-def _end(end_word: str) -> Level:
+def _parse_end(end_word: str) -> Level:
     strength = _strength(end_word)
     if strength is not None:
         return Level(strength, strength, is_strength=True)
@@ -205,11 +207,11 @@ def _strength(strength_word: str) -> float | None:
         return min(_N_STEPS, DYNAMICS.index(strength_word) + accent_steps) / _N_STEPS
     match = _VELOCITY.fullmatch(strength_word)
     if match is not None:
-        velocity = int(match[1])
-        if not 1 <= velocity <= 127:
+        velocity_number = int(match[1])
+        if not 1 <= velocity_number <= 127:
             message = f"a MIDI velocity lies from v1 to v127, not {strength_word}"
             raise TextError(message, length=len(strength_word), code="E202")
-        return min(1.0, velocity / 127.0 + accent_steps / _N_STEPS)
+        return min(1.0, velocity_number / 127.0 + accent_steps / _N_STEPS)
     if _PLAIN_NUMBER.fullmatch(strength_word):
         strength = q.quantity(strength_word, q.NUMBER)
         if 0.0 <= strength <= 1.0:
@@ -245,9 +247,9 @@ def levels(levels_text: str) -> Levels:
         and len(levels_of_words) == 2
         and words_with_offsets[1][0] == "->"
     )
-    is_alike = is_pair and levels_of_words[0].is_strength == levels_of_words[1].is_strength
-    is_plain = all(step.low == step.high and step.factor == 1.0 for step in levels_of_words)
-    if not (is_alike and is_plain):
+    is_same_kind = is_pair and levels_of_words[0].is_strength == levels_of_words[1].is_strength
+    has_plain_ends = all(step.low == step.high and step.factor == 1.0 for step in levels_of_words)
+    if not (is_same_kind and has_plain_ends):
         message = "a line goes from one level to another of its kind, such as p -> f"
         raise TextError(message, offset=arrow_offsets[0], length=2, code="E204")
     return Levels(tuple(levels_of_words), is_line=True)

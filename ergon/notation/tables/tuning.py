@@ -98,8 +98,10 @@ class Tuning:
             tuning_text = f"{self.edo} equal steps to an octave, A4 has {self.a4:g} Hz"
         else:
             title = f" {quote(self.scale.title)}" if self.scale.title else ""
-            degrees = len(self.scale.ratios)
-            tuning_text = f"a scale{title} of {degrees} degree{'s' if degrees > 1 else ''}, key "
+            n_degrees = len(self.scale.ratios)
+            tuning_text = (
+                f"a scale{title} of {n_degrees} degree{'s' if n_degrees > 1 else ''}, key "
+            )
             tuning_text += f"{self.keys.reference} has {self.keys.frequency:g} Hz"
         return f"{tuning_text}, ratios count from {self.root.replace('_', '.')}"
 
@@ -146,15 +148,17 @@ class Tuning:
                 message = f"{quote(word)}: the key {key} has no pitch in the keyboard map"
                 raise TextError(message, length=len(word), code="E201")
             return hertz * _core.pow(2.0, cents / 1200.0) if cents else hertz
-        fifth = round(self.edo * math.log2(1.5))
-        octaves, step = divmod(fifth * fifths + self.edo * octaves, self.edo)
+        steps_per_fifth = round(self.edo * math.log2(1.5))
+        octaves, step = divmod(steps_per_fifth * fifths + self.edo * octaves, self.edo)
         if self.edo == 12:  # the cents are part of the exponent: every A is exact
             semitones = step + cents / 100
             return math.ldexp(
                 self.a4 * (_core.pow(2.0, semitones / 12) if semitones else 1.0), octaves
             )
-        octave_rest = step / self.edo + cents / 1200.0
-        return math.ldexp(self.a4 * (_core.pow(2.0, octave_rest) if octave_rest else 1.0), octaves)
+        octave_fraction = step / self.edo + cents / 1200.0
+        return math.ldexp(
+            self.a4 * (_core.pow(2.0, octave_fraction) if octave_fraction else 1.0), octaves
+        )
 
     def pitch(self, word: str) -> float | None:
         """How high a pitch is in semitones, 69 at 440 Hz, to 0.001 cents; None if the word is no
@@ -194,9 +198,12 @@ class Tuning:
             raise TextError(message, length=len(word), code="E201")
         fifths, octaves = _FIFTHS_AND_OCTAVES[match[1]]
         accidentals = _SIGNS[match[2]]
-        fifth = round(self.edo * math.log2(1.5))
+        steps_per_fifth = round(self.edo * math.log2(1.5))
         octave = int(match[3]) - 4 + octaves + accidentals * _SHARP_FIFTHS_AND_OCTAVES[1]
-        return fifth * (fifths + accidentals * _SHARP_FIFTHS_AND_OCTAVES[0]) + self.edo * octave
+        return (
+            steps_per_fifth * (fifths + accidentals * _SHARP_FIFTHS_AND_OCTAVES[0])
+            + self.edo * octave
+        )
 
 
 _KEY_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
@@ -230,8 +237,10 @@ def _number(text: str) -> float:
 
 
 def _frequency_of_step(hertz: float, step: int, n_steps: int) -> float:
-    octaves, step_rest = divmod(step, n_steps)
-    return math.ldexp(hertz * (_core.pow(2.0, step_rest / n_steps) if step_rest else 1.0), octaves)
+    octaves, step_in_octave = divmod(step, n_steps)
+    return math.ldexp(
+        hertz * (_core.pow(2.0, step_in_octave / n_steps) if step_in_octave else 1.0), octaves
+    )
 
 
 def semitones(hertz: float) -> float:

@@ -48,8 +48,12 @@ def _units(dimension: q.Dimension) -> str:
 def quantity(dimension: q.Dimension, doc: str = "") -> Text:
     """A number with a unit, as an SI float."""
     doc_words = doc or f"{with_article(dimension.name)}, such as {dimension.example}"
-    units = f" *({_units(dimension)}){'?' if dimension.bare else ''}" if dimension.units else ""
-    pattern = f"^({_NUMBER}{units}{'' if dimension.bare else '|0'})$"
+    units = (
+        f" *({_units(dimension)}){'?' if dimension.takes_bare_number else ''}"
+        if dimension.units
+        else ""
+    )
+    pattern = f"^({_NUMBER}{units}{'' if dimension.takes_bare_number else '|0'})$"
     parse = _cached(lambda text: q.quantity(text, dimension))
     return Text(parse, doc_words, pattern, units=tuple(dimension.units), is_value=True)
 

@@ -330,55 +330,55 @@ class _Composer:
         self.anchors: dict[str, tuple[Node, int, int]] = {}
         self.stack: list[_OpenCollection] = []
         self.root: Node | None = None
-        self.total = 0
+        self.n_nodes = 0
 
     def run(self) -> Node | None:
         try:
-            return self.composed()
+            return self.build_root()
         except yaml.YAMLError as error:
             if not is_too_deep(error):
                 raise
-            place = (_end(self.stack[-1].event), len(self.stack)) if self.stack else (0, 0)
+            place = (_event_end(self.stack[-1].event), len(self.stack)) if self.stack else (0, 0)
             index = index_of_level(self.document.text, error, place, MAX_DEPTH + 1)
             raise _Refused("E105", TOO_DEEP, index) from None
 
-    def composed(self) -> Node | None:
-        documents = 0
+    def build_root(self) -> Node | None:
+        n_documents = 0
         for yaml_event in yaml.parse(self.document.text, _LOADER):
             if isinstance(yaml_event, yaml.ScalarEvent):
                 self.scalar(yaml_event)
             elif isinstance(yaml_event, (yaml.MappingStartEvent, yaml.SequenceStartEvent)):
                 self.open(yaml_event)
             elif isinstance(yaml_event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
-                self.close(_end(yaml_event))
+                self.close(_event_end(yaml_event))
             elif isinstance(yaml_event, yaml.AliasEvent):
                 self.alias(yaml_event)
             elif isinstance(yaml_event, yaml.DocumentStartEvent):
-                documents += 1
-                if documents > 1:
+                n_documents += 1
+                if n_documents > 1:
                     message = "a second document begins here ('---'); a file holds one score"
-                    raise _Refused("E104", message, _start(yaml_event), 3)
-        self.document.size = self.total
+                    raise _Refused("E104", message, _event_start(yaml_event), 3)
+        self.document.size = self.n_nodes
         return self.root
 
     def scalar(self, event: yaml.ScalarEvent) -> None:
-        scalar_start = _start(event)
+        scalar_start = _event_start(event)
         self.refuse_tag(event)
-        self.count(1, scalar_start)
+        self.count_nodes(1, scalar_start)
         style = event.style if event.style in _STYLES else None  # libyaml calls plain ''
-        node = Scalar(self.document, scalar_start, _end(event), event.value, style)
+        node = Scalar(self.document, scalar_start, _event_end(event), event.value, style)
         self.add(node, event.anchor, 1, 1)
 
     def open(self, event: yaml.CollectionStartEvent) -> None:
         self.refuse_tag(event)
-        self.count(1, _start(event))
+        self.count_nodes(1, _event_start(event))
         if len(self.stack) >= MAX_DEPTH:
-            raise _Refused("E105", TOO_DEEP, _start(event))
+            raise _Refused("E105", TOO_DEEP, _event_start(event))
         self.stack.append(_OpenCollection(event, []))
 
     def close(self, end: int) -> None:
         open_frame = self.stack.pop()
-        frame_start = _start(open_frame.event)
+        frame_start = _event_start(open_frame.event)
         closed_node: Node
         if isinstance(open_frame.event, yaml.SequenceStartEvent):
             closed_node = Sequence(self.document, frame_start, end, open_frame.children)
@@ -389,7 +389,7 @@ class _Composer:
         self.add(closed_node, open_frame.event.anchor, open_frame.size, open_frame.height)
 
     def alias(self, event: yaml.AliasEvent) -> None:
-        alias_start, alias_name = _start(event), event.anchor or ""
+        alias_start, alias_name = _event_start(event), event.anchor or ""
         alias_length = len(alias_name) + 1
         if any(frame.event.anchor == alias_name for frame in self.stack):
             message = f"alias {quote('*' + alias_name)} refers to the value that contains it"
@@ -408,7 +408,7 @@ class _Composer:
                 alias_start,
                 alias_length,
             )
-        self.count(anchor_size, alias_start)
+        self.count_nodes(anchor_size, alias_start)
         self.add(anchored_node, None, anchor_size, anchor_height)
 
     def add(self, node: Node, anchor: str | None, size: int, height: int) -> None:
@@ -419,9 +419,9 @@ class _Composer:
         else:
             self.root = node
 
-    def count(self, size: int, index: int) -> None:
-        self.total += size
-        if self.total > MAX_NODES:
+    def count_nodes(self, size: int, index: int) -> None:
+        self.n_nodes += size
+        if self.n_nodes > MAX_NODES:
             message = f"the file has more than {MAX_NODES:,} entries, with aliases expanded"
             raise _Refused("E105", message, index)
 
@@ -444,14 +444,14 @@ class _Composer:
     def refuse_tag(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
         if event.tag is not None and event.tag != "!":
             message = f"tag {quote(event.tag)} is not allowed in a score; remove it"
-            raise _Refused("E104", message, _start(event))
+            raise _Refused("E104", message, _event_start(event))
 
 
-def _start(event: yaml.Event) -> int:
+def _event_start(event: yaml.Event) -> int:
     return event.start_mark.index if event.start_mark else 0
 
 
-def _end(event: yaml.Event) -> int:
+def _event_end(event: yaml.Event) -> int:
     return event.end_mark.index if event.end_mark else 0
 
 

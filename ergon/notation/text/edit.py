@@ -277,13 +277,15 @@ class _Edit:
     def checked_rows(self, splices: list[Splice], path: Path, new_rows: list[str]) -> str:
         """The new text, in which the table has these lines."""
         text = apply_splices(self.layout.text, splices)
-        new_root = read(text, self.document.file).root
+        table_node = read(text, self.document.file).root
         for name in path:
-            new_root = _child(new_root, name)
-        if not isinstance(new_root, Scalar) or rows(new_root.text) != [*rows("\n".join(new_rows))]:
+            table_node = _child(table_node, name)
+        if not isinstance(table_node, Scalar) or rows(table_node.text) != [
+            *rows("\n".join(new_rows))
+        ]:
             raise EditError("the line is not a row of the table")
         return self.checked_text(
-            splices, _with_value(self.tree, path, lambda _: new_root.text.rstrip("\n"))
+            splices, _with_value(self.tree, path, lambda _: table_node.text.rstrip("\n"))
         )
 
 

@@ -10,7 +10,7 @@ from ergon.notation.text.item_lines import find_runs
 from ergon.notation.text.window import is_plain
 
 _MIN_LINES = 8  # shorter runs save no time
-_NAME = "elided-"
+_PLACEHOLDER_PREFIX = "elided-"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ def shorten(source_text: str, elided_names: Container[str]) -> ShortenedText | N
     """A text whose long runs of entries and items are one line each, but for entries with these
     names. None if nothing is gained, or if its lines cannot be read alone.
     """
-    if _NAME in source_text or not is_plain(source_text):
+    if _PLACEHOLDER_PREFIX in source_text or not is_plain(source_text):
         return None
     pieces: list[str] = []
     runs: list[tuple[str, str]] = []
@@ -45,12 +45,12 @@ def shorten(source_text: str, elided_names: Container[str]) -> ShortenedText | N
         pieces.append(source_text[copied_until:run_start])
         copied_until = run_end
         lines = source_text[run_start:run_end].splitlines(keepends=True)
-        for is_named, line_group in groupby(lines, lambda line: _name(line) in elided_names):
+        for is_named, line_group in groupby(lines, lambda line: _entry_name(line) in elided_names):
             run = [*line_group]
             if is_named or len(run) < _MIN_LINES:
                 pieces += run
                 continue
-            name = f"{_NAME}{len(runs)}"
+            name = f"{_PLACEHOLDER_PREFIX}{len(runs)}"
             line = f"{indentation}{name}: {{}}\n" if is_mapping else f"{indentation}- {name}\n"
             pieces.append(line)
             runs.append((line, "".join(run)))
@@ -59,6 +59,6 @@ def shorten(source_text: str, elided_names: Container[str]) -> ShortenedText | N
     )
 
 
-def _name(line: str) -> str:
+def _entry_name(line: str) -> str:
     """The name of an entry's line."""
     return line.partition(":")[0].strip()

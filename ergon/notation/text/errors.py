@@ -16,7 +16,7 @@ from ergon.notation.text.values import Place
 
 MAX_SHOWN = 20  # diagnostics of each severity
 MAX_KEPT = 10_000  # found before sorting; the rest is only counted, so that memory is bounded
-_MAX_NAMES = 2_000  # names that did-you-mean compares with: about 10 ms
+_COMPARED_NAMES_MAX = 2_000  # names that did-you-mean compares with: about 10 ms
 _MAX_LISTED = 20  # names that are told where none is near
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _MAX_LINE = 160  # columns of source shown; longer lines are shown round the caret
@@ -110,15 +110,15 @@ class Collector:
         # A node is read once for each alias, note, copy, and turn of a loop. Its message names the
         # owner up to the first colon, and a loop changes numbers: the key leaves both out.
         words = message.partition(": ")[2] or message
-        report_key = (code, _NUMBER.sub("0", words) if self._is_looped(place) else words, place)
+        report_key = (code, _NUMBER.sub("0", words) if self._is_in_loop(place) else words, place)
         if report_key in self._reports:
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
         self._counts[diagnostic.severity] += 1
         if len(self._reports) < MAX_KEPT:
             # Suggestions are searched in `finish`: of 10,000 mistakes only 20 are shown.
-            candidates = (word, *names) if word is not None else ()
-            self._reports[report_key] = (diagnostic, candidates)
+            word_and_names = (word, *names) if word is not None else ()
+            self._reports[report_key] = (diagnostic, word_and_names)
 
     def loop(self, first_place: Place, last_place: Place) -> None:
         """Note the lines of a loop: each of its mistakes is told once, not in each turn."""
@@ -126,7 +126,7 @@ class Collector:
             range(first_place.line, last_place.line + 1)
         )
 
-    def _is_looped(self, place: Place) -> bool:
+    def _is_in_loop(self, place: Place) -> bool:
         return any(place.line in lines for lines in self._loops.get(place.file, ()))
 
     def file(self, name: str) -> None:
@@ -150,10 +150,10 @@ class Collector:
         )
         shown_counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         sorted_diagnostics = []
-        for diagnostic, similar_names in ordered_reports:
+        for diagnostic, word_and_names in ordered_reports:
             shown_counts[diagnostic.severity] += 1
             if shown_counts[diagnostic.severity] <= MAX_SHOWN:
-                sorted_diagnostics.append(_with_suggestion(diagnostic, similar_names))
+                sorted_diagnostics.append(_with_suggestion(diagnostic, word_and_names))
         return sorted_diagnostics
 
     def left_out(self) -> dict[Severity, int]:
@@ -161,20 +161,20 @@ class Collector:
         return {kind: max(0, count - MAX_SHOWN) for kind, count in self._counts.items()}
 
 
-def _with_suggestion(diagnostic: Diagnostic, similar_names: tuple[str, ...]) -> Diagnostic:
-    if diagnostic.suggestion is not None or not similar_names:
+def _with_suggestion(diagnostic: Diagnostic, word_and_names: tuple[str, ...]) -> Diagnostic:
+    if diagnostic.suggestion is not None or not word_and_names:
         return diagnostic
-    suggestion = nearest(similar_names[0], similar_names[1 : 1 + _MAX_NAMES])
-    if suggestion == similar_names[0]:
+    suggestion = nearest(word_and_names[0], word_and_names[1 : 1 + _COMPARED_NAMES_MAX])
+    if suggestion == word_and_names[0]:
         suggestion = None
     help_text = diagnostic.help
-    if help_text is None and (character := typeset_character(similar_names[0])) is not None:
+    if help_text is None and (character := typeset_character(word_and_names[0])) is not None:
         suggestion, help_text = (
-            plain(similar_names[0]),
-            f"{quote(similar_names[0])} has {character}",
+            plain(word_and_names[0]),
+            f"{quote(word_and_names[0])} has {character}",
         )
-    if suggestion is None and help_text is None and 1 < len(similar_names) <= _MAX_LISTED + 1:
-        help_text = f"known here: {', '.join(dict.fromkeys(similar_names[1:]))}"
+    if suggestion is None and help_text is None and 1 < len(word_and_names) <= _MAX_LISTED + 1:
+        help_text = f"known here: {', '.join(dict.fromkeys(word_and_names[1:]))}"
     return Diagnostic(diagnostic.code, diagnostic.message, diagnostic.place, suggestion, help_text)
 
 

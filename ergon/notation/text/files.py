@@ -131,35 +131,35 @@ class Files:
         return str(path) in self._overlay
 
     def locate(
-        self, name: str, folder: Path, asked_place: Place, label: str = "", *, is_text: bool = True
+        self, name: str, folder: Path, asking_place: Place, label: str = "", *, is_text: bool = True
     ) -> Path | None:
         """The file that a name in a file of `folder` stands for; None after a report."""
         path = self.find(name, folder, is_text=is_text)
         if path is None:
-            message = f"{label}there is no file {name} beside {asked_place.file} or in the library"
+            message = f"{label}there is no file {name} beside {asking_place.file} or in the library"
             self.collector.error(
                 "E107",
                 message,
-                asked_place,
+                asking_place,
                 suggestion=_similar(name, folder),
                 help=_library_list(name),
             )
             return None
-        return path if self._is_inside(path, name, asked_place, label) else None
+        return path if self._is_inside(path, name, asking_place, label) else None
 
-    def target(self, name: str, folder: Path, asked_place: Place, label: str = "") -> Path | None:
+    def target(self, name: str, folder: Path, asking_place: Place, label: str = "") -> Path | None:
         """The path of a file that a score asks to write; None after a report."""
         path = folder / name
         help = "write into the folder of the score, or use --trust"
-        return path if self._is_inside(path, name, asked_place, label, help) else None
+        return path if self._is_inside(path, name, asking_place, label, help) else None
 
     def _is_inside(
-        self, path: Path, name: str, asked_place: Place, label: str, help: str = _HELP
+        self, path: Path, name: str, asking_place: Place, label: str, help: str = _HELP
     ) -> bool:
         is_inside = self._holds(path) or self.bounds.allows(path)
         if not is_inside:
             message = f"{label}{name} lies outside the score's folder"
-            self.collector.error("E112", message, asked_place, help=help)
+            self.collector.error("E112", message, asking_place, help=help)
         return is_inside
 
     def text(self, name: str, text: str, folder: Path) -> Document:
@@ -174,14 +174,14 @@ class Files:
         self.documents[name] = document
         return document
 
-    def open(self, path: Path, asked_place: Place | None) -> Document | None:
+    def open(self, path: Path, asking_place: Place | None) -> Document | None:
         """A document from a file; None after a report at the place that asked for it."""
         path_name = str(path)
         if path_name in self.documents:
             return self.documents[path_name]
         if len(self.documents) >= MAX_FILES:
             self._refuse(
-                "E105", f"the score uses more than {MAX_FILES} files", path_name, asked_place
+                "E105", f"the score uses more than {MAX_FILES} files", path_name, asking_place
             )
             return None
         if path_name in self._overlay:
@@ -190,12 +190,12 @@ class Files:
             file_data = read_bounded(path, MAX_BYTES)
         except OSError as error:
             failure_reason = error.strerror or type(error).__name__
-            help = _advice(path) if asked_place is None else None
+            help = _advice(path) if asking_place is None else None
             self._refuse(
                 "E107",
                 f"{path_name} cannot be read: {failure_reason}",
                 path_name,
-                asked_place,
+                asking_place,
                 help,
             )
             return None
@@ -207,34 +207,34 @@ class Files:
         return self.text(path_name, file_text, path.parent)
 
     def required(
-        self, file_name: str, folder: Path, asked_place: Place, *, may_be_empty: bool = False
+        self, file_name: str, folder: Path, asking_place: Place, *, may_be_empty: bool = False
     ) -> Document | None:
         """The document that a file names; None after a report."""
-        path = self.locate(file_name, folder, asked_place)
+        path = self.locate(file_name, folder, asking_place)
         if path is None:
             return None
         is_new, n_reports = str(path) not in self.documents, self.collector.n_reports
-        document = self.open(path, asked_place)
+        document = self.open(path, asking_place)
         if document is None or document.root is not None:
             return document
         if is_new and self.collector.n_reports == n_reports:  # nothing in it was refused
             if may_be_empty:
                 return document
-            self._refuse("E103", f"{file_name} is empty", str(path), asked_place)
+            self._refuse("E103", f"{file_name} is empty", str(path), asking_place)
         return None
 
     def plain(
         self,
         name: str,
         folder: Path,
-        asked_place: Place,
+        asking_place: Place,
         decoder: Decoder = decode,
     ) -> Document | None:
         """A text that is not YAML, such as a table; None after a report.
 
         `decoder` (bytes, name, collector) turns the bytes of the file into a text, or reports.
         """
-        path = self.locate(name, folder, asked_place)
+        path = self.locate(name, folder, asking_place)
         if path is None or str(path) in self.documents:
             return None if path is None else self.documents[str(path)]
         plain_text: str | None = self._overlay.get(str(path))
@@ -243,7 +243,7 @@ class Files:
                 file_data = read_bounded(path, MAX_BYTES)
             except OSError as error:
                 reason = error.strerror or type(error).__name__
-                self._refuse("E107", f"{path} cannot be read: {reason}", str(path), asked_place)
+                self._refuse("E107", f"{path} cannot be read: {reason}", str(path), asking_place)
                 return None
             self.collector.file(str(path))
             plain_text = decoder(file_data, str(path), self.collector)
@@ -252,9 +252,14 @@ class Files:
         return document if plain_text is not None else None
 
     def _refuse(
-        self, code: str, message: str, name: str, asked_place: Place | None, help: str | None = None
+        self,
+        code: str,
+        message: str,
+        name: str,
+        asking_place: Place | None,
+        help: str | None = None,
     ) -> None:
-        self.collector.error(code, message, asked_place or Place(name, 1, 1), help=help)
+        self.collector.error(code, message, asking_place or Place(name, 1, 1), help=help)
 
 
 def _advice(path: Path) -> str:

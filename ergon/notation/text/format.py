@@ -21,7 +21,7 @@ _OPENERS = (yaml.FlowMappingStartToken, yaml.FlowSequenceStartToken)
 _CLOSERS = (yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
 
 
-class _Text(NamedTuple):
+class _ScalarOfLines(NamedTuple):
     """A scalar of more than one line: its span and the names that lead to it."""
 
     start: int
@@ -84,14 +84,14 @@ def _events(source_text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
             key_flags.append(False)
 
 
-def _texts(source_text: str) -> list[_Text]:
+def _texts(source_text: str) -> list[_ScalarOfLines]:
     """The scalars that span lines."""
-    blocks = []
+    scalars = []
     for yaml_event, path in _events(source_text):
         start, end = yaml_event.start_mark, yaml_event.end_mark
         if isinstance(yaml_event, yaml.ScalarEvent) and start and end and start.line != end.line:
-            blocks.append(_Text(start.index, end.index, path, yaml_event.style))
-    return blocks
+            scalars.append(_ScalarOfLines(start.index, end.index, path, yaml_event.style))
+    return scalars
 
 
 def _meaning(source_text: str) -> list[object]:
@@ -100,7 +100,7 @@ def _meaning(source_text: str) -> list[object]:
     for yaml_event, path in _events(source_text):
         if isinstance(yaml_event, yaml.ScalarEvent):
             event_value: object = yaml_event.value
-            if _Text(0, 0, path, yaml_event.style).columns:
+            if _ScalarOfLines(0, 0, path, yaml_event.style).columns:
                 event_value = [line.split() for line in yaml_event.value.rstrip().split("\n")]
             event_values.append((event_value, yaml_event.style, yaml_event.anchor, yaml_event.tag))
         else:

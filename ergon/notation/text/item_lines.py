@@ -28,7 +28,7 @@ _LINES = re.compile(
 )
 _ITEMS = re.compile(rf"\{{(?:(?<=\[\{{)|(?<=, \{{)){_BRACED_TAIL}(?:, \{{{_BRACED_TAIL}){{7,}}+")
 _size, _node = attrgetter("size"), attrgetter("node")
-_NAME = "lines"  # placeholder for a run; in a mapping with a number
+_PLACEHOLDER = "lines"  # placeholder for a run; in a mapping with a number
 
 
 class FoundRun(NamedTuple):
@@ -84,14 +84,14 @@ class _LineRun:
     @property
     def is_mapping(self) -> bool:
         """Whether the values are entries with names."""
-        return self.placeholder != _NAME
+        return self.placeholder != _PLACEHOLDER
 
-    def full_index(self, run_index: int) -> int:
+    def full_index(self, short_index: int) -> int:
         """Index in the text of an index of the shortened text, at this run or after it."""
         # A mapping begins where its first name does.
-        if run_index < self.stand_in_index + self.is_mapping:
-            return self.start + run_index - self.short_start
-        return self.end + run_index - self.short_end
+        if short_index < self.stand_in_index + self.is_mapping:
+            return self.start + short_index - self.short_start
+        return self.end + short_index - self.short_end
 
     def value_starts(self) -> Iterator[int]:
         """Where each value begins in the text."""
@@ -148,36 +148,41 @@ def _shortened(source_text: str) -> tuple[str, list[_LineRun]]:
     runs: list[_LineRun] = []
     for run_start, run_end, indentation, is_mapping in find_runs(source_text):
         short_text += source_text[copied_until:run_start]
-        first_length, copied_until, stand_in_name, gap = len(short_text), run_end, _NAME, 0
+        short_start, copied_until, stand_in_name, gap_length = (
+            len(short_text),
+            run_end,
+            _PLACEHOLDER,
+            0,
+        )
         if indentation is None:
-            run_words, item_length, gap = (
+            run_words, stand_in_index, gap_length = (
                 source_text[run_start + 1 : run_end - 1].split("}, {"),
-                first_length,
+                short_start,
                 len("}, {"),
             )
             short_text += stand_in_name
         elif is_mapping:
-            run_words, item_length = (
+            run_words, stand_in_index = (
                 source_text[run_start:run_end].splitlines(keepends=True),
-                first_length + len(indentation),
+                short_start + len(indentation),
             )
-            stand_in_name = f"{_NAME}{len(runs)}"
+            stand_in_name = f"{_PLACEHOLDER}{len(runs)}"
             short_text += f"{indentation}{stand_in_name}: {{}}\n"
         else:
-            run_words, item_length = (
+            run_words, stand_in_index = (
                 source_text[run_start:run_end].splitlines(keepends=True),
-                first_length + len(indentation) + 2,
+                short_start + len(indentation) + 2,
             )
             short_text += f"{indentation}- {stand_in_name}\n"
         runs.append(
             _LineRun(
                 run_start,
                 run_end,
-                first_length,
-                item_length,
+                short_start,
+                stand_in_index,
                 len(short_text),
                 run_words,
-                gap,
+                gap_length,
                 stand_in_name,
             )
         )
@@ -220,7 +225,7 @@ def _fill_runs(composed: Document, runs: list[_LineRun]) -> bool:
         if not isinstance(moved_node, Sequence):
             continue
         item_runs = [
-            isinstance(item, Scalar) and item.text == _NAME and runs_by_item.get(item.start)
+            isinstance(item, Scalar) and item.text == _PLACEHOLDER and runs_by_item.get(item.start)
             for item in moved_node.items
         ]
         if any(item_runs):

@@ -16,8 +16,8 @@ def clock_time(word: str) -> str | None:
     clock_match = _CLOCK.fullmatch(word)
     if clock_match is None:
         return None
-    hours, minutes, seconds, part = clock_match.groups()
-    return f"{3600 * int(hours or 0) + 60 * int(minutes) + int(seconds)}{part or ''}s"
+    hours, minutes, seconds, second_fraction = clock_match.groups()
+    return f"{3600 * int(hours or 0) + 60 * int(minutes) + int(seconds)}{second_fraction or ''}s"
 
 
 def stripped(text: str) -> tuple[str, int]:

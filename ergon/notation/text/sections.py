@@ -54,14 +54,14 @@ def section_composed_alone(
     """A section, if it can be read without the others; `memory` then also has it for
     `compose_with_memory`.
     """
-    section_lines = section_span(source_text, section_name)
-    if section_lines is None:
+    line_span = section_span(source_text, section_name)
+    if line_span is None:
         return None
     composed_section = _composed(
-        source_text[slice(*section_lines)],
+        source_text[slice(*line_span)],
         file_name,
         folder,
-        n_lines(source_text[: section_lines[0]]),
+        n_lines(source_text[: line_span[0]]),
         memory,
     )
     return (
@@ -144,21 +144,21 @@ def _section(
     if _has_marker(source_text):
         return None
     collector = Collector()
-    section_name = file_name, source_text.partition(":")[0]
-    known_lines = memory.lines.get(section_name, {})
+    section_key = file_name, source_text.partition(":")[0]
+    known_lines = memory.lines.get(section_key, {})
     composed = None
     if memory.is_loose:
         composed = compose_by_lines(source_text, file_name, folder, row_index, known_lines)
     if composed is None:
-        known_section = compose(source_text, file_name, collector, row_index)
+        section_document = compose(source_text, file_name, collector, row_index)
     else:
-        known_section, memory.lines[section_name] = composed
-    known_section.folder = folder
+        section_document, memory.lines[section_key] = composed
+    section_document.folder = folder
     if (
         collector.n_reports
-        or not isinstance(known_section.root, document.Mapping)
-        or len(known_section.root.entries) != 1
+        or not isinstance(section_document.root, document.Mapping)
+        or len(section_document.root.entries) != 1
     ):
         return None
-    (entry,) = known_section.root.entries.values()
-    return Section(*entry, known_section.size)
+    (entry,) = section_document.root.entries.values()
+    return Section(*entry, section_document.size)

@@ -186,7 +186,7 @@ def _root(source_text: str) -> Span | None:
         if isinstance(yaml_event, yaml.CollectionEndEvent):
             node_span = stack.pop()
             node_span.end = (
-                _mark(yaml_event.end_mark) if node_span.is_flow else node_span.items[-1].end
+                _mark_index(yaml_event.end_mark) if node_span.is_flow else node_span.items[-1].end
             )
         elif isinstance(yaml_event, yaml.NodeEvent):
             node_span = _span(source_text, yaml_event)
@@ -200,7 +200,7 @@ def _root(source_text: str) -> Span | None:
 
 
 def _span(source_text: str, node_event: yaml.NodeEvent) -> Span:
-    start_index, end_index = _mark(node_event.start_mark), _mark(node_event.end_mark)
+    start_index, end_index = _mark_index(node_event.start_mark), _mark_index(node_event.end_mark)
     if isinstance(node_event, yaml.CollectionStartEvent):
         kind: Kind = "mapping" if isinstance(node_event, yaml.MappingStartEvent) else "sequence"
         return Span(kind, start_index, end_index, is_flow=bool(node_event.flow_style))
@@ -219,5 +219,5 @@ def _add(parent: Span, span: Span) -> None:
     (parent.keys if is_key else parent.items).append(span)
 
 
-def _mark(mark: object) -> int:
+def _mark_index(mark: object) -> int:
     return int(getattr(mark, "index", 0))

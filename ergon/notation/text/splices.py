@@ -89,7 +89,7 @@ class Changes:
     ) -> list[Splice]:
         """Add an entry that does not exist yet, below the last part of its path that does."""
         if not spans:
-            nested_value = self.layout.newline.join(self.nested_lines(path, entry_text, 0, is_item))
+            nested_text = self.layout.newline.join(self.nested_lines(path, entry_text, 0, is_item))
             full_text = self.layout.text
             line_break_before = (
                 self.layout.newline if full_text and not full_text.endswith(("\n", "\r")) else ""
@@ -98,7 +98,7 @@ class Changes:
                 Splice(
                     len(full_text),
                     len(full_text),
-                    line_break_before + nested_value + self.layout.newline,
+                    line_break_before + nested_text + self.layout.newline,
                 )
             ]
         last_span, path_rest = spans[-1], path[len(spans) - 1 :]
@@ -279,11 +279,11 @@ class Changes:
                 )
             return [Splice(start_index, cut_end, "")]
         cut_start, cut_end = text_layout.line_start(start_index), text_layout.next_line(end_index)
-        is_end = cut_end == len(text_layout.text)
+        reaches_end = cut_end == len(text_layout.text)
         if (
             cut_start
             and text_layout.is_blank(cut_start - 1)
-            and (is_end or text_layout.is_blank(cut_end))
+            and (reaches_end or text_layout.is_blank(cut_end))
         ):
             cut_start = text_layout.line_start(cut_start - 1)
         return [Splice(*text_layout.with_break(cut_start, cut_end), "")]
@@ -294,15 +294,15 @@ class Changes:
         """Remove an item with its comma, when the items `removed_numbers` are removed too. If it
         has lines of its own, these are removed.
         """
-        lay = self.layout
+        text_layout = self.layout
         start_index, end_index = (
-            lay.child_start(parent_span, child_index),
+            text_layout.child_start(parent_span, child_index),
             parent_span.items[child_index].end,
         )
         if parent_span.keys:
             end_index = max(end_index, parent_span.keys[child_index].end)
-        comma = lay.next_token(end_index)
-        cut_stop = comma + 1 if lay.text[comma : comma + 1] == "," else end_index
+        comma = text_layout.next_token(end_index)
+        cut_stop = comma + 1 if text_layout.text[comma : comma + 1] == "," else end_index
         is_last = all(
             later_index in removed_numbers
             for later_index in range(child_index + 1, len(parent_span.items))
@@ -310,20 +310,20 @@ class Changes:
         cut_start = parent_span.items[child_index - 1].end if child_index else start_index
         if parent_span.keys and child_index:
             cut_start = max(cut_start, parent_span.keys[child_index - 1].end)
-        line_rest = lay.text[cut_stop : lay.line_end(cut_stop)].strip()
-        if lay.begins_line(start_index) and (not line_rest or line_rest.startswith("#")):
-            splices = [Splice(*lay.full_lines(start_index, cut_stop), "")]
+        line_rest = text_layout.text[cut_stop : text_layout.line_end(cut_stop)].strip()
+        if text_layout.begins_line(start_index) and (not line_rest or line_rest.startswith("#")):
+            splices = [Splice(*text_layout.full_lines(start_index, cut_stop), "")]
             if (
                 is_last and child_index and cut_stop == end_index
             ):  # the list had no comma at its end
-                comma = lay.next_token(cut_start)
+                comma = text_layout.next_token(cut_start)
                 splices.append(Splice(comma, comma + 1, ""))
             return splices
         if not is_last or not child_index:
-            gap = lay.text[cut_stop : lay.next_token(cut_stop)]
+            gap = text_layout.text[cut_stop : text_layout.next_token(cut_stop)]
             spaces = len(gap) - len(gap.lstrip(" ")) if cut_stop > end_index else 0
             return [Splice(start_index, cut_stop + spaces, "")]
-        if "#" in lay.text[cut_start:start_index]:
+        if "#" in text_layout.text[cut_start:start_index]:
             return [Splice(start_index, end_index, "")]  # the comma before may end a list
         return [Splice(cut_start, end_index, "")]
 

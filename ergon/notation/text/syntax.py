@@ -85,20 +85,20 @@ def explained(source_text: str, error: Exception) -> tuple[int, str]:
             error = clearer_error
         except (RecursionError, ValueError):
             pass  # keep the first message
-    if (blank := _typeset_blank(source_text, _index_of(error))) is not None:
-        return blank, f"here stands {typeset_character(source_text[blank])}"
+    if (blank_index := _typeset_blank(source_text, _index_of(error))) is not None:
+        return blank_index, f"here stands {typeset_character(source_text[blank_index])}"
     error_words = str(error)
     for needle, error_sentence in _SENTENCES:
         if needle in error_words:
             if error_sentence is _INDENTED:
-                return _index_of(error), _indented(source_text, _index_of(error))
+                return _index_of(error), _indentation_message(source_text, _index_of(error))
             unclosed = "closed" in error_sentence or "':' after" in error_sentence
             return _index_of(error, unclosed), error_sentence
     problem = getattr(error, "problem", None) or error_words.split("\n")[0]
     return _index_of(error), f"not YAML: {problem}"
 
 
-def _indented(source_text: str, error_index: int) -> str:
+def _indentation_message(source_text: str, error_index: int) -> str:
     """The message for a wrongly indented line: the indentations that the lines above allow, or
     that a name stands among the items of a list.
     """

@@ -38,8 +38,8 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, n_mode
     """
     from ergon.workshop.models.programs.bank import Bank
 
-    oscillates = part_modes.poles.imag > 0.0
-    poles = part_modes.poles[oscillates]
+    is_oscillating = part_modes.poles.imag > 0.0
+    poles = part_modes.poles[is_oscillating]
     instrument = piece.instruments.get(part_modes.part)
     outputs = [output for output in instrument.outputs if output.is_movement] if instrument else []
     labels = [f"out {output.name}" if output.name else "out" for output in outputs]
@@ -61,8 +61,10 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, n_mode
     paths: list[ModePath] = []
     for input_index, (_, shape, _) in enumerate(inputs):
         for output_index, (_, label) in enumerate(audible_outputs):
-            gains = (shape * part_modes.points[label])[oscillates] / impulse_divisor(poles, ca_rate)
-            paths += _mode_paths(input_index, output_index, part_modes, oscillates, gains)
+            gains = (shape * part_modes.points[label])[is_oscillating] / impulse_divisor(
+                poles, ca_rate
+            )
+            paths += _mode_paths(input_index, output_index, part_modes, is_oscillating, gains)
     if sum(len(path.modes) for path in paths) > n_modes_max:
         problem = (
             f"a file holds at most {n_modes_max:,} resonators; use a lower --upto, or fewer outputs"
@@ -93,10 +95,12 @@ def _inputs(
     )
     inputs = []
     for mat in range(network.n_mat):
-        slot = index_by_mass.get(network.name_of(mat))
-        if slot is not None and (strikes := prepared.timeline.impulses_on(mat)):
+        mass_index = index_by_mass.get(network.name_of(mat))
+        if mass_index is not None and (strikes := prepared.timeline.impulses_on(mat)):
             point_strikes = [(strike.at, strike.impulse) for strike in strikes]
-            inputs.append((part_modes.masses[slot], part_modes.shapes[:, slot], point_strikes))
+            inputs.append(
+                (part_modes.masses[mass_index], part_modes.shapes[:, mass_index], point_strikes)
+            )
     struck_names = {name for name, _, _ in inputs}
     struck_names |= {
         target.text for strikes in piece.strikes for target in strikes.to
@@ -120,7 +124,7 @@ def _mode_paths(
     input_index: int,
     output_index: int,
     part_modes: PartModes,
-    oscillates: NDArray[np.bool_],
+    is_oscillating: NDArray[np.bool_],
     gains: NDArray[np.complex128],
 ) -> Sequence[ModePath]:
     import numpy as np
@@ -131,9 +135,9 @@ def _mode_paths(
     is_audible = magnitudes > _AMPLITUDE_SHARE_MIN * magnitudes.max(initial=0.0)
     if not is_audible.any():
         return []
-    poles = part_modes.poles[oscillates][is_audible]
+    poles = part_modes.poles[is_oscillating][is_audible]
     columns = (
-        part_modes.frequencies[oscillates][is_audible],
+        part_modes.frequencies[is_oscillating][is_audible],
         0.0 - poles.real,
         magnitudes[is_audible],
         np.angle(gains[is_audible]),
@@ -169,9 +173,9 @@ def omissions(part_modes: PartModes) -> list[str]:
     """What a bank of modes leaves out, in sentences."""
     import numpy as np
 
-    oscillates = part_modes.poles.imag > 0.0
+    is_oscillating = part_modes.poles.imag > 0.0
     warnings = []
-    if n_omitted := int(np.count_nonzero(~oscillates)):
+    if n_omitted := int(np.count_nonzero(~is_oscillating)):
         noun = "mode that does" if n_omitted == 1 else "modes that do"
         warnings.append(f"{n_omitted} {noun} not oscillate left out")
     if part_modes.n_laws:

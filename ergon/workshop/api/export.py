@@ -87,7 +87,7 @@ def mode_tables(
             for modes in modes_by_part
         ]
     return tuple(
-        _table(modes, points, ca_rates.get(modes.part))
+        _mode_table(modes, points, ca_rates.get(modes.part))
         for modes, points in modes_and_points
         if modes.masses
     )
@@ -200,11 +200,11 @@ def mi_gen_models(
     Inputs are those of a program of Faust; an output hears one point, or the links of one point.
     Raises ScoreError, OptionError, and ModelError with the places of what the format cannot say.
     """
-    from ergon.workshop.models.programs.mi_gen import NETWORK_MAX, model
+    from ergon.workshop.models.programs.mi_gen import NETWORK_MAX, model_text
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
-    return _programs(score, loaded, options, model, points_max=NETWORK_MAX)
+    return _programs(score, loaded, options, model_text, points_max=NETWORK_MAX)
 
 
 def _programs(
@@ -227,7 +227,7 @@ def _programs(
     for program_name, part_names in parts_by_file:
         parts, struck = _parts(piece, part_names), _struck_points(piece, part_names)
         network = stepped_network(parts, struck, piece.rate, points_max=points_max)
-        warnings = tuple(f"{omission} is left out" for omission in network.left_out)
+        warnings = tuple(f"{omission} is left out" for omission in network.omissions)
         exported.append(
             ExportedPart(program_name, program(network, program_name), warnings, loaded.inputs)
         )
@@ -267,7 +267,7 @@ def _parts(piece: Piece, part_names: Sequence[str]) -> list[Part]:
     for part_name in part_names:
         if part_name in piece.keys:
             key = piece.keys[part_name]
-            program_parts.append(Part(part_name, key.modules, struck=key.struck))
+            program_parts.append(Part(part_name, key.modules, struck_module=key.struck))
         else:
             instrument = piece.instruments[part_name]
             program_parts.append(
@@ -286,20 +286,20 @@ def _struck_points(piece: Piece, part_names: Sequence[str]) -> list[Target]:
     return [target for target in targets if target.part in part_names]
 
 
-def _table(
+def _mode_table(
     part_modes: PartModes, shapes: Mapping[str, NDArray[np.complex128]], ca_rate: float | None
 ) -> ExportedPart:
     import numpy as np
 
-    oscillates = part_modes.poles.imag > 0.0
-    poles = part_modes.poles[oscillates]
+    is_oscillating = part_modes.poles.imag > 0.0
+    poles = part_modes.poles[is_oscillating]
     columns: dict[str, NDArray[np.float64]] = {
-        "frequency [Hz]": part_modes.frequencies[oscillates],
-        "T60 [s]": part_modes.t60[oscillates],
+        "frequency [Hz]": part_modes.frequencies[is_oscillating],
+        "T60 [s]": part_modes.t60[is_oscillating],
         "decay [1/s]": 0.0 - poles.real,
     }
     divisor = impulse_divisor(poles, ca_rate)
-    points = {label: shape[oscillates] for label, shape in shapes.items()}
+    points = {label: shape[is_oscillating] for label, shape in shapes.items()}
     for struck_label, output_label in _point_pairs(points):
         gains = points[struck_label] * points[output_label] / divisor
         columns[f"amplitude {struck_label} to {output_label} [m/Ns]"] = np.abs(gains)

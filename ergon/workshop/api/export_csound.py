@@ -23,7 +23,7 @@ def csound_orchestras(
     output in a channel of its own. Modes are those of `mode_tables`. Raises ScoreError and
     OptionError.
     """
-    from ergon.workshop.models.programs.bank import joined
+    from ergon.workshop.models.programs.bank import join_banks
     from ergon.workshop.models.programs.csound import BANK_MAX, orchestra
 
     options = options or ExportOptions()
@@ -38,7 +38,7 @@ def csound_orchestras(
     if not banks:
         return ()
     title = Path(score).stem if str(score) != scores.STDIN else "score"
-    bank = joined(title, [bank for bank, _ in banks])
+    bank = join_banks(title, [bank for bank, _ in banks])
     n_resonators = sum(len(path.modes) for path in bank.paths)
     if n_resonators > BANK_MAX:
         reason = f"the piece takes {n_resonators:,} resonators, and a file has {BANK_MAX:,} at most"

@@ -81,34 +81,34 @@ def import_model(
     it sounds different in each, OptionError, and OSError.
     """
     path = Path(path)
-    text = _text(path)
+    text = _read_model_text(path)
     if options.dialect is None and is_table(text):
         message = f"it is a table of resonances; `ergon bell {path.name}` makes an instrument of it"
         model_error = ModelError(message)
         model_error.file = str(path)
         raise model_error
     if options.dialect is None and is_patch(text):
-        refused = ModelError(patch_refusal(text))
-        refused.file = str(path)
-        raise refused
-    inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
+        patch_error = ModelError(patch_refusal(text))
+        patch_error.file = str(path)
+        raise patch_error
+    inputs = {name: _read_input(name, file, beside) for name, file in options.inputs.items()}
 
     dialect_name = options.dialect
     if dialect_name == "sam" or (dialect_name is None and is_sam(text)):
         try:
-            return _sam(text, path.name, options, inputs)
+            return _import_sam(text, path.name, options, inputs)
         except ModelError as error:
             error.file = str(path)
             raise
     if dialect_name == "miphysics" or (dialect_name is None and is_miphysics(text)):
         try:
-            return _miphysics(text, path.name, options)
+            return _import_miphysics(text, path.name, options)
         except ModelError as error:
             error.file = str(path)
             raise
     if dialect_name in OBJECTS or (dialect_name is None and is_list(text)):
         try:
-            return _pmpd(text, path.name, options, inputs)
+            return _import_pmpd(text, path.name, options, inputs)
         except ModelError as error:
             error.file = str(path)
             raise
@@ -116,15 +116,15 @@ def import_model(
     dialect = (
         dialect_name
         if dialect_name == "v1" or dialect_name == "v2"
-        else _dialect(text, path, options)
+        else _find_dialect(text, path, options)
     )
     model = parse(text, dialect, str(path), options.values)
-    unfed = _unfed(inputs, model.inputs)
+    unfed = _unfed_inputs(inputs, model.inputs)
     score = written(model, options.laws, inputs, path.name)
     return ImportedModel(score, dialect, len(model.statements), unfed)
 
 
-def _text(path: Path) -> str:
+def _read_model_text(path: Path) -> str:
     """The text of a model. Raises ModelError, also for a file of a program that is not read."""
     foreign_kind = foreign_file(path)
     try:
@@ -138,7 +138,7 @@ def _text(path: Path) -> str:
     raise error
 
 
-def _unfed(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str, ...]:
+def _unfed_inputs(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str, ...]:
     """Inputs of a model that no file feeds. Raises OptionError for an input that it does not
     have.
     """
@@ -150,7 +150,7 @@ def _unfed(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str,
     return tuple(name for name in port_names if name not in inputs)
 
 
-def _pmpd(
+def _import_pmpd(
     text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]
 ) -> ImportedModel:
     """Messages to an object of Pure Data. Raises ModelError, DialectError and OptionError."""
@@ -164,11 +164,13 @@ def _pmpd(
     kind, messages = pmpd_messages(text, dialect)
     pmpd_network = network(kind, messages)
     input_names = {f"in{port.number}" for port in pmpd_network.ports if port.word.startswith("in")}
-    unfed = _unfed(inputs, sorted(input_names))
+    unfed = _unfed_inputs(inputs, sorted(input_names))
     return ImportedModel(pmpd_written(pmpd_network, inputs, name), kind, len(messages), unfed)
 
 
-def _sam(text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]) -> ImportedModel:
+def _import_sam(
+    text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]
+) -> ImportedModel:
     """A model of Synth-A-Modeler. Raises ModelError and OptionError."""
     if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
@@ -183,12 +185,12 @@ def _sam(text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input
         if not isfinite(parameters[parameter]):
             raise OptionError("set", f"{parameter_value} is not a number", value=parameter)
     sheet = sam_sheet(text)
-    unfed = _unfed(inputs, sam_ports(sheet))
+    unfed = _unfed_inputs(inputs, sam_ports(sheet))
     count = len(sheet.statements) + len(sheet.code)
     return ImportedModel(sam_written(sheet, inputs, parameters, name), "sam", count, unfed)
 
 
-def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
+def _import_miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
     """A model of miPhysics. Raises ModelError and OptionError."""
     if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
@@ -207,14 +209,14 @@ def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
     return ImportedModel(miphysics_written(network, name, int(rate)), "miphysics", count)
 
 
-def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
+def _find_dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
     """The dialect that can read a model. Raises the ModelError of the dialect that got farther."""
     score_by_dialect: dict[Dialect, str] = {}
     error_by_dialect: dict[Dialect, ModelError] = {}
     for dialect in FORMS:
         try:
             model = parse(text, dialect, str(path), options.values)
-            score_by_dialect[dialect] = _sense(model, options.laws)
+            score_by_dialect[dialect] = _score_without_title(model, options.laws)
         except ModelError as error:
             error_by_dialect[dialect] = error
     # A value that is refused says nothing of the dialect.
@@ -248,7 +250,7 @@ def _is_legible(text: str, dialect: Dialect, path: Path) -> bool:
     return True
 
 
-def _sense(model: Model, laws: Laws) -> str:
+def _score_without_title(model: Model, laws: Laws) -> str:
     """The score of a model without its first line, or the sentence that refuses it: equal texts
     mean the same in both dialects.
     """
@@ -258,7 +260,7 @@ def _sense(model: Model, laws: Laws) -> str:
         return str(error)
 
 
-def _input(name: str, file: str | Path, beside: str | Path) -> Input:
+def _read_input(name: str, file: str | Path, beside: str | Path) -> Input:
     """A file of one channel at the rate of models, or OSC. Raises OptionError."""
     if file == "osc":
         return OSC
@@ -286,9 +288,11 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
         message = f"{file} lies outside {folder}, and a score names files of its own folder"
         raise OptionError("feed", message, value=name)
     first_sample, second_sample = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
-    least = min(float(block.min()) for block in blocks)
-    greatest = max(float(block.max()) for block in blocks)
-    if not isfinite(least + greatest):
+    sample_min = min(float(block.min()) for block in blocks)
+    sample_max = max(float(block.max()) for block in blocks)
+    if not isfinite(sample_min + sample_max):
         raise OptionError("feed", f"{file} has samples that are no numbers", value=name)
     file_of_score = path.resolve().relative_to(folder).as_posix()
-    return Input(file_of_score, first_sample, second_sample, least, greatest, wave_info.n_frames)
+    return Input(
+        file_of_score, first_sample, second_sample, sample_min, sample_max, wave_info.n_frames
+    )

@@ -74,8 +74,8 @@ class MovieMaker:
 
         self._options = options = options or MovieOptions()
         self._target = Path(target)
-        self._size = _size(options.size)
-        self._stops = _stops(options.camera)
+        self._size = _parse_size(options.size)
+        self._view_times = _parse_view_times(options.camera)
         if not 1 <= options.rate <= _RATE_MAX:
             raise OptionError("fps", f"1 to {_RATE_MAX} pictures a second", value=str(options.rate))
         self._suffix = self._target.suffix.lower()
@@ -110,7 +110,7 @@ class MovieMaker:
             ):
                 page.open(f"{server.url}?{'&'.join(page_words)}")
                 instants = self._instants(page)
-                self._look(page)
+                self._set_views(page)
                 return self._draw(page, instants, view, report)
         finally:
             server.close()
@@ -122,8 +122,8 @@ class MovieMaker:
         script = "ergon.page.story.model.marks.map((mark) => [mark.name, mark.seconds])"
         marks = dict(page.run(script))
         start_seconds, end_seconds = (
-            _instant("from", options.start, marks),
-            _instant("to", options.end, marks),
+            _parse_instant("from", options.start, marks),
+            _parse_instant("to", options.end, marks),
         )
         start_seconds, end_seconds = (
             start_seconds or 0.0,
@@ -145,8 +145,8 @@ class MovieMaker:
             start_seconds + picture_index / options.rate for picture_index in range(picture_count)
         ]
 
-    def _look(self, page: Page) -> None:
-        stops = [[reached_at, view - 1] for view, reached_at in self._stops]
+    def _set_views(self, page: Page) -> None:
+        stops = [[reached_at, view - 1] for view, reached_at in self._view_times]
         view_count = page.run(f"ergon.page.travel({json.dumps(stops)})")
         if view_count is not None:
             reason = f"the piece has the views 1 to {view_count}"
@@ -194,16 +194,16 @@ class MovieMaker:
         )
 
 
-def _size(size_text: str) -> tuple[int, int]:
+def _parse_size(size_text: str) -> tuple[int, int]:
     match = _SIZE.fullmatch(size_text)
-    sides = [int(side) for side in match.groups()] if match else []
-    if not sides or any(side % 2 or not _SIDE_MIN <= side <= _SIDE_MAX for side in sides):
+    dimensions = [int(side) for side in match.groups()] if match else []
+    if not dimensions or any(side % 2 or not _SIDE_MIN <= side <= _SIDE_MAX for side in dimensions):
         reason = f"write two even numbers from {_SIDE_MIN} to {_SIDE_MAX}, such as 1920x1080"
         raise OptionError("size", reason, value=size_text)
-    return sides[0], sides[1]
+    return dimensions[0], dimensions[1]
 
 
-def _stops(views_text: str) -> list[tuple[int, float]]:
+def _parse_view_times(views_text: str) -> list[tuple[int, float]]:
     """Views, and when each is reached [s]."""
     stops: list[tuple[int, float]] = []
     for word in views_text.split():
@@ -222,7 +222,7 @@ def _stops(views_text: str) -> list[tuple[int, float]]:
     return stops
 
 
-def _instant(
+def _parse_instant(
     option: str, instant_text: str | None, mark_instants: dict[str, float]
 ) -> float | None:
     """An instant [s] of the piece: as seconds, or the name of a mark. Raises OptionError."""
@@ -258,10 +258,10 @@ def _sound(path: Path, start_seconds: float, end_seconds: float) -> Sound:
     start_frame, stop_frame = (
         round(seconds * format.rate) for seconds in (start_seconds, end_seconds)
     )
-    return Sound(_between(path, start_frame, stop_frame), format.rate, format.n_channels)
+    return Sound(_frames_between(path, start_frame, stop_frame), format.rate, format.n_channels)
 
 
-def _between(path: Path, start_frame: int, stop_frame: int) -> Iterator[NDArray[np.float64]]:
+def _frames_between(path: Path, start_frame: int, stop_frame: int) -> Iterator[NDArray[np.float64]]:
     """The frames of a file from `start_frame` up to `stop_frame`, which is left out."""
     from ergon.exchange import sound
 

@@ -10,7 +10,13 @@ import numpy as np
 from ergon.common.decay import LN_1000
 from ergon.workshop.bells import contact
 from ergon.workshop.bells.bands import Array
-from ergon.workshop.bells.modes import Modes, Uncertainty, find_modes, fit_amplitudes, uncertainty
+from ergon.workshop.bells.modes import (
+    Modes,
+    Uncertainty,
+    find_modes,
+    fit_amplitudes,
+    mode_uncertainty,
+)
 from ergon.workshop.bells.stroke import NotAStrokeError, Stroke
 
 RESIDUAL_ENERGY_MAX = 0.25  # of the energy that modes may leave (-6 dB)
@@ -75,25 +81,25 @@ def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], n_modes: int | None
     for _, stroke in strokes:
         modes, residual = find_modes(stroke.sound, stroke.rate)
         residual_share = float(np.sum(residual**2) / np.sum(stroke.sound**2))
-        if not modes.f.size or residual_share > RESIDUAL_ENERGY_MAX:
+        if not modes.frequencies.size or residual_share > RESIDUAL_ENERGY_MAX:
             explained = (
                 "none of it"
-                if not modes.f.size
+                if not modes.frequencies.size
                 else f"only {100.0 * (1.0 - residual_share):.0f} % of it"
             )
             message = (
                 f"{stroke.name}: it is not a single stroke of something that rings: damped modes "
             )
             raise NotAStrokeError(message + f"explain {explained}; 75 % is the least")
-        modes_and_errors.append((modes, uncertainty(modes, residual, stroke.rate)))
-    f, d = _merged_modes(modes_and_errors)
-    fits = [_fit(stroke, f, d) for _, stroke in strokes]
+        modes_and_errors.append((modes, mode_uncertainty(modes, residual, stroke.rate)))
+    frequencies, decays = _merged_modes(modes_and_errors)
+    fits = [_fit(stroke, frequencies, decays) for _, stroke in strokes]
     energy_shares = np.stack([fit.energy for fit in fits]).max(axis=0)
     loudest = np.argsort(energy_shares)[::-1][:n_modes]
     audible = np.sort(loudest[energy_shares[loudest] > _ENERGY_SHARE_MIN])
-    if audible.size < f.size:
-        f, d = f[audible], d[audible]
-        fits = [_fit(stroke, f, d) for _, stroke in strokes]
+    if audible.size < frequencies.size:
+        frequencies, decays = frequencies[audible], decays[audible]
+        fits = [_fit(stroke, frequencies, decays) for _, stroke in strokes]
     return _bell_of_fits([place for place, _ in strokes], [stroke for _, stroke in strokes], fits)
 
 
@@ -109,13 +115,15 @@ class _Fit:
     explained: float
 
 
-def _fit(stroke: Stroke, f: Array, d: Array) -> _Fit:
-    modes, residual = fit_amplitudes(stroke.sound, stroke.rate, f, d)
+def _fit(stroke: Stroke, frequencies: Array, decays: Array) -> _Fit:
+    modes, residual = fit_amplitudes(stroke.sound, stroke.rate, frequencies, decays)
     stroke_energy = float(np.sum(stroke.sound**2)) / stroke.rate
     energy = modes.energy(stroke.sound.size / stroke.rate) / stroke_energy
     explained = 1.0 - float(np.sum(residual**2)) / stroke.rate / stroke_energy
-    deviation = uncertainty(modes, residual, stroke.rate)
-    modes_at_push = Modes(f, d, modes.c * np.exp(-modes.poles * stroke.delay))
+    deviation = mode_uncertainty(modes, residual, stroke.rate)
+    modes_at_push = Modes(
+        frequencies, decays, modes.amplitudes * np.exp(-modes.poles * stroke.delay)
+    )
     return _Fit(modes_at_push, deviation, energy, explained)
 
 
@@ -124,7 +132,9 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
     rows = [
         (float(f), float(d), float(max(f_error, 1e-9)), float(max(d_error, 1e-9)), stroke_index)
         for stroke_index, (modes, errors) in enumerate(modes_and_errors)
-        for f, d, f_error, d_error in zip(modes.f, modes.d, errors.f, errors.d, strict=True)
+        for f, d, f_error, d_error in zip(
+            modes.frequencies, modes.decays, errors.frequencies, errors.decays, strict=True
+        )
     ]
     groups: list[list[tuple[float, float, float, float, int]]] = []
     for row in sorted(rows):
@@ -146,15 +156,15 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
             min(near_groups, key=lambda group: abs(row[0] - group[0][0])).append(row)
         else:
             groups.append([row])
-    f_means: list[float] = []
-    d_means: list[float] = []
+    frequency_means: list[float] = []
+    decay_means: list[float] = []
     for group in groups:
         table = np.array(group)
-        for means, column in ((f_means, 0), (d_means, 1)):
+        for means, column in ((frequency_means, 0), (decay_means, 1)):
             weights = 1.0 / table[:, column + 2] ** 2
             means.append(float(np.sum(table[:, column] * weights) / np.sum(weights)))
-    order = np.argsort(f_means)
-    return np.array(f_means)[order], np.array(d_means)[order]
+    order = np.argsort(frequency_means)
+    return np.array(frequency_means)[order], np.array(decay_means)[order]
 
 
 def _bell_of_fits(
@@ -162,7 +172,7 @@ def _bell_of_fits(
 ) -> Bell:
     modes = fits[0].modes
     place_names = tuple(dict.fromkeys(stroke_places))
-    products = np.zeros((modes.f.size, len(place_names)))
+    products = np.zeros((modes.frequencies.size, len(place_names)))
     push_by_stroke: dict[int, tuple[float, float | None]] = {}
     hardest_lengths = []
     for column, place_name in enumerate(place_names):
@@ -170,10 +180,12 @@ def _bell_of_fits(
             stroke_index for stroke_index, place in enumerate(stroke_places) if place == place_name
         ]
         amplitudes = np.stack(
-            [np.abs(fits[stroke_index].modes.c) for stroke_index in stroke_indices]
+            [np.abs(fits[stroke_index].modes.amplitudes) for stroke_index in stroke_indices]
         )
-        errors = np.stack([fits[stroke_index].deviation.level for stroke_index in stroke_indices])
-        level_fit = contact.levels(modes.f, amplitudes, errors)
+        errors = np.stack(
+            [fits[stroke_index].deviation.relative_amplitudes for stroke_index in stroke_indices]
+        )
+        level_fit = contact.fit_levels(modes.frequencies, amplitudes, errors)
         hardest_index = stroke_indices[int(np.argmax(level_fit.impulses))]
         products[:, column] = level_fit.levels * _signs(fits[hardest_index].modes)
         hardest_length = level_fit.lengths[int(np.argmax(level_fit.impulses))]
@@ -186,11 +198,12 @@ def _bell_of_fits(
     reference = float(np.abs(products).max())
     products /= reference
     listening_levels, levels = _split_levels(products)
-    loudest = max(fits, key=lambda fit: float(np.sum(np.abs(fit.modes.c) ** 2)))
+    loudest_fit = max(fits, key=lambda fit: float(np.sum(np.abs(fit.modes.amplitudes) ** 2)))
     deviations = [
-        np.min([getattr(fit.deviation, field_name) for fit in fits], axis=0) for field_name in "fd"
+        np.min([getattr(fit.deviation, field_name) for fit in fits], axis=0)
+        for field_name in ("frequencies", "decays")
     ]
-    level_deviation = np.min([fit.deviation.level for fit in fits], axis=0)
+    level_deviation = np.min([fit.deviation.relative_amplitudes for fit in fits], axis=0)
     reports = tuple(
         StrokeReport(
             recorded.name, place, *push_by_stroke[stroke_index], fits[stroke_index].explained
@@ -198,12 +211,12 @@ def _bell_of_fits(
         for stroke_index, (place, recorded) in enumerate(zip(stroke_places, strokes, strict=True))
     )
     return Bell(
-        modes.f,
-        LN_1000 / modes.d,
+        modes.frequencies,
+        LN_1000 / modes.decays,
         place_names,
         levels,
         listening_levels,
-        loudest.energy,
+        loudest_fit.energy,
         Uncertainty(deviations[0], deviations[1], level_deviation),
         reports,
         contact_length,
@@ -226,15 +239,19 @@ def _signs(modes: Modes) -> Array:
     """Signs of the modes. At the instant of the push all modes have the same phase or the opposite
     one.
     """
-    weights = np.abs(modes.c) ** 0.5
-    phases = np.angle(modes.c)
-    push_phases = phases[None, :] + 2.0 * np.pi * _STROKE_OFFSETS[:, None] * modes.f[None, :]
-    phasor_sums = np.exp(2j * push_phases) @ weights
-    best = int(np.argmax(np.abs(phasor_sums)))
-    signs = np.where(
-        np.cos(push_phases[best] - 0.5 * np.angle(phasor_sums[best])) >= 0.0, 1.0, -1.0
+    weights = np.abs(modes.amplitudes) ** 0.5
+    phases = np.angle(modes.amplitudes)
+    push_phases = (
+        phases[None, :] + 2.0 * np.pi * _STROKE_OFFSETS[:, None] * modes.frequencies[None, :]
     )
-    return np.asarray(signs * signs[int(np.argmax(np.abs(modes.c)))])
+    phasor_sums = np.exp(2j * push_phases) @ weights
+    best_offset = int(np.argmax(np.abs(phasor_sums)))
+    signs = np.where(
+        np.cos(push_phases[best_offset] - 0.5 * np.angle(phasor_sums[best_offset])) >= 0.0,
+        1.0,
+        -1.0,
+    )
+    return np.asarray(signs * signs[int(np.argmax(np.abs(modes.amplitudes)))])
 
 
 def bell_from_table(

@@ -23,10 +23,10 @@ class Chain:
     masses: Array
     springs: Array
     dampers: Array
-    grounds: Array
+    ground_dampers: Array
 
 
-def chain(f: Array, t60: Array, shares: Array, first_mass: float) -> Chain:
+def build_chain(f: Array, t60: Array, shares: Array, first_mass: float) -> Chain:
     """The chain whose first mass [kg] has modes f [Hz] with these `shares` of its movement.
 
     Lanczos' process from the weights (de Boor and Golub, 1978); dampers by non-negative least

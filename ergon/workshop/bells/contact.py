@@ -59,7 +59,7 @@ class Strokes:
     lengths: tuple[float | None, ...]
 
 
-def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
+def fit_levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     """The common levels of strokes at one place, from `amplitudes` and relative errors (strokes,
     n).
     """
@@ -68,14 +68,16 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     if n_strokes == 1:
         return Strokes(amplitudes[0], np.ones(1), (None,))
     with np.errstate(divide="ignore"):
-        logs = np.where(amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0)
+        stroke_log_amplitudes = np.where(
+            amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0
+        )
     variance = np.minimum(errors, 1e3) ** 2 + _LEVEL_ERROR_MIN**2
     log_spectra, spectrum_variances = _log_spectra(f)
     # For each other stroke: the cost (tried, tried) of each pair of lengths of the hardest stroke
     # and this one.
     costs = {
         s: _length_costs(
-            logs[s] - logs[hardest_stroke],
+            stroke_log_amplitudes[s] - stroke_log_amplitudes[hardest_stroke],
             variance[s] + variance[hardest_stroke],
             log_spectra,
             spectrum_variances,
@@ -99,16 +101,18 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
         for length_index in length_indices
     )
     weights = 1.0 / (variance + spectrum_variances[length_indices])
-    log_levels = logs - log_spectra[length_indices]
+    log_levels = stroke_log_amplitudes - log_spectra[length_indices]
     mode_log_impulses = log_levels - log_levels[hardest_stroke]
     joint_weights = weights * weights[hardest_stroke] / (weights + weights[hardest_stroke])
     impulses = np.sum(joint_weights * mode_log_impulses, axis=1) / np.sum(joint_weights, axis=1)
-    mean = np.sum(weights * (log_levels - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
+    log_amplitudes = np.sum(weights * (log_levels - impulses[:, None]), axis=0) / np.sum(
+        weights, axis=0
+    )
     lengths = tuple(
         float(_TRIED_DURATIONS[length_index]) if is_determined else None
         for length_index in length_indices
     )
-    return Strokes(np.exp(mean), np.exp(impulses), lengths)
+    return Strokes(np.exp(log_amplitudes), np.exp(impulses), lengths)
 
 
 def _log_spectra(f: Array) -> tuple[Array, Array]:
@@ -117,34 +121,36 @@ def _log_spectra(f: Array) -> tuple[Array, Array]:
     """
     x = f * _TRIED_DURATIONS[:, None]
     is_near = x < _REACH_CYCLES
-    beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
-    exact = np.stack([spectrum(f, length) for length in _TRIED_DURATIONS])
-    log_spectra = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
+    far_spectra = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
+    exact_spectra = np.stack([spectrum(f, length) for length in _TRIED_DURATIONS])
+    log_spectra = np.log(np.where(is_near, np.maximum(exact_spectra, 1e-3), far_spectra))
     return log_spectra, np.where(
         is_near, _REACH_DEVIATION * (x / _REACH_CYCLES) ** 2, _BEYOND_DEVIATION
     ) ** 2
 
 
 def _length_costs(
-    logs: Array, variance: Array, log_spectra: Array, spectrum_variances: Array
+    log_ratios: Array, variance: Array, log_spectra: Array, spectrum_variances: Array
 ) -> Array:
     """Twice the negative log-likelihood (tried, tried) of two lengths; infinite if the second is
-    shorter, because softer strokes last longer. `logs` (n,) are of the second over the first.
+    shorter, because softer strokes last longer. `log_ratios` (n,) are of the second over the first.
     """
     costs = np.full((len(log_spectra), len(log_spectra)), np.inf)
     for i in range(len(log_spectra)):
-        residuals = logs - (log_spectra[i:] - log_spectra[i])
+        residuals = log_ratios - (log_spectra[i:] - log_spectra[i])
         total_variance = variance + spectrum_variances[i] + spectrum_variances[i:]
         total_variance[0] = variance  # equal lengths leave the same residual
-        mean = np.median(residuals, axis=1)
+        robust_means = np.median(residuals, axis=1)
         for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
             weight = (
                 1.0
                 / np.sqrt(total_variance)
-                / np.maximum(np.sqrt(total_variance), _absolute_deviations(residuals, mean) / 2.0)
+                / np.maximum(
+                    np.sqrt(total_variance), _absolute_deviations(residuals, robust_means) / 2.0
+                )
             )
-            mean = np.sum(weight * residuals, axis=1) / np.sum(weight, axis=1)
-        deviation = _absolute_deviations(residuals, mean) / np.sqrt(total_variance)
+            robust_means = np.sum(weight * residuals, axis=1) / np.sum(weight, axis=1)
+        deviation = _absolute_deviations(residuals, robust_means) / np.sqrt(total_variance)
         cost = np.where(deviation < 2.0, deviation**2, 4.0 * deviation - 4.0) + np.log(
             total_variance
         )
@@ -152,5 +158,5 @@ def _length_costs(
     return costs
 
 
-def _absolute_deviations(residuals: Array, mean: Array) -> Array:
-    return np.asarray(np.abs(residuals - mean[:, None]))
+def _absolute_deviations(residuals: Array, means: Array) -> Array:
+    return np.asarray(np.abs(residuals - means[:, None]))

@@ -10,7 +10,7 @@ from ergon.common.errors import ErgonError
 from ergon.notation.text.errors import quote
 from ergon.workshop.bells import contact
 from ergon.workshop.bells.bell import Bell
-from ergon.workshop.bells.chain import chain
+from ergon.workshop.bells.chain import build_chain
 
 PLACE_MASS = 0.2  # [kg] of the place that is struck, beside a hammer of 8 g
 _IMPULSE = (  # [N·s] of a hammer that jumps back without loss
@@ -124,13 +124,13 @@ def _cel_lines(bell: Bell) -> list[str]:
 def _chain_lines(bell: Bell) -> list[str]:
     weights = np.abs(bell.levels[:, 0] * bell.listening_levels)
     try:
-        built_chain = chain(bell.f, bell.t60, weights, PLACE_MASS)
+        built_chain = build_chain(bell.f, bell.t60, weights, PLACE_MASS)
     except ValueError as error:
         raise FormError(f"{error}; write the bell as modes") from None
     lines = ["      wall: {SOL: {}}"]
     n_masses = len(built_chain.masses)
     for i, (mass, damper) in enumerate(
-        zip(built_chain.masses, built_chain.grounds, strict=True), 1
+        zip(built_chain.masses, built_chain.ground_dampers, strict=True), 1
     ):
         lines.append(f"      m{i}: {{MAS: {{M: {_number(mass * 1e3)}g}}}}")
         if damper > 0.0 and i < n_masses:
@@ -139,7 +139,7 @@ def _chain_lines(bell: Bell) -> list[str]:
         zip(built_chain.springs, built_chain.dampers, strict=True), 1
     ):
         ends = f"[m{i}, m{i + 1}]" if i < n_masses else f"[m{i}, wall]"
-        damper += built_chain.grounds[-1] if i == n_masses else 0.0
+        damper += built_chain.ground_dampers[-1] if i == n_masses else 0.0
         lines.append(
             f"      s{i}: {{REF: {{between: {ends}, K: {_number(spring)}, Z: {_number(damper)}}}}}"
         )

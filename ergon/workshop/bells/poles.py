@@ -20,7 +20,7 @@ _FIRST_STEP_MAX = 0.02  # most change of a logarithm of a pole in the first step
 _MODULUS_MIN = 0.3  # |z| of exponentials that are over within three samples
 
 
-def exponentials(signal: Complex, n_max: int) -> tuple[Complex, Complex]:
+def fit_exponentials(signal: Complex, n_max: int) -> tuple[Complex, Complex]:
     """Poles z and amplitudes c of Σ c·z^k in a signal (n,), at most `n_max`.
 
     Each is far above the residual noise.
@@ -46,8 +46,8 @@ def exponentials(signal: Complex, n_max: int) -> tuple[Complex, Complex]:
 
 def _esprit(signal: Complex, n_max: int) -> Complex:
     n_samples = signal.size
-    rows = n_samples // 2
-    hankel = np.lib.stride_tricks.sliding_window_view(signal, n_samples - rows + 1)[:rows]
+    n_rows = n_samples // 2
+    hankel = np.lib.stride_tricks.sliding_window_view(signal, n_samples - n_rows + 1)[:n_rows]
     _, vectors = np.linalg.eigh(hankel @ hankel.conj().T)
     vectors = vectors[:, ::-1][:, :n_max]
     # The violation of shift invariance by each order; the highest order that is nearly as good as
@@ -87,16 +87,16 @@ def _powers(z: Complex, n: int) -> Complex:
 
 def _amplitudes(signal: Complex, z: Complex) -> tuple[Complex, Complex]:
     basis = _powers(z, signal.size)
-    c = _to_complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
-    return c, _to_complex(signal - basis @ c)
+    amplitudes = _to_complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
+    return amplitudes, _to_complex(signal - basis @ amplitudes)
 
 
-def _signal_to_noise(z: Complex, c: Complex, residual: Complex) -> Array:
+def _signal_to_noise(z: Complex, amplitudes: Complex, residual: Complex) -> Array:
     """Power of each amplitude over that of its noise."""
     basis = _powers(z, residual.size)
     variance = np.vdot(residual, residual).real / max(1, residual.size - 2 * z.size)
     variances = np.linalg.pinv(basis.conj().T @ basis).diagonal().real * variance
-    return np.asarray(np.abs(c) ** 2 / np.maximum(variances, 1e-300))
+    return np.asarray(np.abs(amplitudes) ** 2 / np.maximum(variances, 1e-300))
 
 
 def polish_poles(signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex]:

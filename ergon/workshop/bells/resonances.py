@@ -40,7 +40,7 @@ def read(path: Path) -> list[tuple[float, float, float]]:
         words = line[:_LINES_MAX].replace(",", " ").split()
         if not words or words[0][0] in ";#":
             continue
-        rows.append(_row(f"{path}:{line_number}", words))
+        rows.append(_parse_row(f"{path}:{line_number}", words))
     if not rows:
         raise TableError(f"{path}: it has no resonances; write lines such as 1 220.5 0.8 0.35")
     is_db = any(a < 0.0 for _, a, _ in rows)
@@ -51,7 +51,7 @@ def read(path: Path) -> list[tuple[float, float, float]]:
     return audible
 
 
-def _row(location: str, words: list[str]) -> tuple[float, float, float]:
+def _parse_row(location: str, words: list[str]) -> tuple[float, float, float]:
     if not 3 <= len(words) <= 4:
         message = f"{location}: a line is an index, a frequency [Hz], an amplitude and a bandwidth "
         raise TableError(

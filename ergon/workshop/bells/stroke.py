@@ -82,7 +82,7 @@ def stroke(name: str, sound: Array, rate: float) -> Stroke:
     if peak < _SILENT_PEAK:
         raise NotAStrokeError(f"{name}: it is silent; record a stroke")
     sound = sound - sound.mean()
-    onset_frame = _onset(sound, rate)
+    onset_frame = _onset_frame(sound, rate)
     audible = sound[onset_frame : onset_frame + round(ANALYSED_DURATION_MAX * rate)]
     if audible.size < _DURATION_MIN * rate:
         message = f"{name}: only {1e3 * audible.size / rate:.0f} ms follow its stroke; record "
@@ -101,7 +101,7 @@ def stroke(name: str, sound: Array, rate: float) -> Stroke:
     return Stroke(name, audible[n_skipped:], rate, min(n_skipped / rate, _ATTACK_DURATION))
 
 
-def _onset(sound: Array, rate: float) -> int:
+def _onset_frame(sound: Array, rate: float) -> int:
     """The first sample of the stroke, within 1 ms."""
     n_window = max(1, round(0.001 * rate))
     power = np.convolve(sound * sound, np.full(n_window, 1.0 / n_window))[: sound.size]
@@ -109,12 +109,12 @@ def _onset(sound: Array, rate: float) -> int:
 
 
 def _refuse_clipped(file_name: str, sound: Array) -> None:
-    for side in (sound, -sound):
-        is_peak = side > (1.0 - _CLIPPED_TOLERANCE) * side.max()
+    for signed_sound in (sound, -sound):
+        is_peak = signed_sound > (1.0 - _CLIPPED_TOLERANCE) * signed_sound.max()
         run_edges = np.flatnonzero(np.diff(np.concatenate([[0], is_peak.astype(int), [0]])))
-        runs = run_edges[1::2] - run_edges[::2]
-        if int(np.sum(runs >= _CLIPPED_RUN_MIN)) >= _CLIPPED_RUNS_MIN:
-            n_clipped = int(np.sum(runs >= _CLIPPED_RUN_MIN))
+        run_lengths = run_edges[1::2] - run_edges[::2]
+        if int(np.sum(run_lengths >= _CLIPPED_RUN_MIN)) >= _CLIPPED_RUNS_MIN:
+            n_clipped = int(np.sum(run_lengths >= _CLIPPED_RUN_MIN))
             message = (
                 f"{file_name}: it is clipped: {n_clipped} times it stays at its peak; record softer"
             )

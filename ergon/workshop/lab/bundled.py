@@ -13,7 +13,7 @@ from ergon.common.module_arguments import module_arguments
 from ergon.exchange.safe import write_text
 from ergon.scores.reading.load import load
 from ergon.workshop.lab import chart_table, draw_chart, draw_maps, map_catalogue, map_table
-from ergon.workshop.lab.chart import measure, planned, settings
+from ergon.workshop.lab.chart import measure, planner_settings, settings
 from ergon.workshop.lab.machine import machine
 from ergon.workshop.lab.maps import survey_all
 from ergon.workshop.lab.names import METHODS, PRECISIONS, SLOW
@@ -22,7 +22,7 @@ from ergon.workshop.lab.scene import Score
 
 SCORES = ("one-gesture", "tempo", "hand", "two-keys")
 _DURATION, _OVERSAMPLING_MAX = 2.0, 8
-_MAPPED = ("ca", "ca2p", "bm4", SLOW)
+_MAPPED_METHODS = ("ca", "ca2p", "bm4", SLOW)
 _PAGE_HEADER = """\
 # Charts of what ships
 
@@ -36,17 +36,17 @@ def main(folder: Path) -> None:
     """Write all pictures, their tables, and the page."""
     page = [_PAGE_HEADER.format(machine=machine())]
     for name in SCORES:
-        page.append(_chart(folder, name))
+        page.append(_chart_section(folder, name))
     page.append("## Stability\n")
-    page.extend(_maps(folder, method) for method in _MAPPED)
+    page.extend(_maps_section(folder, method) for method in _MAPPED_METHODS)
     write_text(folder / "README.md", "\n".join(page), force=True)
 
 
-def _chart(folder: Path, score_name: str) -> str:
+def _chart_section(folder: Path, score_name: str) -> str:
     path = Path(str(files("ergon"))) / "scores" / "library" / f"{score_name}.yaml"
     piece = load(path).piece
     assert piece is not None, f"{score_name} has mistakes"
-    chart_settings = [*settings(METHODS, PRECISIONS, _OVERSAMPLING_MAX), *planned()]
+    chart_settings = [*settings(METHODS, PRECISIONS, _OVERSAMPLING_MAX), *planner_settings()]
     chart = measure(Score(piece), chart_settings, _DURATION, "waveform", lambda done: None)
     title, machine_text = piece.title, machine()
     stem = folder / score_name
@@ -59,7 +59,7 @@ def _chart(folder: Path, score_name: str) -> str:
     )
 
 
-def _maps(folder: Path, method_name: str) -> str:
+def _maps_section(folder: Path, method_name: str) -> str:
     surveys = survey_all(map_catalogue.built_in(method_name), lambda done: None)
     maps_title = f"where {method_name} is stable, and where its sound is right"
     map_name = "stability" if method_name == "ca" else f"stability-{method_name}"

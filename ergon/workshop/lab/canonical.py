@@ -113,7 +113,7 @@ class Cell:
 
 
 HAMMER, BAR = Cell(8e-3, 40.0, 2.0, X0=3e-3), Cell(20e-3, 220.0, 1.0)
-LEFT, RIGHT = Cell(2e-3, 220.0, 1.0, X0=_START_POSITION), Cell(2e-3, 330.0, 1.0)
+LEFT_CELL, RIGHT_CELL = Cell(2e-3, 220.0, 1.0, X0=_START_POSITION), Cell(2e-3, 330.0, 1.0)
 
 
 def _stiffness(kappa: float, first_cell: Cell, second_cell: Cell) -> float:
@@ -129,12 +129,12 @@ def contact(kappa: float) -> Bare:
 
 def coupled(kappa: float, method: str = _DEFAULT_METHOD) -> Bare:
     """Two cells a fifth apart, joined by a spring."""
-    stiffness = _stiffness(kappa, LEFT, RIGHT)
+    stiffness = _stiffness(kappa, LEFT_CELL, RIGHT_CELL)
 
     def join(network: _core.Network, left_mat: int, right_mat: int) -> int:
         return network.ref("k", left_mat, right_mat, K=stiffness)
 
-    return _pair(LEFT, RIGHT, join, _n_copies(2, method), _WEAK_SPRING_RATIO * stiffness)
+    return _pair(LEFT_CELL, RIGHT_CELL, join, _n_copies(2, method), _WEAK_SPRING_RATIO * stiffness)
 
 
 def _pair(
@@ -204,7 +204,7 @@ def contact_load(kappa: float, rate_multiple: float, method: str) -> float:
 
 def coupled_load(kappa: float, rate_multiple: float, method: str) -> float:
     """λ over the limit, at `rate_multiple` the rate."""
-    return _pair_load(LEFT, RIGHT, kappa, rate_multiple, method)
+    return _pair_load(LEFT_CELL, RIGHT_CELL, kappa, rate_multiple, method)
 
 
 def _pair_load(

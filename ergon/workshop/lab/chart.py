@@ -15,10 +15,17 @@ from ergon.common.errors import ErgonError
 from ergon.scores.staging.refusals import StageError
 from ergon.workshop.lab import canonical, runs
 from ergon.workshop.lab.energy import ROUNDING_DB, drift, production_db
-from ergon.workshop.lab.metrics import Floats, bands_db, early_db, onset, spectral, waveform_db
+from ergon.workshop.lab.metrics import (
+    Floats,
+    bands_db,
+    early_db,
+    onset_frame,
+    spectral_difference,
+    waveform_db,
+)
 from ergon.workshop.lab.names import Metric
-from ergon.workshop.lab.partials import Partial, compare, strongest
-from ergon.workshop.lab.reference import Reference, doubts, refine, steps
+from ergon.workshop.lab.partials import Partial, compare, strongest_partials
+from ergon.workshop.lab.reference import Reference, find_doubts, oversamplings, refine
 from ergon.workshop.lab.runs import Run, Setting
 from ergon.workshop.lab.scene import Scene
 
@@ -86,8 +93,8 @@ class Chart:
     """All points of a scene, and the reference against which they were measured.
 
     `floor` is the reference's own error in the metric, and rounding for energy, whose true error is
-    0: smaller errors cannot be distinguished. `doubts` name methods that converge to another
-    sound. `alike` are groups of methods whose samples are the same wherever both ran: each is
+    0: smaller errors cannot be distinguished. `doubts` name methods that converge to another sound.
+    `identical_methods` are groups of methods whose samples are the same wherever both ran: each is
     one curve.
     """
 
@@ -98,7 +105,7 @@ class Chart:
     seconds: float
     rate: float
     doubts: tuple[str, ...] = ()
-    alike: tuple[tuple[str, ...], ...] = ()
+    identical_methods: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(slots=True)
@@ -142,10 +149,10 @@ def _sentence(error: Exception) -> str:
 
 def settings(methods: Sequence[str], precisions: Sequence[str], upto: int) -> list[Setting]:
     """Every method at every oversampling up to `upto` in every precision."""
-    return [Setting(m, s, p) for m in methods for s in steps(upto) for p in precisions]
+    return [Setting(m, s, p) for m in methods for s in oversamplings(upto) for p in precisions]
 
 
-def planned(budget_db: float | None = None) -> list[Setting]:
+def planner_settings(budget_db: float | None = None) -> list[Setting]:
     """Settings of the planner: by ear and, if `budget_db` is given, for that error."""
     ear_setting = Setting(None)
     return [ear_setting] if budget_db is None else [ear_setting, Setting(None, budget_db=budget_db)]
@@ -162,7 +169,7 @@ def n_frames_to_compute(settings_to_run: Sequence[Setting], n_frames: int) -> in
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
+class PlayedSetting:
     """A setting that was played: its sound (n_frames, n_channels), or None with the reason in the
     point.
     """
@@ -174,9 +181,9 @@ class Played:
 class Players(Protocol):
     """Plays settings elsewhere, such as on a cluster."""
 
-    def played(
+    def play_settings(
         self, wanted_settings: Sequence[Setting], n_frames: int, *, has_energy: bool
-    ) -> Iterator[Played]:
+    ) -> Iterator[PlayedSetting]:
         """Each setting, in any order, with its cost and, with `has_energy`, its energy errors."""
 
 
@@ -195,31 +202,31 @@ def measure(
     runner = _Runner(scene, max(2, round(duration * scene.rate)), progress)
     has_energy = metric == "energy"
     if players is None:
-        played = _play_settings(runner, settings_to_run, has_energy=has_energy)
+        played_settings = _play_settings(runner, settings_to_run, has_energy=has_energy)
     else:
-        played = _play_with(players, runner, settings_to_run, has_energy=has_energy)
+        played_settings = _play_with(players, runner, settings_to_run, has_energy=has_energy)
     sound_by_setting = {
-        result.point.setting: result.sound for result in played if result.sound is not None
+        result.point.setting: result.sound for result in played_settings if result.sound is not None
     }
     sounds = dict(sound_by_setting)
     has_plans = any(setting.method is None for setting in settings_to_run)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, runner.sound, doublings=_REFERENCE_DOUBLINGS, rival=rival)
-    points = _with_ledger_of_ca([played.point for played in played], sound_by_setting)
+    points = _with_ledger_of_ca([each.point for each in played_settings], sound_by_setting)
     floor = None
     doubts_of_methods: tuple[str, ...] = ()
     if reference is not None:
-        doubts_of_methods = tuple(doubts(sounds, reference))
-        if onset(reference.sound) is None:
+        doubts_of_methods = tuple(find_doubts(sounds, reference))
+        if onset_frame(reference.sound) is None:
             raise SilentPieceError(f"nothing sounds in the first {duration:g} s")
-        judge = Judge(reference, scene.rate)
+        error_meter = ErrorMeter(reference, scene.rate)
         points = [
-            judge.point(point, sound_by_setting[point.setting])
+            error_meter.with_errors(point, sound_by_setting[point.setting])
             if point.setting in sound_by_setting
             else point
             for point in points
         ]
-        floor = judge.floor(metric)
+        floor = error_meter.floor(metric)
     alike = _identical_methods(sounds)
     final_points = _with_front(points, metric, floor, alike)
     return Chart(
@@ -229,7 +236,7 @@ def measure(
 
 def _play_settings(
     runner: _Runner, settings_to_run: Sequence[Setting], *, has_energy: bool
-) -> list[Played]:
+) -> list[PlayedSetting]:
     """All settings, in order. Their costs are those of interleaved rounds."""
     for setting in settings_to_run:
         run = runner.start(setting)
@@ -240,32 +247,36 @@ def _play_settings(
     costs = _costs(runner)
     # `refine` may add failures of settings that were not asked for; these are not failures of the
     # chart.
-    played_by_setting = {setting: Played(point, None) for setting, point in runner.failures.items()}
+    played_by_setting = {
+        setting: PlayedSetting(point, None) for setting, point in runner.failures.items()
+    }
     for setting, run in runner.finished.items():
-        point = Point(setting, "ok", run.chosen, costs[setting])
+        point = Point(setting, "ok", run.plan_text, costs[setting])
         if has_energy:
             point = _with_energy(runner, point)
-        played_by_setting[setting] = Played(point, runner.sounds[setting])
+        played_by_setting[setting] = PlayedSetting(point, runner.sounds[setting])
     return [played_by_setting[setting] for setting in settings_to_run]
 
 
 def _play_with(
     players: Players, runner: _Runner, settings_to_run: Sequence[Setting], *, has_energy: bool
-) -> list[Played]:
+) -> list[PlayedSetting]:
     """All settings, in order, played by `players`."""
     played_by_setting = {}
-    for played in players.played(settings_to_run, runner.n_frames, has_energy=has_energy):
-        played_by_setting[played.point.setting] = played
+    for played_setting in players.play_settings(
+        settings_to_run, runner.n_frames, has_energy=has_energy
+    ):
+        played_by_setting[played_setting.point.setting] = played_setting
         runner.n_frames_done += (
-            (TIMING_ROUNDS + 1) * runner.n_frames * played.point.setting.oversampling
+            (TIMING_ROUNDS + 1) * runner.n_frames * played_setting.point.setting.oversampling
         )
         runner.progress(runner.n_frames_done)
     return [played_by_setting[setting] for setting in settings_to_run]
 
 
-def played_beside(
+def play_beside_yardstick(
     scene: Scene, setting: Setting, n_frames: int, *, has_energy: bool
-) -> tuple[Played, float]:
+) -> tuple[PlayedSetting, float]:
     """A setting played alone, and the time of the yardstick in rounds between its own [s].
 
     The cost of the point is in seconds of this machine.
@@ -274,17 +285,17 @@ def played_beside(
     run = runner.start(setting)
     frames = None if run is None else runner.play(setting, run)
     if run is None or frames is None:
-        return Played(runner.failures[setting], None), nan
+        return PlayedSetting(runner.failures[setting], None), nan
     run_times, yardstick_times = [], []
     for _ in range(TIMING_ROUNDS):
         yardstick_times.append(yardstick())
         run.rewind()
         runner.play(setting, run)
         run_times.append(run.cpu_time)
-    point = Point(setting, "ok", run.chosen, median(run_times) * scene.rate / n_frames)
+    point = Point(setting, "ok", run.plan_text, median(run_times) * scene.rate / n_frames)
     if has_energy:
         point = _with_energy(runner, point)
-    return Played(point, scene.hear(frames)), median(yardstick_times)
+    return PlayedSetting(point, scene.hear(frames)), median(yardstick_times)
 
 
 def yardstick() -> float:
@@ -383,7 +394,7 @@ def _is_same_motion(y: Floats, x: Floats) -> bool:
     return bool(np.abs(y - x).max(initial=0.0) <= _SAME_SOUND_RATIO * np.abs(x).max(initial=0.0))
 
 
-class Judge:
+class ErrorMeter:
     """Measures sounds against a reference."""
 
     def __init__(self, reference: Reference, rate: float) -> None:
@@ -391,14 +402,14 @@ class Judge:
         self.reference, self.rate = reference, rate
         x = reference.sound
         self._channel = int(np.argmax(np.sum(x**2, axis=0)))
-        self._onset = onset(x) or 0
-        self._partials = strongest(x[self._onset :, self._channel], rate)
+        self._onset = onset_frame(x) or 0
+        self._partials = strongest_partials(x[self._onset :, self._channel], rate)
 
-    def point(self, point: Point, sound: Floats) -> Point:
+    def with_errors(self, point: Point, sound: Floats) -> Point:
         """The point with all its errors."""
         reference_sound = self.reference.sound
-        spectral_result = spectral(sound, reference_sound)
-        partials = self._compared(sound)
+        spectral_result = spectral_difference(sound, reference_sound)
+        partials = self._compared_partials(sound)
         t60_errors = [
             abs(partial.t60_ratio - 1.0) for partial in partials if not isnan(partial.t60_ratio)
         ]
@@ -419,12 +430,12 @@ class Judge:
             return self.reference.floor_db
         if metric == "energy":
             return ROUNDING_DB
-        error_before = self.point(
+        error_before = self.with_errors(
             Point(self.reference.setting), self.reference.coarser_sound
         ).error(metric)
         return None if error_before is None else error_before * self.reference.error_ratio
 
-    def _compared(self, y: Floats) -> list[Partial]:
+    def _compared_partials(self, y: Floats) -> list[Partial]:
         span = slice(self._onset, None), self._channel
         x, y = self.reference.sound[span], y[span]
         compared = (compare(y, x, f, self.rate) for f in self._partials)

@@ -13,7 +13,7 @@ _MEASURES = [f.name for f in names_of(Point) if f.name not in ("setting", "statu
 
 def csv(chart: Chart, title: str, machine: str) -> str:
     """The whole file."""
-    rows = [fields(point) for point in chart.points]
+    rows = [point_fields(point) for point in chart.points]
     reference_text = ", ".join(f"{k} {v}" for k, v in reference(chart).items() if v is not None)
     facts = [
         f"chart of {title}, the first {chart.seconds:g} s at {chart.rate:g} Hz",
@@ -21,16 +21,16 @@ def csv(chart: Chart, title: str, machine: str) -> str:
         "cost: seconds of one core per second of sound, median of interleaved rounds",
         f"reference: {reference_text or 'none'}",
         *(f"doubt: {doubt}" for doubt in chart.doubts),
-        *(f"the same samples: {', '.join(group)}" for group in chart.alike),
+        *(f"the same samples: {', '.join(group)}" for group in chart.identical_methods),
     ]
     names = [*_COLUMNS, *_MEASURES, "reason"]
-    return table.text(facts, names, ([row[name] for name in names] for row in rows))
+    return table.csv_text(facts, names, ([row[name] for name in names] for row in rows))
 
 
 _COLUMNS = ("method", "oversampling", "precision", "budget_db", "status")
 
 
-def fields(point: Point) -> dict[str, table.Value]:
+def point_fields(point: Point) -> dict[str, table.Value]:
     """Everything about a point."""
     setting = point.setting
     identification = (
@@ -46,14 +46,14 @@ def fields(point: Point) -> dict[str, table.Value]:
 
 def reference(chart: Chart) -> dict[str, table.Value]:
     """The reference, its order and its own error."""
-    ref = chart.reference
-    if ref is None:
+    chart_reference = chart.reference
+    if chart_reference is None:
         return {}
     return {
-        "setting": str(ref.setting),
-        "changed_by_last_doubling_db": ref.changes_db[-1],
-        "order_seen": ref.order,
-        "own_error_db": ref.floor_db,
+        "setting": str(chart_reference.setting),
+        "changed_by_last_doubling_db": chart_reference.changes_db[-1],
+        "order_seen": chart_reference.order,
+        "own_error_db": chart_reference.floor_db,
         "floor_of_metric": chart.floor,
     }
 
@@ -78,7 +78,9 @@ def lines(chart: Chart) -> str:
             f"{chart.reference.floor_db:.0f} dB of waveform{order_text}\n"
         )
     rows.extend(f"  {reason}\n" for reason in _notes(chart))
-    rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
+    rows.extend(
+        f"  the same samples here: {', '.join(group)}\n" for group in chart.identical_methods
+    )
     return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(rows)
 
 

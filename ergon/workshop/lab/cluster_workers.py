@@ -19,7 +19,13 @@ from ergon.api.cluster_worker import check_version, staging_lock, version
 from ergon.api.score_bundle import ScoreBundle, unpack, with_local_paths
 from ergon.rendering.remote import ClusterError
 from ergon.workshop.lab import map_catalogue
-from ergon.workshop.lab.chart import TIMING_ROUNDS, Played, Point, played_beside, yardstick
+from ergon.workshop.lab.chart import (
+    TIMING_ROUNDS,
+    PlayedSetting,
+    Point,
+    play_beside_yardstick,
+    yardstick,
+)
 from ergon.workshop.lab.maps import Map, Spot, compute_spot
 from ergon.workshop.lab.names import MapMetric
 from ergon.workshop.lab.runs import Setting
@@ -54,9 +60,9 @@ class Workers:
     cluster: Cluster
     content: ScoreBundle | None = None
 
-    def played(
+    def play_settings(
         self, settings_to_run: Sequence[Setting], n_frames: int, *, has_energy: bool
-    ) -> Iterator[Played]:
+    ) -> Iterator[PlayedSetting]:
         """Settings of the score. A cost is scaled by the ratio of the yardsticks here and at the
         worker.
 
@@ -79,13 +85,13 @@ class Workers:
             point = Point(setting, **result["point"])
             samples = np.frombuffer(result["samples"], dtype="<f8").astype(np.float64)
             if point.status != "ok":
-                yield Played(point, None)
+                yield PlayedSetting(point, None)
                 continue
             if len(samples) != n_frames * result["n_channels"]:
                 raise ClusterError("a worker sent a sound of another length")
             if point.cost is not None:
                 point = replace(point, cost=point.cost * local_yardstick / result["yardstick"])
-            yield Played(point, samples.reshape(n_frames, result["n_channels"]))
+            yield PlayedSetting(point, samples.reshape(n_frames, result["n_channels"]))
 
     def surveyors(
         self, method: str, duration: float, accurate: float | None, metric: MapMetric = "waveform"
@@ -134,7 +140,7 @@ def play(
     check_version(client_version)
     with staging_lock, unpack(content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
-        played, yardstick_time = played_beside(
+        played, yardstick_time = play_beside_yardstick(
             scene, Setting(**setting), n_frames, has_energy=has_energy
         )
         point_fields = {

@@ -47,7 +47,7 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
     measured = [p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None]
     _draw_front(ax, chart, measured)
     label_by_method: dict[str, str] = {method: method for method in METHODS}
-    for group in chart.alike:
+    for group in chart.identical_methods:
         label_by_method.update(
             {method: "" for method in group[1:]}, **{group[0]: " = ".join(group)}
         )
@@ -91,13 +91,16 @@ def _cost(point: Point) -> float:
 def _draw_method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str) -> None:
     colour = COLOURS[METHODS.index(method)]
     for precision, marker, line in (("f64", "o", "-"), ("f32", "s", ":")):
-        row = [p for p in points if p.setting.precision == precision]
-        row.sort(key=lambda p: p.setting.oversampling)
-        if row:
+        points_of_precision = [p for p in points if p.setting.precision == precision]
+        points_of_precision.sort(key=lambda p: p.setting.oversampling)
+        if points_of_precision:
             label = name if precision == "f64" else f"{name}, single precision"
-            x, y = [_cost(p) for p in row], [_plotted_error(chart, p) for p in row]
+            x, y = (
+                [_cost(p) for p in points_of_precision],
+                [_plotted_error(chart, p) for p in points_of_precision],
+            )
             ax.plot(x, y, line, color=colour, marker=marker, markersize=5, label=label, zorder=3)
-        for point in row:
+        for point in points_of_precision:
             position = _cost(point), _plotted_error(chart, point)
             _label_point(ax, f"×{point.setting.oversampling}", position, colour)
 

@@ -19,7 +19,7 @@ from ergon.workshop.lab.chart import (
     SilentPieceError,
     measure,
     n_frames_to_compute,
-    planned,
+    planner_settings,
     settings,
 )
 from ergon.workshop.lab.machine import machine
@@ -95,7 +95,10 @@ def chart(
                 raise OptionError(option, f"there is no '{method_name}'{advice}")
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    chart_settings = [*settings(methods, PRECISIONS, options.upto), *planned(options.error)]
+    chart_settings = [
+        *settings(methods, PRECISIONS, options.upto),
+        *planner_settings(options.error),
+    ]
     n_frames = n_frames_to_compute(chart_settings, round(options.seconds * piece.rate))
     try:
         with report.progress(f"charting {score}", n_frames, piece.rate) as progress:

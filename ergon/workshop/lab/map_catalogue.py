@@ -177,8 +177,8 @@ def _coupling(method_name: str) -> Map:
 # A key, and its label. Errors count as right if a plan calls the slow key preserved. Above 20
 # frames a plan only reports the error, and the map keeps the limit of -70 dB.
 _SLOW_KEYS = {
-    "soft": (slow_key_scene.SOFT, "23 Hz"),
-    "quick": (slow_key_scene.QUICK, "264 Hz, its last mass 1 g"),
+    "soft": (slow_key_scene.SOFT_KEY, "23 Hz"),
+    "quick": (slow_key_scene.QUICK_KEY, "264 Hz, its last mass 1 g"),
 }
 _PRESERVED_LIMITS = ((10.0, -75.0), (inf, -70.0))
 

@@ -28,7 +28,7 @@ def csv(surveyed: Surveyed, method: str) -> str:
     ]
     names = ["map", "x", "y", *_SPOT_FIELDS]
     rows = ([record[name] for name in names] for record in records(surveyed))
-    return table.text(facts, names, rows)
+    return table.csv_text(facts, names, rows)
 
 
 def _accuracy_criterion(surveyed_map: Map) -> str:

@@ -11,7 +11,7 @@ from typing import Protocol
 from ergon import _core
 from ergon.scores.staging.refusals import StageError
 from ergon.workshop.lab.map_point import MapPoint
-from ergon.workshop.lab.metrics import EARLY_DURATION, Floats, early_db, spectral
+from ergon.workshop.lab.metrics import EARLY_DURATION, Floats, early_db, spectral_difference
 from ergon.workshop.lab.names import MapMetric
 
 # Rows of (largest y, largest error that counts as right [dB]). -20 dB is a tenth of the motion, or
@@ -39,7 +39,7 @@ class Map:
     xs: tuple[float, ...]
     ys: tuple[float, ...]
     seconds: float
-    case: Callable[[float, float], MapPoint]
+    make_point: Callable[[float, float], MapPoint]
     load: Callable[[float, float], float] | None = None
     log_x: bool = True
     log_y: bool = True
@@ -136,8 +136,12 @@ def _report_from(progress: Progress, shift: int, n_surveyed: int) -> None:
 
 def compute_spot(surveyed_map: Map, x: float, y: float) -> Spot:
     """Predict, run, and compare one spot."""
-    spot, case, frames = predicted_and_run(surveyed_map, x, y)
-    return spot if case is None or frames is None else _judge(surveyed_map, spot, case, frames)
+    spot, map_point, frames = predicted_and_run(surveyed_map, x, y)
+    return (
+        spot
+        if map_point is None or frames is None
+        else _with_accuracy(surveyed_map, spot, map_point, frames)
+    )
 
 
 def predicted_and_run(
@@ -147,10 +151,10 @@ def predicted_and_run(
     load = None if surveyed_map.load is None else surveyed_map.load(x, y)
     theory = None if load is None else load < 1.0
     try:
-        case = surveyed_map.case(x, y)
-        refusal = case.refusal()
-        n_frames = max(2, round(surveyed_map.seconds * case.scene.rate))
-        outcome = case.run(n_frames)
+        map_point = surveyed_map.make_point(x, y)
+        refusal = map_point.refusal()
+        n_frames = max(2, round(surveyed_map.seconds * map_point.scene.rate))
+        outcome = map_point.run(n_frames)
     except (StageError, _core.EngineError) as error:
         reason = str(error).splitlines()[0]
         return Spot(x, y, theory, None, None, load=load, reason=reason), None, None
@@ -164,21 +168,21 @@ def predicted_and_run(
         energy_db=outcome.energy_db,
         reason=outcome.reason or refusal,
     )
-    return spot, case, outcome.frames if outcome.is_stable else None
+    return spot, map_point, outcome.frames if outcome.is_stable else None
 
 
-def _judge(surveyed_map: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
+def _with_accuracy(surveyed_map: Map, spot: Spot, map_point: MapPoint, frames: Floats) -> Spot:
     limit_db = surveyed_map.error_limit_db(spot.y)
     if surveyed_map.metric == "energy":
         produced = spot.energy_db
         return replace(spot, accurate=None if produced is None else produced <= limit_db)
-    truth = case.truth(len(frames))
+    truth = map_point.truth(len(frames))
     if truth.frames is None:
         unknown_reason = "accuracy is not known: no finer run went through"
         return replace(spot, reason=unknown_reason)
-    hear = case.scene.hear
+    hear = map_point.scene.hear
     sound, true_sound = hear(frames), hear(truth.frames)
-    error = early_db(sound, true_sound, case.scene.rate, surveyed_map.judged_duration)
+    error = early_db(sound, true_sound, map_point.scene.rate, surveyed_map.judged_duration)
     is_certain = truth.change_db < max(error, limit_db) + _CERTAINTY_MARGIN_DB
     accurate = error <= limit_db if is_certain else None
     if not true_sound.any():
@@ -189,7 +193,7 @@ def _judge(surveyed_map: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spo
         spot,
         accurate=accurate,
         error_db=error,
-        spectral_db=spectral(sound, true_sound).difference,
+        spectral_db=spectral_difference(sound, true_sound).difference,
         reason=unknown_reason or spot.reason,
     )
 
@@ -198,6 +202,6 @@ def disagreements(spots: Sequence[Spot]) -> tuple[int, int]:
     """Number of spots that diverged though certified, and of spots that stayed stable though
     refused.
     """
-    missed = sum(1 for s in spots if s.certified is True and s.stable is False)
-    strict = sum(1 for s in spots if s.certified is False and s.stable is True)
-    return missed, strict
+    n_missed = sum(1 for s in spots if s.certified is True and s.stable is False)
+    n_strict = sum(1 for s in spots if s.certified is False and s.stable is True)
+    return n_missed, n_strict

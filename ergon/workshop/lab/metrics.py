@@ -44,7 +44,7 @@ def waveform_db(y: Floats, x: Floats) -> float:
     return _core.waveform_errors(y_columns, x_columns, [len(x_columns)])[0]
 
 
-def onset(x: Floats) -> int | None:
+def onset_frame(x: Floats) -> int | None:
     """The first frame within 60 dB of the peak; None for silence."""
     amplitudes = np.abs(_columns(x)).max(axis=1, initial=0.0)
     peak = amplitudes.max(initial=0.0)
@@ -53,7 +53,7 @@ def onset(x: Floats) -> int | None:
 
 def early_db(y: Floats, x: Floats, rate: float, duration: float = EARLY_DURATION) -> float:
     """`waveform_db` over the first `duration` [s] of sound, by default 0.1 s."""
-    first_frame = onset(x) or 0
+    first_frame = onset_frame(x) or 0
     span = slice(first_frame, first_frame + max(1, round(duration * rate)))
     return waveform_db(y[span], x[span])
 
@@ -66,7 +66,7 @@ class Spectral:
     convergence: float
 
 
-def spectral(y: Floats, x: Floats) -> Spectral:
+def spectral_difference(y: Floats, x: Floats) -> Spectral:
     """Multi-resolution difference of short-time spectra, which ignores phases.
 
     `difference` is the mean |ΔdB| over bins within 60 dB of their frame's strongest;

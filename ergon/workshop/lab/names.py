@@ -31,7 +31,7 @@ PLAN = "plan"  # whatever the planner chooses, by ear
 ENERGY_MAPS = ("rattle",)  # maps of the energy error
 MapMetric = Literal["waveform", "energy"]  # the criterion for a spot of a map
 SLOW = "e4"  # the exact flow of a slow part: no method of its own for all of a scene
-CUTS = ("soft", "quick")  # its maps
+SLOW_MAPS = ("soft", "quick")  # its maps
 
 
 def order_of(method: str | None) -> int:

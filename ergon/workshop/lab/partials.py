@@ -54,15 +54,23 @@ def compare(y: Floats, x: Floats, f: float, rate: float) -> Partial | None:
     f_difference = _slope(t, np.unwrap(np.angle(ratio)), weight) / (2.0 * pi)
     # The reference of the comparison is the true frequency of the partial, not the
     # `f` of the search.
-    f_of_x = f + _slope(t, np.unwrap(np.angle(X[ringing])), weight) / (2.0 * pi)
+    reference_frequency = f + _slope(t, np.unwrap(np.angle(X[ringing])), weight) / (2.0 * pi)
     decay = -_slope(t, np.log(np.abs(X[ringing])), weight)
     decay_of_y = decay - _slope(t, np.log(np.abs(ratio)), weight)
     t60_ratio = decay / decay_of_y if decay > 0.0 and decay_of_y > 0.0 else nan
-    cents = 1200.0 * log2(1.0 + f_difference / f_of_x) if f_difference > -f_of_x else -inf
-    return Partial(f_of_x, cents, t60_ratio, 3.0 * log(10.0) / decay if decay > 0.0 else inf)
+    cents = (
+        1200.0 * log2(1.0 + f_difference / reference_frequency)
+        if f_difference > -reference_frequency
+        else -inf
+    )
+    return Partial(
+        reference_frequency, cents, t60_ratio, 3.0 * log(10.0) / decay if decay > 0.0 else inf
+    )
 
 
-def strongest(x: Floats, rate: float, n_max: int = 5, window: Floats | None = None) -> list[float]:
+def strongest_partials(
+    x: Floats, rate: float, n_max: int = 5, window: Floats | None = None
+) -> list[float]:
     """Frequencies of the strongest partials [Hz], each the strongest within 40 Hz around it.
 
     Found on a window over all of x (a Hann window by default), between bins by a parabola through

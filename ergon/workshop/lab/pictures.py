@@ -57,8 +57,8 @@ def pictures(draw: Callable[[], Figure], stem: Path, *, png: bool = True) -> dic
         ) from None
     with matplotlib.rc_context(_STYLE):
         figure = draw()
-        svg_bytes = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})
-        png_bytes = _bytes(figure, "png", {"Software": MARK.decode()}) if png else b""
+        svg_bytes = _figure_bytes(figure, "svg", {"Date": None, "Creator": "ergon"})
+        png_bytes = _figure_bytes(figure, "png", {"Software": MARK.decode()}) if png else b""
     svg_bytes = svg_bytes.replace(b"<svg ", b"<!-- " + MARK + b" -->\n<svg ", 1)
     _, svg_path, png_path = targets(stem)
     return {svg_path: svg_bytes, **({png_path: png_bytes} if png else {})}
@@ -69,7 +69,7 @@ def targets(stem: Path) -> list[Path]:
     return [stem.with_name(f"{stem.name}.{extension}") for extension in ("csv", "svg", "png")]
 
 
-def _bytes(figure: Figure, extension: str, metadata: dict[str, str | None]) -> bytes:
+def _figure_bytes(figure: Figure, extension: str, metadata: dict[str, str | None]) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format=extension, dpi=_DPI, metadata=metadata)
     return buffer.getvalue()

@@ -74,7 +74,7 @@ class Reference:
         return (order, last_change) if order >= _ORDER_MIN else (None, last_change)
 
 
-def steps(upto: int) -> tuple[int, ...]:
+def oversamplings(upto: int) -> tuple[int, ...]:
     """1, 2, 4 … up to `upto`."""
     return tuple(2**i for i in range(max(1, upto).bit_length()))
 
@@ -172,7 +172,7 @@ def _reference_of(sounds: Mapping[Setting, Floats], method: str) -> Reference:
     return Reference(Setting(method, rungs[-1][0]), rungs[-1][1], rungs[-2][1], _changes(rungs))
 
 
-def doubts(sounds: Mapping[Setting, Floats], reference: Reference) -> list[str]:
+def find_doubts(sounds: Mapping[Setting, Floats], reference: Reference) -> list[str]:
     """Methods that converge to another sound than the reference: one of the two must be wrong."""
     sentences = []
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):

@@ -48,7 +48,7 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True)
-class Oversampled(NetworkAndTimeline):
+class OversampledScene(NetworkAndTimeline):
     """A scene set up at `oversampling` times its rate.
 
     If `oversampling` is above 1 its outputs are positions, from which `derivatives` makes speeds at
@@ -60,17 +60,17 @@ class Oversampled(NetworkAndTimeline):
     rate: float  # [Hz], the scene's own
 
     @classmethod
-    def from_scene(cls, scene: Scene, factor: int) -> Oversampled:
+    def from_scene(cls, scene: Scene, factor: int) -> OversampledScene:
         """A scene at `factor` its rate. Raises EngineError or StageError."""
         scene_at_rate = scene.build_at(scene.rate * factor)
         positions_only = scene_at_rate.network.undifferentiated()
         # At its own rate the engine derives speeds itself, and nothing is left to derive.
-        stepped_network, derived = (
+        stepped_network, derivative_network = (
             (scene_at_rate.network, positions_only)
             if factor == 1
             else (positions_only, scene_at_rate.network)
         )
-        return cls(stepped_network, scene_at_rate.timeline, factor, derived, scene.rate)
+        return cls(stepped_network, scene_at_rate.timeline, factor, derivative_network, scene.rate)
 
     def derivatives(self) -> _core.Derivatives:
         """The derivatives still to compute from every `oversampling`-th frame, from frame 0 on."""
@@ -80,12 +80,12 @@ class Oversampled(NetworkAndTimeline):
 class Run:
     """A running scene; `cpu_time` is the processor time of its thread so far [s]."""
 
-    def __init__(self, simulation: Any, oversampled: Oversampled, plan_text: str = "") -> None:
+    def __init__(self, simulation: Any, oversampled: OversampledScene, plan_text: str = "") -> None:
         """Start at frame 0."""
         self._simulation, self._oversampled = simulation, oversampled
         self._derivatives = oversampled.derivatives()
         self._start = simulation.snapshot()
-        self.chosen = plan_text
+        self.plan_text = plan_text
         self.n_out = int(simulation.n_out)
         self.cpu_time = 0.0
 
@@ -102,9 +102,9 @@ class Run:
         block = np.empty((min(_BLOCK, n_frames) * stride, self.n_out))
         for begin in range(0, n_frames, _BLOCK):
             part = block[: min(_BLOCK, n_frames - begin) * stride]
-            started = time.thread_time()
+            start_time = time.thread_time()
             self._simulation.process(part)
-            self.cpu_time += time.thread_time() - started
+            self.cpu_time += time.thread_time() - start_time
             outputs[begin : begin + _BLOCK] = part[::stride]
         self._derivatives.process(outputs)
         return outputs
@@ -128,7 +128,7 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     """
     if setting.precision not in PRECISIONS:
         raise _core.EngineError(f"there is no precision {setting.precision}")
-    oversampled = Oversampled.from_scene(scene, setting.oversampling)
+    oversampled = OversampledScene.from_scene(scene, setting.oversampling)
     if setting.method == "ca":
         simulation = _core.Simulation(
             oversampled.network, oversampled.timeline, ledger=ledger, unchecked=unchecked
@@ -138,8 +138,8 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     simulation = _core.Simulation(
         oversampled.network, oversampled.timeline, plan=plan, ledger=ledger
     )
-    chosen = "" if setting.method else describe(plan)
-    return Run(simulation, oversampled, chosen)
+    plan_text = "" if setting.method else describe(plan)
+    return Run(simulation, oversampled, plan_text)
 
 
 _PERMISSIVE_REFINEMENT = 64  # times finer, nothing that a map shows is refused
@@ -152,7 +152,7 @@ def _plan(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
     method = cast("Method | None", setting.method)
 
     def plan(finer: int, pins: Sequence[_core.IslandChoice] | None = None) -> _core.Plan:
-        oversampled = Oversampled.from_scene(scene, setting.oversampling * finer)
+        oversampled = OversampledScene.from_scene(scene, setting.oversampling * finer)
         return _core.Plan(
             oversampled.network,
             oversampled.timeline,

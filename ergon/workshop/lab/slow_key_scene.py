@@ -45,8 +45,8 @@ class Key:
     )  # not proportional to M or K: damping couples the modes
 
 
-SOFT = Key((0.08, 0.05, 0.05, 0.05), (200.0, 300.0, 300.0, 300.0))  # to 23 Hz
-QUICK = Key((0.08, 0.05, 0.05, 0.001), (1800.0, 2700.0, 2700.0, 2700.0))  # to 264 Hz
+SOFT_KEY = Key((0.08, 0.05, 0.05, 0.05), (200.0, 300.0, 300.0, 300.0))  # to 23 Hz
+QUICK_KEY = Key((0.08, 0.05, 0.05, 0.001), (1800.0, 2700.0, 2700.0, 2700.0))  # to 264 Hz
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +133,10 @@ class SlowKeyPoint:
                 reason = str(error)
                 scene = replace(scene, hidden_factor=scene.hidden_factor * _HIDING_FACTOR)
             else:
-                return self._ran(built, plan, n_frames)
+                return self._run_planned(built, plan, n_frames)
         return Outcome(None, reason=reason)
 
-    def _ran(self, built: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
+    def _run_planned(self, built: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
         frames = np.zeros((n_frames, 1))
         try:
             _core.Simulation(built.network, built.timeline, plan=plan).process(frames)

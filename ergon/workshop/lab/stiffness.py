@@ -48,9 +48,11 @@ def _stiffer(module: Module, factor: float) -> Module:
             fields[name] = fields[name] * factor
     frequency = fields.get("f")
     if module.kind != "LNL" and frequency is not None:
-        root = sqrt(factor)
+        frequency_factor = sqrt(factor)
         fields["f"] = (
-            tuple(f * root for f in frequency) if isinstance(frequency, tuple) else frequency * root
+            tuple(f * frequency_factor for f in frequency)
+            if isinstance(frequency, tuple)
+            else frequency * frequency_factor
         )
     if fields.get("law") is not None:
         fields["law"] = f"{factor!r}*({fields['law']})"

@@ -9,17 +9,17 @@ from collections.abc import Iterable, Sequence
 Value = str | float | int | bool | None
 
 
-def text(
+def csv_text(
     facts: Sequence[str], column_names: Sequence[str], table_rows: Iterable[Sequence[Value]]
 ) -> str:
     """The whole file. A value that was not measured is an empty field."""
-    text = io.StringIO()
+    csv_buffer = io.StringIO()
     for fact in ("made by ergon", *facts):
-        text.write(f"# {' '.join(fact.split())}\n")
-    writer = csv.writer(text, lineterminator="\n")
+        csv_buffer.write(f"# {' '.join(fact.split())}\n")
+    writer = csv.writer(csv_buffer, lineterminator="\n")
     writer.writerow(column_names)
     writer.writerows([_cell_text(value) for value in row] for row in table_rows)
-    return text.getvalue()
+    return csv_buffer.getvalue()
 
 
 def _cell_text(table_value: Value) -> str:

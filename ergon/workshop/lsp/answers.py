@@ -45,12 +45,12 @@ def completions(text: str, index: int, file: Document, catalogue: Catalogue) -> 
 def _completions(text: str, index: int, file: Document, catalogue: Catalogue) -> list[Completion]:
     number_before = _number_before(text, index)
     completion_by_word: dict[str, Completion] = {}
-    in_text = cursors.cursor_at(file, index)
-    if in_text is not None and "\n" in in_text.node.text:  # a table below '|' holds no YAML
-        return list(_value_completions(in_text.shape, catalogue, number_before))
-    for cursor, read in cursors.cursors_at_unwritten(text, index, file):
-        for part in music_parts.parts_beside(cursor, read):
-            completion_by_word[part.id] = Completion(part.id, "value", music_parts.about(part))
+    text_cursor = cursors.cursor_at(file, index)
+    if text_cursor is not None and "\n" in text_cursor.node.text:  # a table below '|' holds no YAML
+        return list(_value_completions(text_cursor.shape, catalogue, number_before))
+    for cursor, read_document in cursors.cursors_at_unwritten(text, index, file):
+        for part in music_parts.parts_beside(cursor, read_document):
+            completion_by_word[part.id] = Completion(part.id, "value", music_parts.part_text(part))
         completions = (
             _key_completions(cursor)
             if cursor.is_name
@@ -167,7 +167,7 @@ def _explanation(index: int, cursor: Cursor, file: Document, catalogue: Catalogu
         return meaning
     for part in music_parts.parts_beside(cursor, file):
         if cursor.node.text in (part.id, part.name):
-            return f"**{part.id}**: {music_parts.about(part)}"
+            return f"**{part.id}**: {music_parts.part_text(part)}"
     name_definition = definition(index, file, catalogue)
     pitch_text = None if cursor.is_name else _pitch_text(index, cursor, file.text)
     if name_definition is None or pitch_text is not None:
@@ -198,8 +198,8 @@ def _pitch_text(index: int, cursor: Cursor, text: str) -> str | None:
     """
     word = cursors.pitch_at(text, index)
     is_notes = cursor.field is not None and isinstance(cursor.field.shape, Notes)
-    is_sure = is_notes or isinstance(cursor.shape, Reference)
-    if word is None or not (is_sure or word[:1].isalpha() or word.endswith("Hz")):
+    may_be_ratio = is_notes or isinstance(cursor.shape, Reference)
+    if word is None or not (may_be_ratio or word[:1].isalpha() or word.endswith("Hz")):
         return None
     try:
         return f"**{word}**: {_hertz_text(frequency_of(word))}"

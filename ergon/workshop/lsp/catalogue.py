@@ -53,7 +53,7 @@ class Catalogue:
         return None
 
 
-def catalogue(loaded: Loaded) -> Catalogue:
+def build_catalogue(loaded: Loaded) -> Catalogue:
     """The names of a score that was read. Files that could not be read bring in none."""
     score_names, uses = loaded.names, loaded.uses
     if score_names is None or uses is None:

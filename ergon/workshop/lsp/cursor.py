@@ -40,7 +40,7 @@ class Cursor:
 
 
 def cursor_at(score_file: Document, index: int) -> Cursor | None:
-    """What is under the character `text_index`; None between values."""
+    """What is under the character at `index`; None between values."""
     if score_file.root is None:
         return None
     node: Node = score_file.root
@@ -87,7 +87,7 @@ def cursor_at(score_file: Document, index: int) -> Cursor | None:
 def cursors_at_unwritten(
     text: str, index: int, score_file: Document
 ) -> list[tuple[Cursor, Document]]:
-    """What the word that is being written at `text_index` may be: a value, a name, or both.
+    """What the word that is being written at `index` may be: a value, a name, or both.
 
     The word is taken to be a placeholder, and brackets that the line leaves open are closed.
     """

@@ -34,7 +34,7 @@ def parts_beside(cursor: Cursor, score_file: Document) -> tuple[XmlPart, ...]:
         return ()
 
 
-def about(part: XmlPart) -> str:
+def part_text(part: XmlPart) -> str:
     """A part in a few words."""
     notes = f"{len(part.notes)} notes" if len(part.notes) != 1 else "1 note"
     return f"part {part.label}: {notes}"

@@ -43,12 +43,12 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import Loaded, load
 
 from . import answers, cursor
-from .catalogue import Catalogue, catalogue
+from .catalogue import Catalogue, build_catalogue
 from .guard import GuardedInput
 
 # An editor reports every keystroke; a score is read once typing has paused for this long [s].
 TYPING_PAUSE = 0.15
-_IS_SCORE = re.compile(r"^ergon[ \t]*:", re.MULTILINE)
+_SCORE_PATTERN = re.compile(r"^ergon[ \t]*:", re.MULTILINE)
 _SEVERITIES = {
     "error": t.DiagnosticSeverity.Error,
     "warning": t.DiagnosticSeverity.Warning,
@@ -105,7 +105,7 @@ class Server(LanguageServer):
         loaded = self._load(uri)
         self._publish(uri, open_document, loaded.diagnostics)
         if loaded.names is not None:
-            open_document.catalogue = catalogue(loaded)
+            open_document.catalogue = build_catalogue(loaded)
         if saved and loaded.piece is not None:
             _, stage_diagnostics = await asyncio.to_thread(try_stage, loaded, None)
             if open_document.version == version:
@@ -120,18 +120,18 @@ class Server(LanguageServer):
     def is_score(self, uri: str) -> bool:
         """Whether a document is a score; an editor sends every YAML file that is open."""
         text = self.workspace.get_text_document(uri)
-        return text.language_id == "ergon" or _IS_SCORE.search(text.source) is not None
+        return text.language_id == "ergon" or _SCORE_PATTERN.search(text.source) is not None
 
     def _load(self, uri: str) -> Loaded:
-        path = _path(uri)
+        path = _path_of_uri(uri)
         overlay = {
-            str(_path(document_uri)): text_document.source
+            str(_path_of_uri(document_uri)): text_document.source
             for document_uri, text_document in self.workspace.text_documents.items()
         }
         text = self.workspace.get_text_document(uri).source
         return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
 
-    def places_named(self, uri: str, old: str, new: str) -> list[tuple[int, int]]:
+    def rename_spans(self, uri: str, old: str, new: str) -> list[tuple[int, int]]:
         """Begin and end of each place where a score names what is to be called `new`. Raises
         EditError.
         """
@@ -143,7 +143,7 @@ class Server(LanguageServer):
         loaded = self._load(uri)
         if loaded.piece is None:
             raise EditError("the score has mistakes; mend them first, so that all uses are known")
-        path = str(_path(uri))
+        path = str(_path_of_uri(uri))
         texts = Texts(
             path,
             self.workspace.get_text_document(uri).source,
@@ -162,7 +162,7 @@ class Server(LanguageServer):
             **{old: [] for old in open_document.diagnostic_uris},
         }
         for diagnostic in reported:
-            diagnostic_uri = _uri(diagnostic.place.file, uri)
+            diagnostic_uri = _uri_of_file(diagnostic.place.file, uri)
             diagnostics_by_uri.setdefault(diagnostic_uri, []).append(
                 self._diagnostic(diagnostic_uri, diagnostic)
             )
@@ -208,7 +208,7 @@ class Server(LanguageServer):
         if open_text is not None:
             return open_text
         try:
-            file_text = read_bounded(_path(uri), MAX_BYTES).decode("utf-8", "replace")
+            file_text = read_bounded(_path_of_uri(uri), MAX_BYTES).decode("utf-8", "replace")
         except OSError:
             file_text = ""
         return TextDocument(uri, file_text, position_codec=self.workspace.position_codec)
@@ -218,9 +218,9 @@ class Server(LanguageServer):
     ) -> tuple[TextDocument, int, Document, Catalogue]:
         """An open document, the index of a position in it, its nodes, and the names it knows."""
         text_document = self.workspace.get_text_document(uri)
-        file = document.compose(text_document.source, str(_path(uri)), Collector())
-        names = self._open.setdefault(uri, _OpenDocument()).catalogue
-        return text_document, text_document.offset_at_position(position), file, names
+        file = document.compose(text_document.source, str(_path_of_uri(uri)), Collector())
+        known_names = self._open.setdefault(uri, _OpenDocument()).catalogue
+        return text_document, text_document.offset_at_position(position), file, known_names
 
 
 def serve() -> int:
@@ -240,8 +240,8 @@ def serve() -> int:
 def server() -> Server:
     """A server with the handlers of all requests."""
     new_server = Server()
-    for method, answer in _HANDLERS.items():
-        new_server.feature(method, *_OPTIONS.get(method, ()))(answer)
+    for method, handler in _HANDLERS.items():
+        new_server.feature(method, *_OPTIONS.get(method, ()))(handler)
     return new_server
 
 
@@ -265,9 +265,11 @@ def _on_close(ls: Server, params: t.DidCloseTextDocumentParams) -> None:
 
 
 def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
-    text_document, index, file, names = ls.locate(params.text_document.uri, params.position)
+    text_document, index, file, known_names = ls.locate(params.text_document.uri, params.position)
     is_score = ls.is_score(params.text_document.uri)
-    completions = answers.completions(text_document.source, index, file, names) if is_score else []
+    completions = (
+        answers.completions(text_document.source, index, file, known_names) if is_score else []
+    )
     begin = index - len(cursor.word_before(text_document.source, index))
     typed_range = t.Range(
         _client_position(text_document, begin), _client_position(text_document, index)
@@ -305,8 +307,8 @@ def _completion_items(
 
 def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
     uri = params.text_document.uri
-    _, index, file, names = ls.locate(uri, params.position)
-    explanation = answers.explanation(index, file, names) if ls.is_score(uri) else None
+    _, index, file, known_names = ls.locate(uri, params.position)
+    explanation = answers.explanation(index, file, known_names) if ls.is_score(uri) else None
     return (
         None
         if explanation is None
@@ -316,11 +318,11 @@ def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
 
 def _definition(ls: Server, params: t.DefinitionParams) -> t.Location | None:
     uri = params.text_document.uri
-    _, index, file, names = ls.locate(uri, params.position)
-    name_definition = answers.definition(index, file, names)
+    _, index, file, known_names = ls.locate(uri, params.position)
+    name_definition = answers.definition(index, file, known_names)
     if name_definition is None:
         return None
-    target_uri = _uri(name_definition.place.file, uri)
+    target_uri = _uri_of_file(name_definition.place.file, uri)
     return t.Location(target_uri, ls.range(target_uri, name_definition.place))
 
 
@@ -347,7 +349,7 @@ def _rename(ls: Server, params: t.RenameParams) -> t.WorkspaceEdit:
     text_document, index, *_ = ls.locate(uri, params.position)
     name = cursor.word_at(text_document.source, index).strip("/-").partition(".")[0]
     try:
-        spans = ls.places_named(uri, name, params.new_name)
+        spans = ls.rename_spans(uri, name, params.new_name)
     except EditError as error:
         raise JsonRpcInvalidRequest(str(error)) from None
     edits = [
@@ -398,7 +400,7 @@ def _format(ls: Server, params: t.DocumentFormattingParams) -> list[t.TextEdit] 
     return [t.TextEdit(full_range, formatted_text)]
 
 
-def _path(uri: str) -> Path:
+def _path_of_uri(uri: str) -> Path:
     """The file of a document; a document that is not saved yet counts as one in the working
     folder.
     """
@@ -407,12 +409,12 @@ def _path(uri: str) -> Path:
     return Path(path) if parts.scheme == "file" else Path(Path(path).name or "untitled.yaml")
 
 
-def _uri(file_name: str, open_uri: str) -> str:
+def _uri_of_file(file_name: str, open_uri: str) -> str:
     """The URI of a file that a score names; a file of the library is found where ergon is
     installed.
     """
     path = Path(file_name)
-    if path == _path(open_uri):
+    if path == _path_of_uri(open_uri):
         return open_uri
     return (
         from_fs_path(str((path if path.exists() else installed_path(file_name)).resolve()))

@@ -190,7 +190,7 @@ class Calibration:
         )
 
     @property
-    def row(self) -> Floats:
+    def parameters(self) -> Floats:
         """The parameters of the model, as `_core.key_path` takes them; the key starts at rest."""
         figures = self.figures
         parameters = np.zeros(N_KEY)
@@ -219,7 +219,7 @@ def read(text: str) -> Calibration:
         if not line.startswith(" "):
             section = line
         if match := _MODE_LINE.match(line):
-            modes.append(_mode(match, f"mode{len(modes) + 1}", figures, deviations))
+            modes.append(_parse_mode(match, f"mode{len(modes) + 1}", figures, deviations))
         elif section == "correlations:" and (match := _CORRELATION_ROW.match(line)):
             coefficients = map(float, match[2].split())
             # If a row is damaged, the part of it that exists is used.
@@ -245,16 +245,16 @@ def read(text: str) -> Calibration:
         raise MeasurementError(
             f"this is not a calibration file of ergon metrology: it lacks {missing_names[0]}"
         )
-    for figure_name, value_text in (*figures.items(), *deviations.items()):
+    for figure_name, figure_value in (*figures.items(), *deviations.items()):
         is_decay = figure_name.endswith(".t60")  # infinite without damping
-        if not (np.isfinite(value_text) or (is_decay and value_text > 0.0)):
+        if not (np.isfinite(figure_value) or (is_decay and figure_value > 0.0)):
             raise MeasurementError(f"{figure_name} is not a finite number")
     if not figures["M"] > sum(mass for mass, _, _ in modes):
         raise MeasurementError("M must be above 0 and above the masses of the modes")
     return Calibration(figures, deviations, tuple(modes), date, correlations)
 
 
-def _mode(
+def _parse_mode(
     match: re.Match[str], mode_name: str, figures: dict[str, float], deviations: dict[str, float]
 ) -> tuple[float, float, float]:
     """A mode from a line: mass, frequency, damping ratio; its figures are also added under its

@@ -16,7 +16,7 @@ _REFERENCE_WINDOW_INDEX = 2  # the window whose correlations of parameters count
 N_WINDOWS = len(_WINDOW_DURATIONS)
 
 
-def long_run(scores: Floats, rate: float, n_scores_total: int) -> Floats:
+def long_run_covariances(scores: Floats, rate: float, n_scores_total: int) -> Floats:
     """Covariances (windows, p, p) of the sum of scores (n, p), which are correlated in time.
 
     Bartlett's kernel (Newey and West 1987, equation 5), as the mean square of the sums over all
@@ -48,14 +48,14 @@ def _critical_value(kernel_share: float) -> float:
     return float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], kernel_share))
 
 
-def covariance(normal_matrix: Floats, scores: Floats) -> Floats:
+def covariance(normal_matrix: Floats, score_covariances: Floats) -> Floats:
     """Covariance (p, p) of least squares with the normal matrix `normal_matrix` (p, p), by
     covariances of its scores (windows, p, p).
 
     The variance of each parameter is the largest that a window gives.
     """
     inverse = np.linalg.pinv(normal_matrix, hermitian=True)
-    covariances = inverse @ scores @ inverse
+    covariances = inverse @ score_covariances @ inverse
     deviations = np.sqrt(np.einsum("wii->wi", covariances))
     reference_deviations = np.where(
         deviations[_REFERENCE_WINDOW_INDEX] > 0, deviations[_REFERENCE_WINDOW_INDEX], 1.0

@@ -31,13 +31,13 @@ _EIGENVALUE_MIN = 1e-5  # smaller eigenvalues of a correlation matrix are roundi
 class Replay:
     """A gesture on a real key and on its model; n positions are compared.
 
-    `residual` (n,) [m] is real minus model at the instants `t` (n,) [s]; `gesture` has the
+    `residual` (n,) [m] is real minus model at the instants `instants` (n,) [s]; `gesture` has the
     forces with the unknown ones recovered, `model_position` (ticks,) [m] is the model's path.
     """
 
     gesture: Gesture
     model_position: Floats
-    t: Floats
+    instants: Floats
     residual: Floats
 
     @property
@@ -53,23 +53,28 @@ class Replay:
 
 def replay(parameters: Floats, gesture: Gesture) -> Replay:
     """Apply the forces of a real key to its model, which begins where and as fast as the key."""
-    followed = output_error.follow(parameters, gesture)
-    (gesture,) = followed.recovered([gesture.with_unknown_speed()])
-    model = output_error.path(parameters, gesture, followed.start_positions[0])
+    follow_fit = output_error.follow(parameters, gesture)
+    (gesture,) = follow_fit.with_recovered_forces([gesture.with_unknown_speed()])
+    model_position = output_error.model_path(parameters, gesture, follow_fit.start_positions[0])
     ticks = np.flatnonzero(gesture.is_compared)
-    return Replay(gesture, model, ticks / gesture.rate, gesture.position[ticks] - model[ticks])
+    return Replay(
+        gesture,
+        model_position,
+        ticks / gesture.rate,
+        gesture.position[ticks] - model_position[ticks],
+    )
 
 
-def replay_difference(first_row: Floats, second_row: Floats) -> float:
+def replay_difference(first_parameters: Floats, second_parameters: Floats) -> float:
     """Rms of the difference [m] of two keys under a standard gesture of knocks.
 
     Raises MeasurementError.
     """
-    guess = first_row.copy()
-    guess[INDEX["stiffness"]] = max(first_row[1], 1e-3)
+    guess = first_parameters.copy()
+    guess[INDEX["stiffness"]] = max(first_parameters[1], 1e-3)
     forces = excitation.knocks(guess, _RATE, _DURATION, _AMPLITUDE, _FORCE_MAX)
     paths = []
-    for row in (first_row, second_row):
+    for row in (first_parameters, second_parameters):
         parameters = row.copy()
         # Each path begins at rest at 0, so that only the motion is compared.
         parameters[START] = parameters[INDEX["weight"]] = 0.0
@@ -89,16 +94,16 @@ class Difference:
     """
 
     names: tuple[str, str]
-    first: float | None
-    second: float | None
+    first_value: float | None
+    second_value: float | None
     deviation: float | None
 
     @property
-    def deviations(self) -> float | None:
+    def deviation_ratio(self) -> float | None:
         """The difference in units of its standard deviation; None if either is not known."""
-        if self.first is None or self.second is None or not self.deviation:
+        if self.first_value is None or self.second_value is None or not self.deviation:
             return None
-        return (self.second - self.first) / self.deviation
+        return (self.second_value - self.first_value) / self.deviation
 
 
 def differences(first: Calibration, second: Calibration) -> list[Difference]:
@@ -151,14 +156,14 @@ def chi_squared(first: Calibration, second: Calibration) -> tuple[float, int]:
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    comparable = [d for d in differences(first, second) if d.deviations is not None]
+    comparable = [d for d in differences(first, second) if d.deviation_ratio is not None]
     if not comparable:
         return 0.0, 0
     first_names, second_names = ([d.names[i] for d in comparable] for i in (0, 1))
     covariance = first.covariance(first_names) + second.covariance(second_names)
     deviations = np.sqrt(np.diag(covariance))
     eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(deviations, deviations))
-    components = vectors.T @ np.array([d.deviations for d in comparable])
+    components = vectors.T @ np.array([d.deviation_ratio for d in comparable])
     is_certain = eigenvalues > _EIGENVALUE_MIN
     return float(np.sum(components[is_certain] ** 2 / eigenvalues[is_certain])), int(
         is_certain.sum()
@@ -173,7 +178,7 @@ class Gain:
     deviation: float | None
 
 
-def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[str, Gain]:
+def gains(unloaded: Calibration, loaded: Calibration, known_mass: float) -> dict[str, Gain]:
     """The gains of a device for forces and lengths, from a key measured without and with a known
     mass [kg].
 
@@ -182,27 +187,27 @@ def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[st
     not sink the key. M [kg], K [N/m] and Z [N·s/m] are the true values of the key. Deviations are
     to first order in those of the files and their covariances. Raises MeasurementError.
     """
-    measured_mass = loaded.figures["M"] - plain.figures["M"]
+    measured_mass = loaded.figures["M"] - unloaded.figures["M"]
     if measured_mass <= 0:
         raise MeasurementError("the key with the mass was found no heavier than without it")
     mass_gain = known_mass / measured_mass
     # Derivatives of the logarithms with respect to figures of the first file, and of the second.
     mass_derivatives = {"M": 1.0 / measured_mass}, {"M": -1.0 / measured_mass}
-    gain_by_name = {"mass": _gain(mass_gain, plain, loaded, *mass_derivatives)}
+    gain_by_name = {"mass": _gain(mass_gain, unloaded, loaded, *mass_derivatives)}
     for figure_name in ("M", "K", "Z"):
-        plain_value = plain.figures[figure_name]
-        plain_derivatives = dict(mass_derivatives[0])
-        plain_derivatives[figure_name] = plain_derivatives.get(figure_name, 0.0) + (
-            1.0 / plain_value if plain_value else 0.0
+        unloaded_value = unloaded.figures[figure_name]
+        unloaded_derivatives = dict(mass_derivatives[0])
+        unloaded_derivatives[figure_name] = unloaded_derivatives.get(figure_name, 0.0) + (
+            1.0 / unloaded_value if unloaded_value else 0.0
         )
         gain_by_name[figure_name] = _gain(
-            mass_gain * plain_value, plain, loaded, plain_derivatives, mass_derivatives[1]
+            mass_gain * unloaded_value, unloaded, loaded, unloaded_derivatives, mass_derivatives[1]
         )
-    rest_positions = (plain.figures.get("rest"), loaded.figures.get("rest"))
+    rest_positions = (unloaded.figures.get("rest"), loaded.figures.get("rest"))
     if rest_positions[0] is None or rest_positions[1] is None:
         return gain_by_name
-    sag, stiffness = rest_positions[1] - rest_positions[0], plain.figures["K"]
-    sag_min = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
+    sag, stiffness = rest_positions[1] - rest_positions[0], unloaded.figures["K"]
+    sag_min = 5 * sum(c.deviations.get("rest", 0.0) for c in (unloaded, loaded))
     # Dry friction holds a key anywhere near its rest, and the fit knows only the middle.
     if abs(sag) <= max(sag_min, 1e-9):
         return gain_by_name
@@ -212,21 +217,26 @@ def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[st
         {name: -x for name, x in force_derivatives[0].items()} | mass_derivatives[0],
         {"rest": 1.0 / sag} | mass_derivatives[1],
     )
-    gain_by_name["position"] = _gain(mass_gain / force_gain, plain, loaded, *position_derivatives)
-    gain_by_name["force"] = _gain(force_gain, plain, loaded, *force_derivatives)
+    gain_by_name["position"] = _gain(
+        mass_gain / force_gain, unloaded, loaded, *position_derivatives
+    )
+    gain_by_name["force"] = _gain(force_gain, unloaded, loaded, *force_derivatives)
     return gain_by_name
 
 
 def _gain(
     gain: float,
-    plain: Calibration,
+    unloaded: Calibration,
     loaded: Calibration,
-    plain_derivatives: Mapping[str, float],
+    unloaded_derivatives: Mapping[str, float],
     loaded_derivatives: Mapping[str, float],
 ) -> Gain:
     """A figure from the derivatives of its logarithm with respect to figures of two files."""
     variance = 0.0
-    for calibration, derivatives in ((plain, plain_derivatives), (loaded, loaded_derivatives)):
+    for calibration, derivatives in (
+        (unloaded, unloaded_derivatives),
+        (loaded, loaded_derivatives),
+    ):
         if not all(name in calibration.deviations for name in derivatives):
             return Gain(gain, None)
         gradient = np.array(list(derivatives.values()))

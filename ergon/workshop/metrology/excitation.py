@@ -17,54 +17,56 @@ STILL_DURATION = 0.15  # s without force at the beginning, by which the sensor's
 _STRIKE_RATE = 60.0  # a second
 
 
-def strokes(n: int, rate: float, rng: np.random.Generator) -> Floats:
+def strokes(n_ticks: int, rate: float, rng: np.random.Generator) -> Floats:
     """Forces from -1 to 1 that jump every 0.1 to 0.6 s, (n,)."""
-    forces, begin = np.zeros(n), 0
-    while begin < n:
-        end = begin + int(rng.uniform(0.1, 0.6) * rate)
-        forces[begin:end] = rng.uniform(-1, 1)
-        begin = end
+    forces, start_tick = np.zeros(n_ticks), 0
+    while start_tick < n_ticks:
+        end_tick = start_tick + int(rng.uniform(0.1, 0.6) * rate)
+        forces[start_tick:end_tick] = rng.uniform(-1, 1)
+        start_tick = end_tick
     return forces
 
 
-def rain(n: int, rng: np.random.Generator) -> Floats:
+def rain(n_ticks: int, rng: np.random.Generator) -> Floats:
     """Single ticks of random sign, (n,)."""
-    return rng.choice([-1.0, 1.0], n)
+    return rng.choice([-1.0, 1.0], n_ticks)
 
 
-def strikes(n: int, rate: float, rng: np.random.Generator) -> Floats:
+def strikes(n_ticks: int, rate: float, rng: np.random.Generator) -> Floats:
     """Pushes of two ticks at random instants, each of random sign and followed at once by its
     opposite, (n,).
     """
-    forces = np.zeros(n)
-    for start in np.flatnonzero(rng.random(n - 4) < _STRIKE_RATE / rate):
+    forces = np.zeros(n_ticks)
+    for start in np.flatnonzero(rng.random(n_ticks - 4) < _STRIKE_RATE / rate):
         forces[start : start + 4] = rng.choice([-1.0, 1.0]) * np.array([1.0, 1.0, -1.0, -1.0])
     return forces
 
 
-def jolts(n: int, rate: float, rng: np.random.Generator, length_ratio: float = 1.0) -> Floats:
+def jolts(n_ticks: int, rate: float, rng: np.random.Generator, length_ratio: float = 1.0) -> Floats:
     """Pushes of 6 to 16 ms, each followed at once by its opposite, so that the key keeps no speed,
     (n,).
 
     `length_ratio` multiplies their duration.
     """
-    forces, begin = np.zeros(n), 0
-    while begin < n:
+    forces, start_tick = np.zeros(n_ticks), 0
+    while start_tick < n_ticks:
         half_length = int(length_ratio * rng.uniform(0.006, 0.016) * rate)
         direction = rng.choice([-1.0, 1.0])
         (
-            forces[begin : begin + half_length],
-            forces[begin + half_length : begin + 2 * half_length],
+            forces[start_tick : start_tick + half_length],
+            forces[start_tick + half_length : start_tick + 2 * half_length],
         ) = (direction, -direction)
-        begin += 2 * half_length
+        start_tick += 2 * half_length
     return forces
 
 
-def mixed(
-    n: int, rate: float, rng: np.random.Generator, quick: Floats, quick_share: float
+def mix_with_strokes(
+    n_ticks: int, rate: float, rng: np.random.Generator, quick_forces: Floats, quick_share: float
 ) -> Floats:
     """Strokes with a share `quick_share` of quicker forces (n,); from -1 to 1."""
-    return np.clip(quick_share * quick + (1.0 - quick_share) * strokes(n, rate, rng), -1, 1)
+    return np.clip(
+        quick_share * quick_forces + (1.0 - quick_share) * strokes(n_ticks, rate, rng), -1, 1
+    )
 
 
 def with_still_beginning(force: Floats, rate: float) -> tuple[Floats, int]:
@@ -106,23 +108,23 @@ def knocks(
 
     They move a key without dry friction by `excursion` [m], or as far as `force_max` [N] can.
     """
-    n, rng = round(duration_s * rate), np.random.default_rng(99)
-    path, tick = np.zeros(n), 0
+    n_total, rng = round(duration_s * rate), np.random.default_rng(99)
+    path, tick = np.zeros(n_total), 0
 
     def move_to(target: float, duration: float, rest_duration: float = 0.0) -> None:
         nonlocal tick
-        n_ticks = min(int(duration * rate), n - 1 - tick)
+        n_ticks = min(int(duration * rate), n_total - 1 - tick)
         if n_ticks <= 0:
             return
-        share = np.arange(1, n_ticks + 1) / n_ticks
+        progress = np.arange(1, n_ticks + 1) / n_ticks
         begin_position = path[tick]
-        path[tick : tick + n_ticks] = begin_position + (target - begin_position) * share**3 * (
-            10 - 15 * share + 6 * share * share
+        path[tick : tick + n_ticks] = begin_position + (target - begin_position) * progress**3 * (
+            10 - 15 * progress + 6 * progress * progress
         )
         path[tick + n_ticks :] = target
-        tick = min(tick + n_ticks + int(rest_duration * rate), n - 1)
+        tick = min(tick + n_ticks + int(rest_duration * rate), n_total - 1)
 
-    while tick < n - 1:
+    while tick < n_total - 1:
         for _ in range(6):
             move_to(1.0, 0.09)
             move_to(0.0, 0.12, 0.15)
@@ -148,8 +150,9 @@ def forces_along_path(
 
 
 def _inverse_dynamics(x: Floats, parameters: Floats, rate: float, force_max: float) -> Floats:
-    """Forces (n,) [N] that move a key without dry friction along x (n,) [m], at most "
-    "`force_max`."""
+    """Forces (n,) [N] that move a key without dry friction along x (n,) [m], each at most
+    `force_max`.
+    """
     speed = np.gradient(x) * rate
     forces = (
         total_mass(parameters) * np.gradient(speed) * rate

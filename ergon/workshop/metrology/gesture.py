@@ -60,8 +60,8 @@ class Gesture:
 
     `force` (n,) [N] is held from each tick to the next; `position` (n,) [m] is read at each tick's
     beginning; `is_compared` (n,) says which positions are compared with a model's. `rate` [Hz] is
-    that of the ticks. `unknown` are forces at ticks whose packets or rows were lost or late: there
-    `force` is a guess, and a fit finds the value. `readings` holds the sensor's readings if
+    that of the ticks. `unknown_forces` are forces at ticks whose packets or rows were lost or late:
+    there `force` is a guess, and a fit finds the value. `readings` holds the sensor's readings if
     `position` was interpolated to other instants.
     """
 
@@ -69,13 +69,13 @@ class Gesture:
     position: Floats
     is_compared: NDArray[np.bool_]
     rate: float
-    unknown: UnknownForces = _NO_UNKNOWN_FORCES
+    unknown_forces: UnknownForces = _NO_UNKNOWN_FORCES
     readings: Floats | None = None
 
     def with_forces(self, forces: Floats) -> Gesture:
         """The gesture with other forces [N] at its unknown ticks."""
         force = self.force.copy()
-        force[self.unknown.ticks] = forces
+        force[self.unknown_forces.ticks] = forces
         return replace(self, force=force)
 
     @property
@@ -85,7 +85,7 @@ class Gesture:
         The force of the first tick does not count: it may stand for a speed.
         """
         changes = 1 + np.flatnonzero(self.force[1:] != self.force[1])
-        changes = np.union1d(changes, self.unknown.ticks[self.unknown.ticks > 0])
+        changes = np.union1d(changes, self.unknown_forces.ticks[self.unknown_forces.ticks > 0])
         return int(changes[0]) if changes.size else self.force.size
 
     @property
@@ -100,7 +100,11 @@ class Gesture:
         push of one tick stands for the speed at which the key begins.
         """
         force_max = float(np.abs(self.force).max())
-        ticks, lower, upper = self.unknown.ticks, self.unknown.lower, self.unknown.upper
+        ticks, lower, upper = (
+            self.unknown_forces.ticks,
+            self.unknown_forces.lower,
+            self.unknown_forces.upper,
+        )
         if force_max == 0.0 or 0 in ticks:
             return self
         unknown = UnknownForces(
@@ -108,7 +112,7 @@ class Gesture:
             np.concatenate([[self.force[0] - force_max], lower]),
             np.concatenate([[self.force[0] + force_max], upper]),
         )
-        return replace(self, unknown=unknown)
+        return replace(self, unknown_forces=unknown)
 
     def split(self, fraction: float) -> tuple[Gesture, Gesture]:
         """The gesture twice: its first `fraction` counts in one copy, the rest in the other."""
@@ -161,26 +165,29 @@ def gesture_from_rows(
     n_ticks = int(tick_numbers[-1]) + 1
     reply_indices = np.searchsorted(tick_numbers, np.arange(1, n_ticks + 1), side="right") - 1
     tick_forces, tick_positions = forces[reply_indices], np.zeros(n_ticks)
-    tick_positions[tick_numbers], counts = positions, np.zeros(n_ticks, bool)
-    counts[tick_numbers] = has_reply
+    tick_positions[tick_numbers], is_counted = positions, np.zeros(n_ticks, bool)
+    is_counted[tick_numbers] = has_reply
     last_reply_tick = np.maximum.accumulate(
         np.where(np.isin(np.arange(n_ticks), tick_numbers), np.arange(n_ticks), 0)
     )
     gesture = replace(
-        gesture_from_arrays(tick_forces, tick_positions[last_reply_tick], rate), is_compared=counts
+        gesture_from_arrays(tick_forces, tick_positions[last_reply_tick], rate),
+        is_compared=is_counted,
     )
+    begin_instants = tick_numbers - 1.0
     tick_offsets = (reply_times - tick_numbers)[has_reply]
     if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER_TICKS:
-        tick_numbers = np.maximum.accumulate(reply_times)
-        gesture = _resampled(gesture, tick_numbers, forces, np.asarray(positions), has_reply)
+        reply_instants = np.maximum.accumulate(reply_times)
+        begin_instants = reply_instants - 1.0
+        gesture = _resampled(gesture, reply_instants, forces, np.asarray(positions), has_reply)
     lower, upper = forces.copy(), forces.copy()
     if is_force_known is not None and is_force_known.any():
         lower[~is_force_known], upper[~is_force_known] = (
             forces[is_force_known].min(),
             forces[is_force_known].max(),
         )
-    unknown = _unknown_forces(tick_numbers - 1.0, (lower, upper), is_certain, n_ticks)
-    return replace(gesture, unknown=unknown).with_forces(unknown.middle)
+    unknown = _unknown_forces(begin_instants, (lower, upper), is_certain, n_ticks)
+    return replace(gesture, unknown_forces=unknown).with_forces(unknown.middle)
 
 
 def _resampled(
@@ -190,19 +197,20 @@ def _resampled(
     reply_positions: Floats,
     has_reply: NDArray[np.bool_],
 ) -> Gesture:
-    """The gesture resampled from replies at instants `reply_times` (k,) [ticks] between its "
-    "ticks."""
+    """The gesture resampled from replies at instants `reply_times` (k,) [ticks] between its
+    ticks.
+    """
     n_ticks = gesture.force.size
     tick_edges = np.arange(n_ticks + 1.0)
-    replies, positions = reply_times[has_reply], reply_positions[has_reply]
+    reply_instants, positions = reply_times[has_reply], reply_positions[has_reply]
     # Two replies at the same instant give no speed.
-    is_later = np.concatenate([[True], np.diff(replies) > 0])
-    replies, positions = replies[is_later], positions[is_later]
-    speed = np.gradient(positions, replies)
-    nearest_replies = np.round(np.interp(tick_edges[:-1], replies, np.arange(replies.size))).astype(
-        np.int64
-    )
-    reply_offsets = tick_edges[:-1] - replies[nearest_replies]
+    is_later = np.concatenate([[True], np.diff(reply_instants) > 0])
+    reply_instants, positions = reply_instants[is_later], positions[is_later]
+    speed = np.gradient(positions, reply_instants)
+    nearest_replies = np.round(
+        np.interp(tick_edges[:-1], reply_instants, np.arange(reply_instants.size))
+    ).astype(np.int64)
+    reply_offsets = tick_edges[:-1] - reply_instants[nearest_replies]
     return replace(
         gesture,
         force=_interval_means(reply_times - 1.0, forces, tick_edges),
@@ -302,7 +310,7 @@ def gesture_from_recording(
             "use a take of `ergon metrology DEVICE`"
         )
     ticks = recording.ticks()
-    fresh = recording.flags()[:, axis] & _FRESH_FLAG != 0
+    has_fresh_reply = recording.flags()[:, axis] & _FRESH_FLAG != 0
     # A tick without a row is also a tick without a reply.
     tick_numbers = np.arange(ticks[0], ticks[-1] + 1)
     if tick_numbers.size - ticks.size > LATE_SHARE_MAX * tick_numbers.size:
@@ -312,7 +320,9 @@ def gesture_from_recording(
         )
     reply_rows = np.searchsorted(ticks, tick_numbers, side="right") - 1
     has_row = ticks[reply_rows] == tick_numbers
-    has_reply = (fresh if fresh.any() else np.ones_like(fresh))[reply_rows] & has_row
+    has_reply = (has_fresh_reply if has_fresh_reply.any() else np.ones_like(has_fresh_reply))[
+        reply_rows
+    ] & has_row
     return gesture_from_rows(
         tick_numbers,
         forces[reply_rows],

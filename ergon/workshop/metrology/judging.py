@@ -23,9 +23,8 @@ _RELATIVE_DEVIATION_MAX = 0.5  # relative deviation above which a part is not si
 _BIC_FALL_MIN = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
 _BIC_FALL_CERTAIN = 100.0  # fall of BIC that residuals which are correlated do not explain either
 _DELAY_OFFSET_DEVIATIONS = 10.0  # deviations of a delay from which a fit begins anew
-_HIDDEN_RISE_RATIO = (
-    0.1  # of the relative fall of the error in the takes: so little a replay may rise
-)
+# Largest rise of the replay error, as a part of the fall of the error in the takes (logarithms).
+_REPLAY_RISE_RATIO_MAX = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +51,19 @@ class Stage:
         """
         return self.fit.bic < other_stage.fit.bic - _BIC_FALL_MIN
 
-    def is_hidden(self, earlier_stage: Stage) -> bool:
+    def is_sure_despite_replay(self, earlier_stage: Stage) -> bool:
         """Whether the parts since a stage surely explain the takes, and the held-out gesture hardly
         speaks against them: its error rises by less than a tenth of what that of the takes falls.
         """
         is_sure = self.is_significant and self.fit.bic < earlier_stage.fit.bic - _BIC_FALL_CERTAIN
-        log_fall, log_rise = (
+        takes_log_fall, replay_log_rise = (
             np.log(earlier_stage.fit.rms / self.fit.rms),
             np.log(self.replay_rms / earlier_stage.replay_rms),
         )
-        return bool(is_sure and log_rise < _HIDDEN_RISE_RATIO * log_fall)
+        return bool(is_sure and replay_log_rise < _REPLAY_RISE_RATIO_MAX * takes_log_fall)
 
 
-class Judge:
+class StageJudge:
     """Fits stages, and compares each with the one before on data to which neither was fitted."""
 
     def __init__(self, gestures: list[Gesture], held_out: Gesture | None) -> None:
@@ -75,11 +74,13 @@ class Judge:
             gestures[-1], held_out = gestures[-1].split(FITTED_SHARE)
         self.gestures, self.held_out = gestures, held_out
 
-    def recovered(self, previous: Stage | None) -> list[Gesture]:
-        """The gestures, with the unknown forces found by the fit before."""
-        return self.gestures if previous is None else previous.fit.recovered(self.gestures)
+    def with_recovered_forces(self, previous: Stage | None) -> list[Gesture]:
+        """The gestures, with the unknown forces that the previous fit found."""
+        return (
+            self.gestures if previous is None else previous.fit.with_recovered_forces(self.gestures)
+        )
 
-    def stage(
+    def fit_stage(
         self,
         name: str,
         parameters: Floats,
@@ -88,30 +89,35 @@ class Judge:
         score: float | None = None,
         iterations: int = _TRIAL_ITERATIONS,
     ) -> Stage:
-        """Fit these columns starting at a row, and judge the fit.
+        """Fit the parameters `fitted_indices`, starting from `parameters`, and judge the fit.
 
         A fit that is no better than the one before after some iterations is not fitted further.
         """
         starts = None if previous is None else previous.fit.start_positions
         trial = output_error.fit(
-            self.recovered(previous), parameters, fitted_indices, starts, iterations, is_rough=True
+            self.with_recovered_forces(previous),
+            parameters,
+            fitted_indices,
+            starts,
+            iterations,
+            is_rough=True,
         )
         is_better = previous is None or trial.bic < previous.fit.bic
         further_iterations = _FIT_ITERATIONS if is_better and iterations else 0
         fit = output_error.fit(
-            trial.recovered(self.gestures),
+            trial.with_recovered_forces(self.gestures),
             trial.parameters,
             fitted_indices,
             trial.start_positions,
             further_iterations,
         )
         replay_rms = self._replay_rms(fit)
-        is_worth = previous is None or (
+        is_worth_adding = previous is None or (
             fit.bic < previous.fit.bic - _BIC_FALL_MIN
-            and determines(fit, set(fitted_indices) - set(previous.fit.fitted_indices))
+            and are_determined(fit, set(fitted_indices) - set(previous.fit.fitted_indices))
         )
-        is_accepted = is_worth and (previous is None or replay_rms < previous.replay_rms)
-        return Stage(name, fit, replay_rms, is_accepted, score, is_significant=is_worth)
+        is_accepted = is_worth_adding and (previous is None or replay_rms < previous.replay_rms)
+        return Stage(name, fit, replay_rms, is_accepted, score, is_significant=is_worth_adding)
 
     def refit_from_other_delays(self, stage: Stage) -> Stage:
         """The stage, fitted anew from a shorter and a longer delay if that explains the takes
@@ -127,9 +133,14 @@ class Judge:
             stage.fit.parameters[delay_index] - delay_offset,
             stage.fit.parameters[delay_index] + delay_offset,
         ):
-            row = with_values(stage.fit.parameters, {"delay": max(0.0, delay_start)})
-            gestures, starts = stage.fit.recovered(self.gestures), stage.fit.start_positions
-            fit = output_error.fit(gestures, row, stage.fit.fitted_indices, starts, _FIT_ITERATIONS)
+            start_parameters = with_values(stage.fit.parameters, {"delay": max(0.0, delay_start)})
+            gestures, starts = (
+                stage.fit.with_recovered_forces(self.gestures),
+                stage.fit.start_positions,
+            )
+            fit = output_error.fit(
+                gestures, start_parameters, stage.fit.fitted_indices, starts, _FIT_ITERATIONS
+            )
             if fit.bic < best_stage.fit.bic:
                 best_stage = replace(stage, fit=fit, replay_rms=self._replay_rms(fit))
         return best_stage
@@ -144,19 +155,19 @@ class Judge:
         errors = output_error.residuals(fit.parameters, held_out, start_position)
         return float(np.sqrt(np.mean(errors**2)))
 
-    def without(self, name: str, parameters: tuple[str, ...], previous: Stage) -> Stage:
+    def fit_without(self, name: str, parameters: tuple[str, ...], previous: Stage) -> Stage:
         """Remove a part and fit the rest; it stays removed if it would not be worth adding."""
         removed_indices = {INDEX[parameter] for parameter in parameters}
         fitted_indices = tuple(
             index for index in previous.fit.fitted_indices if index not in removed_indices
         )
-        row = with_values(previous.fit.parameters, dict.fromkeys(parameters, 0.0))
-        stage = self.stage(name, row, fitted_indices, previous)
+        start_parameters = with_values(previous.fit.parameters, dict.fromkeys(parameters, 0.0))
+        stage = self.fit_stage(name, start_parameters, fitted_indices, previous)
         return replace(
             stage, is_accepted=stage.fit.bic < previous.fit.bic + _BIC_FALL_MIN, is_removal=True
         )
 
-    def best_stage_of(
+    def fit_best_start(
         self,
         name: str,
         start_rows: list[Floats],
@@ -164,41 +175,52 @@ class Judge:
         previous: Stage,
         score: float | None = None,
     ) -> Stage:
-        """Fit several rows roughly, then fit and judge the best one as `stage` does.
+        """Fit from several starts roughly, then fit and judge the best one as `fit_stage` does.
 
         The rough fits are to the first gesture. If the best is still worse there than the fit
-        before, the stage ends with it.
+        before, it is fitted no further, and the stage is not accepted.
+
         """
-        first_gesture, starts = self.recovered(previous)[:1], previous.fit.start_positions[:1]
+        first_gesture, starts = (
+            self.with_recovered_forces(previous)[:1],
+            previous.fit.start_positions[:1],
+        )
         fits = [
             output_error.fit(
-                first_gesture, row, fitted_indices, starts, _ROUGH_ITERATIONS, is_rough=True
+                first_gesture, start_row, fitted_indices, starts, _ROUGH_ITERATIONS, is_rough=True
             )
-            for row in start_rows
+            for start_row in start_rows
         ]
         best_fit = min(fits, key=lambda fit: fit.rms)
         residual = output_error.residuals(previous.fit.parameters, first_gesture[0], starts[0])
         if best_fit.rms**2 < np.mean(residual**2):
-            return self.stage(name, best_fit.parameters, fitted_indices, previous, score)
-        stage = self.stage(name, best_fit.parameters, fitted_indices, previous, score, iterations=0)
+            return self.fit_stage(name, best_fit.parameters, fitted_indices, previous, score)
+        stage = self.fit_stage(
+            name, best_fit.parameters, fitted_indices, previous, score, iterations=0
+        )
         return replace(stage, is_accepted=False, is_significant=False)
 
 
 def with_values(parameters: Floats, values_by_name: dict[str, float]) -> Floats:
-    """A row with other values of the parameters of these names."""
+    """A copy of `parameters` with other values of the parameters of these names."""
+
     parameters = parameters.copy()
     for name, parameter_value in values_by_name.items():
         parameters[INDEX[name]] = parameter_value
     return parameters
 
 
-def determines(fit: Fit, indices: Iterable[int]) -> bool:
-    """Whether a fit determines these of its parameters, if they cannot be zero."""
+def are_determined(fit: Fit, indices: Iterable[int]) -> bool:
+    """Whether a fit determines each of these of its parameters; linear ones, which may be zero,
+    always are.
+    """
     return all(_is_determined(fit, index) for index in indices if index in fit.fitted_indices)
 
 
 def _is_determined(fit: Fit, parameter_index: int) -> bool:
-    """Whether a parameter that cannot be zero is known to within a half of its value."""
+    """Whether a parameter is linear, or known to within a half of its value; none is where the key
+    is rigid.
+    """
     if is_rigid(fit.parameters, parameter_index):
         return False
     return (

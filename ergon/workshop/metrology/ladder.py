@@ -79,10 +79,10 @@ _END_MESSAGES = {
 class TakeEnded(MeasurementError):
     """A take that ended early; the message says why and what to do."""
 
-    def __init__(self, end: str) -> None:
-        """`end` is that of `_core.Excited`."""
-        super().__init__(_END_MESSAGES.get(end, end))
-        self.end = end
+    def __init__(self, end_reason: str) -> None:
+        """`end_reason` is that of `_core.Excited`."""
+        super().__init__(_END_MESSAGES.get(end_reason, end_reason))
+        self.end_reason = end_reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ class Rung:
 
     force: float
     excursion: float
-    braked: bool
+    is_braked: bool
 
 
 @dataclass(slots=True)
@@ -164,8 +164,8 @@ class Ladder:
     @property
     def force(self) -> float:
         """The force of the strongest rung that was not braked, or of the weakest [N]."""
-        free = [rung.force for rung in self.rungs if not rung.braked]
-        return max(free) if free else min(rung.force for rung in self.rungs)
+        unbraked_forces = [rung.force for rung in self.rungs if not rung.is_braked]
+        return max(unbraked_forces) if unbraked_forces else min(rung.force for rung in self.rungs)
 
 
 # Safety stages compare force and motion for keys that are played. Under rain a key in good order
@@ -226,7 +226,7 @@ def settle(axis: Axis, guide: Guide) -> None:
     push(axis, np.zeros(n_ticks // 3), guide, n_ticks, accepts_safety_ends=True)
 
 
-def gesture(excited: Excited) -> Gesture:
+def gesture_of_take(excited: Excited) -> Gesture:
     """A take as a gesture for the fit."""
     n_ticks = excited.sent().size
     return gesture_from_rows(
@@ -250,34 +250,34 @@ def climb(
     key = _RestingKey(axis, rng)
     sign, moving_mass = key.find_direction_and_mass()
     axis, force_max = (replace(axis, sign=axis.sign * sign), axis.request_max)
-    guide = key.guide(moving_mass)
+    guide = key.guide_for_mass(moving_mass)
     settle(axis, guide)
     force, gestures = _FIRST_SHARE * force_max, []
     rungs: list[Rung] = []
     while len(rungs) < _RUNGS_MAX:
         n_ticks = round(RUNG_DURATION * TICK_RATE)
-        relative_forces = excitation.mixed(
+        relative_forces = excitation.mix_with_strokes(
             n_ticks, TICK_RATE, rng, excitation.rain(n_ticks, rng), _RAIN_SHARE
         )
         forces, n_still = excitation.with_still_beginning(force * relative_forces, TICK_RATE)
         excited = push(axis, forces, guide, n_still, accepts_safety_ends=True)
         settle(axis, guide)
         excursion = float(np.abs(excited.positions() - guide.centre).max())
-        braked = excited.end != "done" or bool(excited.braked().any())
-        rungs.append(Rung(force, excursion, braked))
+        is_braked = excited.end != "done" or bool(excited.braked().any())
+        rungs.append(Rung(force, excursion, is_braked))
         report_rung(rungs[-1])
         if excited.end == "done":
-            gestures.append(gesture(excited))
+            gestures.append(gesture_of_take(excited))
         excursion_ratio = excursion / guide.half_travel
-        if not braked:
+        if not is_braked:
             moving_mass = key.refine_mass(moving_mass, gestures[-1])
-            guide = key.guide(moving_mass)
+            guide = key.guide_for_mass(moving_mass)
             if excursion_ratio >= _EXCURSION_RATIO_MIN or force >= _LAST_SHARE * force_max:
                 break
-        elif sum(rung.braked for rung in rungs) >= _BRAKED_RUNGS_MAX:
+        elif sum(rung.is_braked for rung in rungs) >= _BRAKED_RUNGS_MAX:
             break
         force_factor = (
-            0.7 if braked else min(2.0, _EXCURSION_RATIO_TARGET / max(excursion_ratio, 1e-6))
+            0.7 if is_braked else min(2.0, _EXCURSION_RATIO_TARGET / max(excursion_ratio, 1e-6))
         )
         force = min(_LAST_SHARE * force_max, force * force_factor)
     if not gestures:
@@ -301,10 +301,12 @@ class _RestingKey:
     """The position where a key rests, its sensor's noise, and its response to a push."""
 
     def __init__(self, axis: Axis, rng: np.random.Generator) -> None:
-        self.axis, self.chance = axis, rng
+        self.axis, self.random_generator = axis, rng
         end_min, end_max = axis.device.range
-        free = Guide(0.5 * (end_min + end_max), end_max - end_min, (0.0, 0.0), (0.0, 0.0), 1.0)
-        positions = push(axis, np.zeros(round(0.2 * TICK_RATE)), free).positions()
+        free_guide = Guide(
+            0.5 * (end_min + end_max), end_max - end_min, (0.0, 0.0), (0.0, 0.0), 1.0
+        )
+        positions = push(axis, np.zeros(round(0.2 * TICK_RATE)), free_guide).positions()
         self.centre = float(np.median(positions))
         self.half_travel = min(self.centre - end_min, end_max - self.centre)
         if self.half_travel < _END_DISTANCE_MIN * 0.5 * (end_max - end_min):
@@ -316,7 +318,7 @@ class _RestingKey:
             )
         noise = float(np.std(np.diff(positions))) / np.sqrt(2)
         self.motion_min = max(8 * noise, 3 * axis.device.resolution, 2e-4 * (end_max - end_min))
-        self.free = Guide(self.centre, self.half_travel, (0.0, 0.0), (0.0, 0.0), 1.0)
+        self.free_guide = Guide(self.centre, self.half_travel, (0.0, 0.0), (0.0, 0.0), 1.0)
 
     def find_direction_and_mass(self) -> tuple[int, float]:
         """The direction of the motor, 1 or -1, and the approximate moving mass [kg].
@@ -330,10 +332,12 @@ class _RestingKey:
         )
         while length_ratio < _JOLT_LENGTH_RATIO_MAX:
             n_ticks = round(_JOLT_DURATION * TICK_RATE)
-            forces = jolt_force * excitation.jolts(n_ticks, TICK_RATE, self.chance, length_ratio)
+            forces = jolt_force * excitation.jolts(
+                n_ticks, TICK_RATE, self.random_generator, length_ratio
+            )
             forces_sent, n_still = excitation.with_still_beginning(forces, TICK_RATE)
-            excited = push(self.axis, forces_sent, self.free, n_still)
-            jolt_gesture = gesture(excited)
+            excited = push(self.axis, forces_sent, self.free_guide, n_still)
+            jolt_gesture = gesture_of_take(excited)
             excursion = float(np.abs(jolt_gesture.position - jolt_gesture.start).max())
             mass, certainty = signed_mass(jolt_gesture)
             if excursion > self.motion_min and certainty > _MASS_CERTAINTY_MIN:
@@ -358,7 +362,7 @@ class _RestingKey:
             return mass
         return float(np.clip(first_guess([gesture])[0], 0.2 * mass, 1.5 * mass))
 
-    def guide(self, mass: float) -> Guide:
+    def guide_for_mass(self, mass: float) -> Guide:
         """The guide and the brake of a key of about this mass."""
         stiffness = mass * _GUIDE_FREQUENCY**2
         return Guide(

@@ -106,8 +106,8 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
                 squared_norm[block, ratio_column] += np.einsum(
                     "ij,ij->i", template, template.conj()
                 ).real
-    score = np.where(projection > 0, 2 * projection**2 / squared_norm, 0.0)
-    frequency_index, ratio_index = divmod(int(np.argmax(score)), _DAMPING_RATIOS.size)
+    scores = np.where(projection > 0, 2 * projection**2 / squared_norm, 0.0)
+    frequency_index, ratio_index = divmod(int(np.argmax(scores)), _DAMPING_RATIOS.size)
     mass = float(
         np.clip(
             projection[frequency_index, ratio_index] / squared_norm[frequency_index, ratio_index],
@@ -119,5 +119,5 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
         mass,
         float(frequencies[frequency_index]),
         float(_DAMPING_RATIOS[ratio_index]),
-        float(score[frequency_index, ratio_index]),
+        float(scores[frequency_index, ratio_index]),
     )

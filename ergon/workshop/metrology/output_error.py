@@ -50,7 +50,7 @@ class Fit:
     n_positions: int
     forces: tuple[Floats, ...] = ()
 
-    def recovered(self, gestures: Sequence[Gesture]) -> list[Gesture]:
+    def with_recovered_forces(self, gestures: Sequence[Gesture]) -> list[Gesture]:
         """The gestures of the fit, with the unknown forces that it found."""
         return [g.with_forces(f) for g, f in zip(gestures, self.forces, strict=True)]
 
@@ -68,7 +68,7 @@ class Fit:
         return float(np.sqrt(self.covariance[covariance_index, covariance_index]))
 
 
-def path(parameters: Floats, gesture: Gesture, start_position: float) -> Floats:
+def model_path(parameters: Floats, gesture: Gesture, start_position: float) -> Floats:
     """The path of a key under the forces of a gesture, (n,) [m]."""
     parameters = parameters.copy()
     parameters[START] = start_position
@@ -78,7 +78,7 @@ def path(parameters: Floats, gesture: Gesture, start_position: float) -> Floats:
 def residuals(parameters: Floats, gesture: Gesture, start: float) -> Floats:
     """The positions that count minus those of the model [m]."""
     is_compared = gesture.is_compared
-    return gesture.position[is_compared] - path(parameters, gesture, start)[is_compared]
+    return gesture.position[is_compared] - model_path(parameters, gesture, start)[is_compared]
 
 
 def _costs(parameters: Floats, gestures: Sequence[Gesture], starts: Floats) -> tuple[float, float]:
@@ -97,13 +97,13 @@ def _costs(parameters: Floats, gestures: Sequence[Gesture], starts: Floats) -> t
 
 def _force_deviations(gesture: Gesture) -> Floats:
     """Deviation of unknown forces from their middles, in units of their spreads (q,)."""
-    unknown = gesture.unknown
+    unknown = gesture.unknown_forces
     return (gesture.force[unknown.ticks] - unknown.middle) / unknown.half_range
 
 
 def _force_derivatives(parameters: Floats, gesture: Gesture, start_position: float) -> Floats:
     """Derivatives of the positions that count with respect to the unknown forces, (n, q)."""
-    ticks = gesture.unknown.ticks
+    ticks = gesture.unknown_forces.ticks
     if not ticks.size:
         return np.zeros((int(gesture.is_compared.sum()), 0))
     parameters = parameters.copy()
@@ -118,7 +118,7 @@ def recover_forces(parameters: Floats, gesture: Gesture, start_position: float) 
     """The gesture with the unknown forces for which the model comes nearest to the positions
     read.
     """
-    ticks, spread = gesture.unknown.ticks, gesture.unknown.half_range
+    ticks, spread = gesture.unknown_forces.ticks, gesture.unknown_forces.half_range
     if not ticks.size:
         return gesture
     n_compared, step_fraction = int(gesture.is_compared.sum()), 1.0
@@ -160,7 +160,7 @@ def _variable_indices(
     """
     variables_by_gesture, first_force = [], n_fitted + len(starts)
     for i, gesture in enumerate(gestures):
-        forces = np.arange(first_force, first_force + gesture.unknown.ticks.size)
+        forces = np.arange(first_force, first_force + gesture.unknown_forces.ticks.size)
         first_force += forces.size
         variables_by_gesture.append(np.concatenate([np.arange(n_fitted), [n_fitted + i], forces]))
     return variables_by_gesture
@@ -178,10 +178,14 @@ def _linearise(
     """
     fitted, parameters = [*fitted_indices, START], parameters.copy()
     parameters[START] = start_position
-    x, jacobian = _core.key_path(parameters, gesture.force, gesture.rate, columns=fitted)
+    model_positions, jacobian = _core.key_path(
+        parameters, gesture.force, gesture.rate, columns=fitted
+    )
     is_compared = gesture.is_compared
-    scaled = jacobian[is_compared] * derivative_scales(parameters, fitted)
-    return np.concatenate([scaled, force_jacobian], 1), (gesture.position - x)[is_compared]
+    scaled_jacobian = jacobian[is_compared] * derivative_scales(parameters, fitted)
+    return np.concatenate([scaled_jacobian, force_jacobian], 1), (
+        gesture.position - model_positions
+    )[is_compared]
 
 
 def _normal_equations(
@@ -206,9 +210,11 @@ def _normal_equations(
         normal_matrix[np.ix_(variables, variables)] += jacobian.T @ jacobian
         gradient[variables] += jacobian.T @ error
         force_variables = variables[len(fitted_indices) + 1 :]
-        normal_matrix[force_variables, force_variables] += variance / gesture.unknown.half_range**2
+        normal_matrix[force_variables, force_variables] += (
+            variance / gesture.unknown_forces.half_range**2
+        )
         gradient[force_variables] -= (
-            variance * _force_deviations(gesture) / gesture.unknown.half_range
+            variance * _force_deviations(gesture) / gesture.unknown_forces.half_range
         )
     return normal_matrix, gradient
 
@@ -217,7 +223,7 @@ def _with_force_step(gestures: Sequence[Gesture], force_step: Floats) -> list[Ge
     """The gestures after a step of their unknown forces, (q,)."""
     stepped_gestures, force_offset = [], 0
     for gesture in gestures:
-        ticks = gesture.unknown.ticks
+        ticks = gesture.unknown_forces.ticks
         stepped_gestures.append(
             gesture.with_forces(
                 gesture.force[ticks] + force_step[force_offset : force_offset + ticks.size]
@@ -264,7 +270,7 @@ def _covariance(
     variance = squared_error / max(n_compared - n_fitted - len(starts), 1)
     variables_by_gesture = _variable_indices(n_fitted, starts, gestures)
     n_variables = max(int(indices.max()) for indices in variables_by_gesture) + 1
-    normal_matrix, scores = (
+    normal_matrix, score_covariances = (
         np.zeros((n_variables, n_variables)),
         np.zeros((coloured.N_WINDOWS, n_variables, n_variables)),
     )
@@ -273,14 +279,14 @@ def _covariance(
             parameters, fitted_indices, gesture, starts[i], force_jacobians[i]
         )
         normal_matrix[np.ix_(variables, variables)] += jacobian.T @ jacobian
-        scores[:, variables[:, None], variables] += coloured.long_run(
+        score_covariances[:, variables[:, None], variables] += coloured.long_run_covariances(
             jacobian * error[:, None], gesture.rate, n_compared
         )
-        force_variables, spread = variables[n_fitted + 1 :], gesture.unknown.half_range
+        force_variables, spread = variables[n_fitted + 1 :], gesture.unknown_forces.half_range
         normal_matrix[force_variables, force_variables] += variance / spread**2
-        scores[:, force_variables, force_variables] += variance**2 / spread**2
+        score_covariances[:, force_variables, force_variables] += variance**2 / spread**2
     si_scale = derivative_scales(parameters, fitted_indices)
-    return coloured.covariance(normal_matrix, scores)[:n_fitted, :n_fitted] * np.outer(
+    return coloured.covariance(normal_matrix, score_covariances)[:n_fitted, :n_fitted] * np.outer(
         si_scale, si_scale
     )
 
@@ -340,7 +346,7 @@ def fit(
         n_slow_steps = n_slow_steps + 1 if relative_fall < _COST_TOLERANCE else 0
         if n_slow_steps and (damping < _UNDAMPED_BOUND or n_slow_steps == _SLOW_STEPS_MAX):
             if iteration % _JACOBIAN_INTERVAL == 0 or not any(
-                g.unknown.ticks.size for g in gestures
+                g.unknown_forces.ticks.size for g in gestures
             ):
                 break
             force_jacobians = []
@@ -361,7 +367,7 @@ def fit(
         covariance,
         float(np.sqrt(position_cost / n_compared)),
         n_compared,
-        tuple(g.force[g.unknown.ticks] for g in gestures),
+        tuple(g.force[g.unknown_forces.ticks] for g in gestures),
     )
 
 

@@ -28,7 +28,7 @@ NAMES = (
     "static_speed",
 )
 MODE_NAMES = ("mode_mass", "mode_frequency", "mode_ratio")
-INDEX = {name: index for index, name in enumerate(NAMES)}
+INDEX = {parameter_name: index for index, parameter_name in enumerate(NAMES)}
 START = INDEX["start"]
 N_KEY, N_MODE = len(NAMES), len(MODE_NAMES)
 # Fitted on a linear scale, because they may be zero; [least, most].
@@ -48,7 +48,7 @@ _LOWER_BOUNDS = {INDEX["static_speed"]: 1e-4}
 _SAME_MODE_LOG_DISTANCE = 0.05  # of the logarithm of a pitch: modes that are one
 
 
-def name(parameter_index: int) -> str:
+def parameter_name(parameter_index: int) -> str:
     """The name of a parameter; those of a mode end in its number from 1."""
     if parameter_index < N_KEY:
         return NAMES[parameter_index]
@@ -61,9 +61,9 @@ def mode_indices(mode: int) -> list[int]:
     return [N_KEY + N_MODE * mode + mode_parameter for mode_parameter in range(N_MODE)]
 
 
-def n_modes(row: Floats) -> int:
+def n_modes(parameters: Floats) -> int:
     """How many modes a row has."""
-    return (len(row) - N_KEY) // N_MODE
+    return (len(parameters) - N_KEY) // N_MODE
 
 
 def derivative_scales(parameters: Floats, fitted_indices: Sequence[int]) -> Floats:
@@ -108,17 +108,21 @@ def _bounds(index: int) -> tuple[float, float]:
     return _LOWER_BOUNDS.get(index, 0.0), _UPPER_BOUNDS.get(index, np.inf)
 
 
-def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[np.bool_]:
+def leads_beyond(
+    parameters: Floats, fitted_indices: Sequence[int], step: Floats
+) -> NDArray[np.bool_]:
     """Whether a parameter is at a bound and a step leads beyond it, (columns,)."""
-    return np.array([_is_beyond(row, *pair) for pair in zip(columns, step, strict=True)], bool)
+    return np.array(
+        [_is_beyond(parameters, *pair) for pair in zip(fitted_indices, step, strict=True)], bool
+    )
 
 
-def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
-    least, greatest = _bounds(index)
-    parameter = row[index]
+def _is_beyond(parameters: Floats, index: int, parameter_step: float) -> bool:
+    value_min, value_max = _bounds(index)
+    parameter = parameters[index]
     return bool(
-        (parameter <= least and parameter_step < 0)
-        or (parameter >= greatest and parameter_step > 0)
+        (parameter <= value_min and parameter_step < 0)
+        or (parameter >= value_max and parameter_step > 0)
     )
 
 
@@ -127,19 +131,19 @@ def is_linear(index: int) -> bool:
     return index in _LINEAR_BOUNDS
 
 
-def is_rigid(row: Floats, index: int) -> bool:
+def is_rigid(parameters: Floats, index: int) -> bool:
     """Whether a stiffness is at its upper bound, where it is practically rigid."""
-    return index in _UPPER_BOUNDS and bool(row[index] >= 0.99 * _UPPER_BOUNDS[index])
+    return index in _UPPER_BOUNDS and bool(parameters[index] >= 0.99 * _UPPER_BOUNDS[index])
 
 
-def total_mass(row: Floats) -> float:
+def total_mass(parameters: Floats) -> float:
     """Mass of the key with its modes [kg]."""
-    return float(row[0] + row[N_KEY::N_MODE].sum())
+    return float(parameters[0] + parameters[N_KEY::N_MODE].sum())
 
 
-def merge_nearest_modes(row: Floats) -> Floats | None:
+def merge_nearest_modes(parameters: Floats) -> Floats | None:
     """The row with the two modes of nearest pitch as one of their mass; None if all differ."""
-    modes = row[N_KEY:].reshape(-1, N_MODE)
+    modes = parameters[N_KEY:].reshape(-1, N_MODE)
     log_frequencies = np.log(modes[:, 1])
     order = np.argsort(log_frequencies)
     gaps = np.diff(log_frequencies[order])
@@ -149,4 +153,4 @@ def merge_nearest_modes(row: Floats) -> Floats | None:
     masses = modes[nearest_pair, 0]
     merged = np.delete(modes, nearest_pair[1], axis=0)
     merged[nearest_pair[0]] = masses.sum(), *(masses @ modes[nearest_pair, 1:] / masses.sum())
-    return np.concatenate([row[:N_KEY], merged.ravel()])
+    return np.concatenate([parameters[:N_KEY], merged.ravel()])

@@ -23,14 +23,14 @@ def picture(replay: Replay, title: str, simple_replay: Replay | None = None) -> 
 
     `simple_replay` is the replay of a model with fewer parts.
     """
-    panel_rows = rows(replay)
+    panel_rows = replay_panels(replay)
     if simple_replay is not None:
-        residual_curve = _curve("residual", simple_replay.t, simple_replay.residual * 1e6)
+        residual_curve = _curve("residual", simple_replay.instants, simple_replay.residual * 1e6)
         panel_rows.insert(2, ("M K Z alone [um]", [residual_curve]))
     return panels(panel_rows, title=title)
 
 
-def rows(replay: Replay) -> list[tuple[str, list[Curve]]]:
+def replay_panels(replay: Replay) -> list[tuple[str, list[Curve]]]:
     """The panels of a replay: the label of each, and its curves."""
     rate = replay.gesture.rate
     t = np.arange(replay.gesture.force.size) / rate
@@ -41,18 +41,18 @@ def rows(replay: Replay) -> list[tuple[str, list[Curve]]]:
             "position [mm]",
             [_curve("real", t, position * 1e3), _curve("model", t, replay.model_position * 1e3)],
         ),
-        ("residual [um]", [_curve("residual", replay.t, replay.residual * 1e6)]),
+        ("residual [um]", [_curve("residual", replay.instants, replay.residual * 1e6)]),
     ]
 
 
-def _curve(name: str, t: Floats, x: Floats) -> Curve:
+def _curve(name: str, t: Floats, values: Floats) -> Curve:
     """A curve with its least and greatest value in each column of a picture."""
     stride = max(1, len(t) // _N_COLUMNS)
     if stride == 1:
-        return Curve(name, t.tolist(), x.tolist())
+        return Curve(name, t.tolist(), values.tolist())
     n_blocks = len(t) // stride
     blocks, block_begins = (
-        x[: n_blocks * stride].reshape(n_blocks, stride),
+        values[: n_blocks * stride].reshape(n_blocks, stride),
         np.arange(n_blocks) * stride,
     )
     lowest_indices, highest_indices = (
@@ -60,4 +60,4 @@ def _curve(name: str, t: Floats, x: Floats) -> Curve:
         block_begins + np.argmax(np.nan_to_num(blocks, nan=-np.inf), axis=1),
     )
     indices = np.sort(np.stack([lowest_indices, highest_indices], 1), axis=1).ravel()
-    return Curve(name, t[indices].tolist(), x[indices].tolist())
+    return Curve(name, t[indices].tolist(), values[indices].tolist())

@@ -40,14 +40,14 @@ def write_scene(replay: Replay, folder: Path) -> Path:
     """Write a score of a replay into a folder, with its take; returns the path of the score."""
     gesture = replay.gesture
     t = np.arange(gesture.force.size) / gesture.rate
-    position = np.interp(t, replay.t, gesture.position[gesture.is_compared]) - gesture.start
+    position = np.interp(t, replay.instants, gesture.position[gesture.is_compared]) - gesture.start
     curves = (
         [_Curve("asked", gesture.force, ("N", 1.0), 0.5)],
         [
             _Curve("real", position, ("mm", 1e-3), 0.25),
             _Curve("model", replay.model_position - gesture.start, ("mm", 1e-3), 0.25, 0.05),
         ],
-        [_Curve("residual", np.interp(t, replay.t, replay.residual), ("um", 1e-6), 0.0)],
+        [_Curve("residual", np.interp(t, replay.instants, replay.residual), ("um", 1e-6), 0.0)],
     )
     columns, chains, comments = {}, "", []
     for curve_group in curves:
@@ -62,15 +62,15 @@ def write_scene(replay: Replay, folder: Path) -> Path:
             chains += _chain_text(curve)
     np.savez(folder / "replay.npz", allow_pickle=False, t=t, **columns)
     takes = "".join(f"  {name}: {{file: replay.npz, channel: {name}}}\n" for name in columns)
-    score = folder / "replay.yaml"
+    score_path = folder / "replay.yaml"
     # A piece ends with its last event. This one has no event, so all of it is its tail.
-    score.write_text(
+    score_path.write_text(
         f"ergon: 1\ntitle: 'from above: {', '.join(comments)}'\nrates: {{audio: 8kHz}}\n"
         f"render: {{tail: {t[-1]:.3f}s}}\ntakes:\n{takes}"
         f"instruments:\n  replay:\n    space: 3\n    modules:\n{chains}",
         encoding="utf-8",
     )
-    return score
+    return score_path
 
 
 def _rounded_scale(value_max: float) -> float:
@@ -85,7 +85,7 @@ def _rounded_scale(value_max: float) -> float:
 def _chain_text(curve: _Curve) -> str:
     """Modules: points that follow a take, each later than the one before."""
     place = f"{curve.y}m, {curve.z}m"
-    leads = "".join(
+    drive_lines = "".join(
         f"      {curve.name}_{i}: "
         f"{{ENX: {{to: {curve.name}.{i}.z, from: {curve.name}, "
         f"at: {i * _SHOWN_DURATION / (_CHAIN_POINTS - 1):.5f}s}}}}\n"
@@ -96,5 +96,5 @@ def _chain_text(curve: _Curve) -> str:
         f"      {curve.name}: "
         f"{{CHAIN: {{masses: {_CHAIN_POINTS}, ends: free, M: {_CHAIN_POINTS}kg, "
         f"K: 1e-9N/m, from: [0m, {place}], to: [-{_CHAIN_LENGTH}m, "
-        f"{place}]}}}}\n{leads}"
+        f"{place}]}}}}\n{drive_lines}"
     )

@@ -20,7 +20,7 @@ import numpy as np
 
 from .first_guess import first_guess
 from .gesture import sensor_noise
-from .judging import Judge, Stage, determines, with_values
+from .judging import Stage, StageJudge, are_determined, with_values
 from .mode_search import SCORE_MIN, highest_peak
 from .parameters import INDEX, merge_nearest_modes, mode_indices, n_modes
 
@@ -103,7 +103,7 @@ def measure(
     """
     gestures = list(gestures)
     noise = sensor_noise(gestures if held_out is None else [*gestures, held_out])
-    search = _Search(Judge(gestures, held_out), report_stage)
+    search = _Search(StageJudge(gestures, held_out), report_stage)
     search.add_parts()
     while search.add_against_held_out() or search.remove_doubtful():
         search.add_parts()
@@ -114,11 +114,11 @@ def measure(
 class _Search:
     """The stages so far, the best of them, and those that were refused since."""
 
-    def __init__(self, judge: Judge, report_stage: Callable[[Stage], object]) -> None:
-        self.judge, self.tell = judge, report_stage
+    def __init__(self, judge: StageJudge, report_stage: Callable[[Stage], object]) -> None:
+        self.judge, self.report_stage = judge, report_stage
         self.guess = first_guess(judge.gestures)
         row = with_values(self.guess, {"dry": 0.0})
-        self.best = judge.stage("M K Z", row, _LINEAR, None)
+        self.best = judge.fit_stage("M K Z", row, _LINEAR, None)
         self.stages = [self.best]
         self.refused: list[Stage] = []
         report_stage(self.best)
@@ -126,7 +126,7 @@ class _Search:
     def _decide(self, stage: Stage) -> bool:
         """Keep a stage or not."""
         self.stages.append(stage)
-        self.tell(stage)
+        self.report_stage(stage)
         if stage.is_accepted:
             self.best, self.refused = stage, []
         else:
@@ -163,7 +163,7 @@ class _Search:
             )
         ]
         return self._decide(
-            self.judge.best_stage_of(part.name, start_rows, fitted_indices, previous)
+            self.judge.fit_best_start(part.name, start_rows, fitted_indices, previous)
         )
 
     def _add_mode(self) -> bool:
@@ -175,23 +175,23 @@ class _Search:
         stage_name = "mode" if mode_number == 0 else f"mode {mode_number + 1}"
         if mode_number == MODES_MAX or self._was_refused(stage_name):
             return False
-        peak = highest_peak(self.judge.recovered(previous), previous.fit)
+        peak = highest_peak(self.judge.with_recovered_forces(previous), previous.fit)
         if peak.score < SCORE_MIN:
             return self._decide(
                 Stage(stage_name, previous.fit, previous.replay_rms, False, peak.score)
             )
-        parameter_rows = []
+        start_rows = []
         for pitch_factor, ratio in ((1, 0.01), (1, 0.03), (1 / 1.025, 0.02), (1.025, 0.02)):
             row = np.append(
                 previous.fit.parameters, [peak.mass, pitch_factor * peak.frequency, ratio]
             )
             row[0] -= peak.mass
-            parameter_rows.append(row)
-        trial_columns = dict.fromkeys(
+            start_rows.append(row)
+        trial_indices = dict.fromkeys(
             (*previous.fit.fitted_indices, INDEX["delay"], *mode_indices(mode_number))
         )
-        trial = self.judge.best_stage_of(
-            stage_name, parameter_rows, tuple(trial_columns), previous, peak.score
+        trial = self.judge.fit_best_start(
+            stage_name, start_rows, tuple(trial_indices), previous, peak.score
         )
         return self._decide(trial) or self._join_modes(trial, previous)
 
@@ -203,8 +203,12 @@ class _Search:
         joined_row = merge_nearest_modes(trial.fit.parameters)
         if joined_row is None or not trial.explains_more(best_before):
             return False
-        columns = tuple(index for index in trial.fit.fitted_indices if index < joined_row.size)
-        return self._decide(self.judge.stage("modes anew", joined_row, columns, best_before))
+        fitted_indices = tuple(
+            index for index in trial.fit.fitted_indices if index < joined_row.size
+        )
+        return self._decide(
+            self.judge.fit_stage("modes anew", joined_row, fitted_indices, best_before)
+        )
 
     def add_against_held_out(self) -> bool:
         """Whether parts were kept after one that was refused, though it explains the takes.
@@ -223,9 +227,11 @@ class _Search:
             added_indices = set(stage.fit.fitted_indices) - set(previous.fit.fitted_indices)
             # Without a mode that the gesture is too slow to show, the mass is wrong by that of the
             # mode.
-            is_hidden = stage.name.startswith("mode") and self.best.is_hidden(previous)
-            is_better = self.best.replay_rms < previous.replay_rms or is_hidden
-            if is_better and determines(self.best.fit, added_indices):
+            is_sure_mode = stage.name.startswith("mode") and self.best.is_sure_despite_replay(
+                previous
+            )
+            is_better = self.best.replay_rms < previous.replay_rms or is_sure_mode
+            if is_better and are_determined(self.best.fit, added_indices):
                 return True
             self._decide(replace(previous, name=stage.name, is_accepted=True, is_removal=True))
         return False
@@ -233,7 +239,7 @@ class _Search:
     def remove_doubtful(self) -> bool:
         """Whether a kind of friction was removed."""
         removed = [
-            self._decide(self.judge.without(part.name, part.parameters, self.best))
+            self._decide(self.judge.fit_without(part.name, part.parameters, self.best))
             for part in _PARTS
             if part.is_doubtful
             and part.is_fitted(self.best.fit)

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import excitation
 from .gesture import TICKS_MIN
-from .ladder import SAFETY_ENDS, TICK_RATE, Guide, Ladder, TakeEnded, gesture, push, settle
+from .ladder import SAFETY_ENDS, TICK_RATE, Guide, Ladder, TakeEnded, gesture_of_take, push, settle
 from .parameters import INDEX
 
 if TYPE_CHECKING:
@@ -63,11 +63,11 @@ def record(
     follows.
     Raises TakeEnded.
     """
-    axis, takes, remaining = ladder.axis, [], duration
+    axis, takes, seconds_left = ladder.axis, [], duration
     guide = ladder.guide if ladder.needs_guide else ladder.guide.without_guide
     force = _bearable_force(ladder, kind, guide, seed, path)
     for part_number in range(1, _PARTS_MAX + 1):
-        forces = _take_forces(ladder, kind, remaining, force, seed + part_number, path)
+        forces = _take_forces(ladder, kind, seconds_left, force, seed + part_number, path)
         forces_sent, n_still = excitation.with_still_beginning(forces, TICK_RATE)
         settle(axis, ladder.guide)
         excited = push(
@@ -80,9 +80,9 @@ def record(
         )
         n_ticks = excited.sent().size
         if n_ticks >= max(TICKS_MIN, n_still + TICK_RATE) or excited.end == "done":
-            takes.append(Take(kind, part_number, gesture(excited)))
-            remaining -= (n_ticks - n_still) / TICK_RATE
-        if excited.end not in SAFETY_ENDS or remaining < 1.0:
+            takes.append(Take(kind, part_number, gesture_of_take(excited)))
+            seconds_left -= (n_ticks - n_still) / TICK_RATE
+        if excited.end not in SAFETY_ENDS or seconds_left < 1.0:
             break
         force *= _FORCE_REDUCTION
     settle(axis, ladder.guide)
@@ -139,10 +139,12 @@ def _take_forces(
     elif kind == "held-out":
         forces = excitation.knocks(parameters, TICK_RATE, duration, excursion_max, force)
     else:
-        quick = (
+        quick_forces = (
             excitation.rain(n_ticks, rng)
             if kind == "rain"
             else excitation.strikes(n_ticks, TICK_RATE, rng)
         )
-        forces = force * excitation.mixed(n_ticks, TICK_RATE, rng, quick, _QUICK_SHARES[kind])
+        forces = force * excitation.mix_with_strokes(
+            n_ticks, TICK_RATE, rng, quick_forces, _QUICK_SHARES[kind]
+        )
     return excitation.scaled_to_reach(forces, TICK_RATE, guided_parameters, excursion_max)

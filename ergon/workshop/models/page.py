@@ -16,19 +16,19 @@ class Line:
     """A name and its value, with comments before the line and at its end."""
 
     name: str
-    text: str
+    value_text: str
     comment: str = ""
     comments_before: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:
         """The word that a module begins with."""
-        return self.text.lstrip("{").partition(":")[0]
+        return self.value_text.lstrip("{").partition(":")[0]
 
-    def lines(self, indent: str) -> Iterator[str]:
+    def score_lines(self, indent: str) -> Iterator[str]:
         """The line of a score, after its comments."""
         yield from (f"{indent}# {printable(line)}" for line in self.comments_before)
-        yield f"{indent}{self.name}: {self.text}{trailing_comment(self.comment)}"
+        yield f"{indent}{self.name}: {self.value_text}{trailing_comment(self.comment)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +40,15 @@ class Input:
     """
 
     file: str | None
-    first: float
-    second: float = 0.0
-    least: float = 0.0
-    greatest: float = 0.0
+    first_sample: float
+    second_sample: float = 0.0
+    sample_min: float = 0.0
+    sample_max: float = 0.0
     n_frames: int = 0
     trim: str = ""
 
     @property
-    def start(self) -> str:
+    def start_field_text(self) -> str:
         """When an ENX or ENF that this input drives begins, as a further field."""
         return "" if self.file is None else ", at: 0s"
 
@@ -62,7 +62,7 @@ class Input:
 
 
 @dataclass(frozen=True, slots=True)
-class Out:
+class Output:
     """An output of the instrument, and the channel on which it is heard.
 
     `options` are those of its route, with the comma before each.
@@ -81,13 +81,13 @@ class Page:
 
     header: Iterable[str]
     modules: Iterable[Line]
-    outs: Sequence[Out]
+    outputs: Sequence[Output]
     n_channels: int = 0  # at least, where one of them is silent
     parameters: Iterable[Line] = ()
     inputs: Mapping[str, Input] = field(default_factory=dict)  # by their names
     force_inputs: Collection[str] = ()  # the inputs that are forces
-    comments_after: Iterable[str] = ()  # comments behind the modules
-    before_strikes: Iterable[str] = ()  # comments
+    module_comments: Iterable[str] = ()  # comments behind the modules
+    strike_comments: Iterable[str] = ()  # comments
     strikes: Sequence[Line] = ()
 
     def text(self) -> str:
@@ -109,17 +109,17 @@ class Page:
         yield "    units: ca"
         yield f"    at: {RATE}Hz"
         yield from _block("    modules:", self.modules)
-        yield from (f"      # {printable(line)}" for line in self.comments_after)
-        yield from _block("    out:", (Line(out.name, f"{{{out.source}}}") for out in self.outs))
-        yield from (f"# {line}" for line in self.before_strikes if self.strikes)
+        yield from (f"      # {printable(line)}" for line in self.module_comments)
+        yield from _block("    out:", (Line(out.name, f"{{{out.source}}}") for out in self.outputs))
+        yield from (f"# {line}" for line in self.strike_comments if self.strikes)
         yield from _block("strikes:", self.strikes)
-        n_channels = max([self.n_channels, *(out.channel for out in self.outs)])
+        n_channels = max([self.n_channels, *(out.channel for out in self.outputs)])
         if n_channels:
             yield "mix:"
             yield f"  channels: {n_channels}"
-        if self.outs:
+        if self.outputs:
             yield "  route:"
-        for out in self.outs:
+        for out in self.outputs:
             row = f"{{from: model.{out.name}, to: {out.channel}{out.options}}}"
             yield f"    - {row}{trailing_comment(out.comment)}"
         yield "accuracy: {method: ca, guard: off}"
@@ -127,7 +127,7 @@ class Page:
 
 
 # The range of OSC: at rest until the first value, and within full scale.
-OSC = Input(None, 0.0, least=-1.0, greatest=1.0)
+OSC = Input(None, 0.0, sample_min=-1.0, sample_max=1.0)
 
 
 def gain_option(factor: float) -> str:
@@ -151,4 +151,4 @@ def _block(title: str, lines: Iterable[Line]) -> Iterator[str]:
     for line_index, line in enumerate(lines):
         if line_index == 0:
             yield title
-        yield from line.lines(indent)
+        yield from line.score_lines(indent)

@@ -18,7 +18,7 @@ from typing import Any
 
 from ergon.common.errors import ErgonError
 
-_NAMES = (
+_PROGRAM_NAMES = (
     "chromium",
     "chromium-browser",
     "google-chrome",
@@ -44,7 +44,7 @@ _FREE_DESCRIPTOR_MIN = 10  # descriptors from here on are free of the protocol's
 _ANSWER_TIMEOUT = 300.0  # [s] a picture drawn in software on a busy machine takes seconds
 _EXIT_TIMEOUT = 10.0  # [s] for the browser to end by itself
 # Resolves to "" when the page's own script is ready, or to the message that the page shows.
-_READY = """new Promise((resolve) => {
+_READY_SCRIPT = """new Promise((resolve) => {
   const look = () => {
     const told = document.getElementById('told')?.textContent;
     if (window.ergon?.ready) window.ergon.ready.then(() => resolve(''), (e) => resolve(e.message));
@@ -66,7 +66,7 @@ def find_browser(program: str | None = None) -> str:
     """
     if not hasattr(os, "posix_spawn"):
         raise BrowserError("a browser without a window can be controlled only on Linux and macOS")
-    for name in (program,) if program else _NAMES:
+    for name in (program,) if program else _PROGRAM_NAMES:
         browser = shutil.which(name)
         if browser is not None:
             return browser
@@ -85,7 +85,7 @@ class Page:
         self.session = session
         self.requests: list[str] = []
         self.errors: list[str] = []
-        self._n_loaded = 0
+        self._load_count = 0
 
     def call(self, method: str, **parameters: object) -> dict[str, Any]:
         """Call a method of the protocol. Raises BrowserError."""
@@ -94,7 +94,7 @@ class Page:
     def on_event(self, method: str, parameters: dict[str, Any]) -> None:
         """Record an event of the protocol: a finished load, a request or an error."""
         if method == "Page.loadEventFired":
-            self._n_loaded += 1
+            self._load_count += 1
         elif method == "Network.requestWillBeSent":
             self.requests.append(parameters["request"]["url"])
         elif method == "Network.webSocketCreated":
@@ -132,11 +132,11 @@ class Page:
 
         Raises BrowserError.
         """
-        n_loaded_before = self._n_loaded
+        n_loaded_before = self._load_count
         self.call("Page.navigate", url=url)
-        while self._n_loaded == n_loaded_before:
+        while self._load_count == n_loaded_before:
             self._browser.listen()
-        reason = self.run(_READY)
+        reason = self.run(_READY_SCRIPT)
         if reason:
             raise BrowserError(reason)
 

@@ -27,9 +27,9 @@ _KINDS: dict[str, tuple[str, str, str, dict[str, str]]] = {
     ".mp4": ("mp4", "libx264", "aac", {"crf": "20", "preset": "medium"}),
 }
 SUFFIXES = tuple(_KINDS)
-_BT709, _LIMITED = 1, 1  # ITU-T H.273
+_BT709, _LIMITED_RANGE = 1, 1  # ITU-T H.273
 _SOUND_RATE = 48_000  # Hz, which Opus is made for
-_SOUND_BITS = 192_000  # a second
+_SOUND_BITS_PER_SECOND = 192_000  # a second
 
 
 class VideoError(ErgonError, RuntimeError):
@@ -78,7 +78,7 @@ class VideoFile:
             self._video.codec_context.colorspace = _BT709
             self._video.codec_context.color_primaries = _BT709
             self._video.codec_context.color_trc = _BT709
-            self._video.codec_context.color_range = _LIMITED
+            self._video.codec_context.color_range = _LIMITED_RANGE
             self._sound = None if sound is None else self._sound_stream(sound_codec, sound)
         except av.error.FFmpegError as error:
             raise VideoError(f"this PyAV cannot write {suffix} files: {error}") from None
@@ -122,7 +122,7 @@ class _SoundStream:
         self._av, self._container, self._sound = av, container, sound
         layout = "mono" if sound.n_out == 1 else "stereo"
         self._stream = container.add_stream(codec, rate=_SOUND_RATE, layout=layout)
-        self._stream.bit_rate = _SOUND_BITS
+        self._stream.bit_rate = _SOUND_BITS_PER_SECOND
         self._resampler = av.AudioResampler(
             format=self._stream.format, layout=layout, rate=_SOUND_RATE
         )

@@ -19,7 +19,7 @@ from ergon.scores.staging import planning
 from ergon.scores.staging.preparing import PreparedPiece, prepare
 from ergon.scores.staging.refusals import StageError
 from ergon.workshop.lab import metrics
-from ergon.workshop.lab.runs import Oversampled
+from ergon.workshop.lab.runs import OversampledScene
 from ergon.workshop.lab.scene import NetworkAndTimeline, Score
 
 BY_EAR = None
@@ -304,7 +304,7 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Sequence[Plan]) -> Iterator[P
     pilots = [plan.pilot for plan in plans]
     by_ear = [plan.pilot for plan in plans if plan.budget is BY_EAR]
     for method, times in PLAIN:
-        scene = Oversampled.from_scene(Score(piece), times)
+        scene = OversampledScene.from_scene(Score(piece), times)
         try:
             plan = _core.Plan(scene.network, scene.timeline, method=method)
             pins = _uncounted(plan)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.workshop.lab.metrics import third_octaves
-from ergon.workshop.lab.partials import strongest
+from ergon.workshop.lab.partials import strongest_partials
 
 PITCH_UPTO = 5000.0  # [Hz]
 BAND = 20.0  # [Hz] half the width of a partial
@@ -81,7 +81,7 @@ def _errors_of_output(y: np.ndarray, x: np.ndarray, rate: float) -> AudibleError
 
 def _partials(y: np.ndarray, x: np.ndarray, rate: float) -> tuple[float, float]:
     """Largest error of a pitch [cents], and of a T60 relative to itself, of strong partials."""
-    peaks = strongest(x, rate, window=_window(len(x), rate))
+    peaks = strongest_partials(x, rate, window=_window(len(x), rate))
     bands = [(f, _band(y, f, rate), _band(x, f, rate)) for f in peaks]
     powers = [float(np.sum(np.abs(theirs) ** 2)) for _, _, theirs in bands]
     cents, decays = [0.0], [0.0]

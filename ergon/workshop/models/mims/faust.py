@@ -12,7 +12,7 @@ _STATEMENT = re.compile(r"^[ \t]*@\w+[ \t]+(\w+)", re.MULTILINE)
 _KEYWORDS = frozenset(keyword for forms in FORMS.values() for keyword in forms)
 
 
-def script(program_text: str) -> str:
+def find_script(program_text: str) -> str:
     """The lines of a program's script, with their line numbers kept. Raises ModelError if there is
     none.
     """

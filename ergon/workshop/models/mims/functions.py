@@ -64,16 +64,18 @@ _FUNCTIONS: Mapping[str, tuple[int, Callable[..., float]]] = {
 }
 
 
-def is_plain(text: str, params: Container[str]) -> bool:
+def is_score_expression(text: str, params: Container[str]) -> bool:
     """Whether a score can have an expression: it has no functions but `sqrt`, and no constants."""
     constants = (word in _CONSTANTS and word not in params for word in _WORD.findall(text))
     return all(word == "sqrt" for word in _CALL.findall(text)) and not any(constants)
 
 
-def value(text: str, names: Mapping[str, Amount], expected: str) -> Amount:
+def evaluate_with_functions(
+    text: str, amounts_by_name: Mapping[str, Amount], expected: str
+) -> Amount:
     """The value of an expression of numbers, names and functions. Raises TextError."""
     constants = {name: Amount(Fraction(number), "") for name, number in _CONSTANTS.items()}
-    return _evaluate(text, {**constants, **names}, expected, 0)
+    return _evaluate(text, {**constants, **amounts_by_name}, expected, 0)
 
 
 def _evaluate(
@@ -94,10 +96,10 @@ def _evaluate(
     return evaluate(call_free_text + text[position:], amounts, expected=expected)
 
 
-def _arguments(text: str, begin: int) -> tuple[list[str], int]:
+def _arguments(text: str, text_position: int) -> tuple[list[str], int]:
     """The arguments between parentheses, and where what follows them begins."""
-    arguments, depth, argument_begin = [], 0, begin
-    for index in range(begin, len(text)):
+    arguments, depth, argument_begin = [], 0, text_position
+    for index in range(text_position, len(text)):
         character = text[index]
         if depth == 0 and character in ",)":
             arguments.append(text[argument_begin:index])

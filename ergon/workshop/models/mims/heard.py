@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.model import Statement
-from ergon.workshop.models.mims.points import points
+from ergon.workshop.models.mims.points import targets_of_point
 from ergon.workshop.models.mims.writing import ScoreDraft
-from ergon.workshop.models.page import Out, gain_option
+from ergon.workshop.models.page import Output, gain_option
 from ergon.workshop.models.refused import REFUSED
 
 
@@ -21,7 +21,7 @@ def _links_on(draft: ScoreDraft, mass_name: str) -> Iterator[Statement]:
     )
 
 
-def audible_ends(draft: ScoreDraft) -> dict[int, str]:
+def mass_by_heard_link(draft: ScoreDraft) -> dict[int, str]:
     """Links whose force is heard, and for each the mass on which it is heard. Raises ModelError."""
     mass_by_link: dict[int, str] = {}
     for statement in draft.model.statements_of("output"):
@@ -49,14 +49,16 @@ def add_output(draft: ScoreDraft, statement: Statement) -> None:
     """An output."""
     channel = int(statement.name.removeprefix("out"))
     if statement.keyword == "posOutput":
-        targets = points(draft, statement, statement.points[0])
-        for number, (share, target) in enumerate(targets, 1):
-            out_name = statement.name if len(targets) == 1 else f"{statement.name}_{number}"
-            draft.outs.append(Out(out_name, f"SOX: {target}", channel, gain_option(share)))
+        targets = targets_of_point(draft, statement, statement.points[0])
+        for output_number, (gain_factor, target) in enumerate(targets, 1):
+            out_name = statement.name if len(targets) == 1 else f"{statement.name}_{output_number}"
+            draft.outputs.append(
+                Output(out_name, f"SOX: {target}", channel, gain_option(gain_factor))
+            )
         return
     mass = statement.points[0].name
     link_names = [name for link, name in draft.links if any(p.name == mass for p in link.points)]
     kinds = {module.name: module.kind for module in draft.modules}
-    for number, link_name in enumerate(link_names, 1):
-        out_name = statement.name if len(link_names) == 1 else f"{statement.name}_{number}"
-        draft.outs.append(Out(out_name, f"SOF: {{{kinds[link_name]}: {link_name}}}", channel))
+    for output_number, link_name in enumerate(link_names, 1):
+        out_name = statement.name if len(link_names) == 1 else f"{statement.name}_{output_number}"
+        draft.outputs.append(Output(out_name, f"SOF: {{{kinds[link_name]}: {link_name}}}", channel))

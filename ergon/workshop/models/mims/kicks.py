@@ -26,7 +26,10 @@ class InitialMotion:
 
 
 def jump_force(
-    link: Link, values: Mapping[str, float], first: InitialMotion, second: InitialMotion
+    link: Link,
+    values: Mapping[str, float],
+    first_motion: InitialMotion,
+    second_motion: InitialMotion,
 ) -> float:
     """The force of the jump on the first end of a link, which the score lacks; the second end has
     its opposite.
@@ -34,11 +37,13 @@ def jump_force(
     `values` are those of the statement.
     """
     elongation = (
-        second.x - first.x - (0.0 if "thresh" in link.fields else values.get("thresh", 0.0))
+        second_motion.x
+        - first_motion.x
+        - (0.0 if "thresh" in link.fields else values.get("thresh", 0.0))
     )
     elongation_step, jump = (
-        second.step - first.step,
-        second.jump - first.jump,
+        second_motion.step - first_motion.step,
+        second_motion.jump - first_motion.jump,
     )
     if link.kind == "LNL":
         constants = {letter: values.get(name, 0.0) for letter, name in link.fields.items()}

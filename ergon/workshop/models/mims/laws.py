@@ -25,13 +25,15 @@ class Link:
     fields: Mapping[str, str]  # field -> value of the statement
     law: str = ""
     damping: str = ""
-    rest: str = ""  # the value that counts as d = 0
+    rest_name: str = ""  # name of the value that counts as d = 0
     is_symmetric: bool = True
 
 
-def _lnl(law: str, damping: str, constants: str, rest: str = "", is_symmetric: bool = True) -> Link:
+def _lnl(
+    law: str, damping: str, constants: str, rest_name: str = "", is_symmetric: bool = True
+) -> Link:
     fields = {name.lower(): name for name in constants.split()}
-    return Link("LNL", fields, law, damping, rest, is_symmetric)
+    return Link("LNL", fields, law, damping, rest_name, is_symmetric)
 
 
 _CUBIC = "where(abs(d) <= sqrt((lim - k)/q), d*(k + q*d*d), lim*d)"
@@ -126,12 +128,12 @@ def followable(keyword: str, link: Link, signal_values: Collection[str]) -> Link
     link = _FOLLOWABLE.get(link.kind, link)
     if keyword in _UNIFIED_LAWS and not {"K", "Q", "lim"}.isdisjoint(signal_values):
         link = _UNIFIED_LAWS[keyword]
-    if link.rest in signal_values:
-        fields = {**link.fields, link.rest: link.rest}
+    if link.rest_name in signal_values:
+        fields = {**link.fields, link.rest_name: link.rest_name}
         law_text, damping = (
-            _ELONGATION.sub(f"(d - {link.rest})", text) for text in (link.law, link.damping)
+            _ELONGATION.sub(f"(d - {link.rest_name})", text) for text in (link.law, link.damping)
         )
-        link = replace(link, fields=fields, law=law_text, damping=damping, rest="")
+        link = replace(link, fields=fields, law=law_text, damping=damping, rest_name="")
     return link
 
 

@@ -10,9 +10,9 @@ from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.kicks import InitialMotion, jump_force
 from ergon.workshop.models.mims.laws import LINKS, Link, followable, law_name
-from ergon.workshop.models.mims.masses import not_negative
+from ergon.workshop.models.mims.masses import refuse_negative
 from ergon.workshop.models.mims.model import Point, Statement
-from ergon.workshop.models.mims.points import fixed_point, points, shares
+from ergon.workshop.models.mims.points import fixed_point, force_shares, targets_of_point
 from ergon.workshop.models.mims.signals import Value, follows_field, value_of
 from ergon.workshop.models.mims.writing import ScoreDraft
 from ergon.workshop.models.naming import length_text
@@ -21,13 +21,15 @@ from ergon.workshop.models.refused import REFUSED
 _ZERO_VALUE = Value("0", 0.0, 0.0, 0.0)
 
 
-def add_link(draft: ScoreDraft, statement: Statement, audible_ends: Mapping[int, str]) -> None:
-    """Add a link; `audible_ends` gives the links whose force is heard, with the mass on which it is
-    heard.
+def add_link(
+    draft: ScoreDraft, statement: Statement, mass_by_heard_link: Mapping[int, str]
+) -> None:
+    """Add a link; `mass_by_heard_link` gives the links whose force is heard, with the mass on which
+    it is heard.
     """
     values = {name: value_of(draft, statement, name) for name in statement.values}
     link_law = _law(draft, statement, values)
-    points_by_end = [points(draft, statement, point) for point in statement.points]
+    points_by_end = [targets_of_point(draft, statement, point) for point in statement.points]
     non_negative_fields = (
         ["K", "Z"] if link_law.kind != "LNL" else ["Q"] if "q*d*d" in link_law.law else []
     )
@@ -35,13 +37,13 @@ def add_link(draft: ScoreDraft, statement: Statement, audible_ends: Mapping[int,
         name for name in ("K", "Z", "lim") if name in values and values[name].linear
     ]
     for value_name in non_negative_fields:
-        not_negative(values.get(value_name, _ZERO_VALUE), value_name, statement.line)
-    if "scale" in values and values["scale"].least <= 0.0:
-        raise ModelError(REFUSED["scale"].format(value=values["scale"].least), statement.line)
+        refuse_negative(values.get(value_name, _ZERO_VALUE), value_name, statement.line)
+    if "scale" in values and values["scale"].value_min <= 0.0:
+        raise ModelError(REFUSED["scale"].format(value=values["scale"].value_min), statement.line)
     is_doubled = draft.model.dialect == "v1" and statement.keyword == "nlSpring3"
-    first_values = {name: value.first for name, value in values.items()}
+    first_values = {name: value.first_value for name, value in values.items()}
     if link_law.damping or first_values.get("Z"):
-        shares_by_end = [shares(draft, statement, point) for point in statement.points]
+        shares_by_end = [force_shares(draft, statement, point) for point in statement.points]
         a, b = (
             _initial_motion(draft, *end)
             for end in zip(statement.points, shares_by_end, strict=True)
@@ -56,13 +58,13 @@ def add_link(draft: ScoreDraft, statement: Statement, audible_ends: Mapping[int,
         ]
     if max(map(len, points_by_end)) > 1:
         _add_pairwise_springs(
-            draft, statement, link_law, points_by_end, audible_ends.get(id(statement), "")
+            draft, statement, link_law, points_by_end, mass_by_heard_link.get(id(statement), "")
         )
         return
     end_names = [targets[0][1] for targets in points_by_end]
     side_field = ""
     if (
-        audible_ends.get(id(statement)) == statement.points[0].name
+        mass_by_heard_link.get(id(statement)) == statement.points[0].name
     ):  # its force on the first end is heard
         end_names.reverse()
         side_field = ", side: above" if link_law.kind == "BUT" else ""
@@ -73,10 +75,10 @@ def add_link(draft: ScoreDraft, statement: Statement, audible_ends: Mapping[int,
     for field_name, text in (("law", link_law.law), ("damping", link_law.damping)):
         fields += [f'{field_name}: "{text}"'] if text else []
     fields += _value_fields(draft, link_law, values, "2*" if is_doubled else "")
-    if link_law.rest:
+    if link_law.rest_name:
         fields += (
-            [f"rest: {length_text(draft.text(statement, link_law.rest))}"]
-            if link_law.rest in values
+            [f"rest: {length_text(draft.text(statement, link_law.rest_name))}"]
+            if link_law.rest_name in values
             else []
         )
     if link_law.kind == "BUT" and first_values.get("thresh"):
@@ -93,10 +95,10 @@ def _law(draft: ScoreDraft, statement: Statement, values: Mapping[str, Value]) -
     """
     following_values = [name for name, value in values.items() if value.linear]
     if not following_values:
-        first_values = {name: value.first for name, value in values.items()}
+        first_values = {name: value.first_value for name, value in values.items()}
         return LINKS[draft.laws][law_name(statement.keyword, first_values)]
     # The law is chosen by the highest values: a value that follows a signal is above 0 somewhere.
-    greatest_values = {name: value.greatest for name, value in values.items()}
+    greatest_values = {name: value.value_max for name, value in values.items()}
     if "smooth" in following_values:  # the valid law would change too
         message = REFUSED["signal"].format(name=quote(statement.values["smooth"]), value="smooth")
         raise ModelError(message, statement.line)

@@ -8,7 +8,7 @@ from ergon.workshop.models.mims import places
 from ergon.workshop.models.mims.grammar import MESHES, STRINGS
 from ergon.workshop.models.mims.kicks import InitialMotion
 from ergon.workshop.models.mims.model import Statement
-from ergon.workshop.models.mims.points import points
+from ergon.workshop.models.mims.points import targets_of_point
 from ergon.workshop.models.mims.signals import Value, add_imposed_point, follows_field, value_of
 from ergon.workshop.models.mims.writing import ScoreDraft
 from ergon.workshop.models.naming import length_text
@@ -22,20 +22,20 @@ def add_force_input(draft: ScoreDraft, statement: Statement) -> None:
     """Apply a force from outside."""
     if statement.keyword != "frcInput":
         return
-    for share, target in points(draft, statement, statement.points[0]):
+    for share, target in targets_of_point(draft, statement, statement.points[0]):
         if statement.name in draft.inputs:
             push_name = draft.names.new(f"{statement.name}_push")
             scale_field = "" if share == 1.0 else f", scale: {share!r}"
-            start = draft.inputs[statement.name].start
+            start = draft.inputs[statement.name].start_field_text
             draft.add(
                 push_name, f"ENF: {{to: {target}, from: {statement.name}{start}{scale_field}}}"
             )
 
 
-def not_negative(checked_value: Value, name: str, line: int) -> None:
+def refuse_negative(checked_value: Value, name: str, line: int) -> None:
     """Refuse a value below 0, which would make energy. Raises ModelError."""
-    if checked_value.least < 0.0:
-        raise ModelError(REFUSED["negative"].format(name=name, value=checked_value.least), line)
+    if checked_value.value_min < 0.0:
+        raise ModelError(REFUSED["negative"].format(name=name, value=checked_value.value_min), line)
 
 
 # --- masses -------------------------------------------------------------------------------------
@@ -54,26 +54,36 @@ def _add_mass(draft: ScoreDraft, statement: Statement) -> None:
         )
         return
     mass = _positive_mass(draft, statement)
-    ties = {tie: value_of(draft, statement, tie) for tie in ("K", "Z") if tie in statement.values}
-    for tie, tie_value in ties.items():
-        not_negative(tie_value, tie, statement.line)
-    has_led_values = any(tie_value.linear for tie_value in ties.values())
+    ground_constants = {
+        constant_name: value_of(draft, statement, constant_name)
+        for constant_name in ("K", "Z")
+        if constant_name in statement.values
+    }
+    for constant_name, constant in ground_constants.items():
+        refuse_negative(constant, constant_name, statement.line)
+    follows_signals = any(constant.linear for constant in ground_constants.values())
     fields = [f"M: {mass.text}"]
     if mass.linear is not None:
-        has_led_values = bool(ties)  # a mass with ties has no poles of its own
-        mass_min = mass.least
+        follows_signals = bool(ground_constants)  # a mass with ties has no poles of its own
+        mass_min = mass.value_min
         fields = [
             f"M: {mass_min!r}",
             f"follows: {{M: {follows_field(draft, mass, is_ahead=True)}}}",
         ]
-    if not has_led_values:
-        fields += [f"{tie}: {tie_value.text}" for tie, tie_value in ties.items()]
-    k, z = (ties[tie].first if tie in ties else 0.0 for tie in ("K", "Z"))
-    fields += [text for text in _start_fields(draft, statement, (mass.first, k, z)) if text]
-    kind = "CEL" if ties and not has_led_values else "MAS"
+    if not follows_signals:
+        fields += [
+            f"{constant_name}: {constant.text}"
+            for constant_name, constant in ground_constants.items()
+        ]
+    k, z = (
+        ground_constants[constant_name].first_value if constant_name in ground_constants else 0.0
+        for constant_name in ("K", "Z")
+    )
+    fields += [text for text in _start_fields(draft, statement, (mass.first_value, k, z)) if text]
+    kind = "CEL" if ground_constants and not follows_signals else "MAS"
     draft.add(mass_name, f"{kind}: {{{', '.join(fields)}}}")
-    if has_led_values:
-        _tie_to_ground(draft, mass_name, ties)
+    if follows_signals:
+        _tie_to_ground(draft, mass_name, ground_constants)
     if gravity := _gravity(draft, statement):
         weight_name = draft.names.new(f"{mass_name}_weight")
         draft.add(
@@ -81,38 +91,40 @@ def _add_mass(draft: ScoreDraft, statement: Statement) -> None:
         )
 
 
-def _tie_to_ground(draft: ScoreDraft, mass_name: str, ties: dict[str, Value]) -> None:
+def _tie_to_ground(draft: ScoreDraft, mass_name: str, ground_constants: dict[str, Value]) -> None:
     """Tie a mass to 0 by values that follow a signal, taken from the next sample."""
     ground_name = draft.names.new(f"{mass_name}_ground")
     draft.add(ground_name, "SOL: {}")
     law_by_value = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
-    fields = [law_by_value[tie_name] for tie_name in ties]
+    fields = [law_by_value[tie_name] for tie_name in ground_constants]
     fields += [
-        f"{tie_name.lower()}: {value.text}" for tie_name, value in ties.items() if not value.linear
+        f"{tie_name.lower()}: {value.text}"
+        for tie_name, value in ground_constants.items()
+        if not value.linear
     ]
     followed_values = {
         tie_name.lower(): follows_field(draft, value, is_ahead=True)
-        for tie_name, value in ties.items()
+        for tie_name, value in ground_constants.items()
         if value.linear
     }
     if followed_values:
-        fields.append(_follows(followed_values))
+        fields.append(_follows_field(followed_values))
     tie_name = draft.names.new(f"{mass_name}_tie")
     draft.add(tie_name, f"LNL: {{between: [{ground_name}, {mass_name}], {', '.join(fields)}}}")
 
 
-def _follows(values: dict[str, str]) -> str:
+def _follows_field(values: dict[str, str]) -> str:
     return f"follows: {{{', '.join(f'{name}: {text}' for name, text in values.items())}}}"
 
 
 def _start_fields(
-    draft: ScoreDraft, statement: Statement, mass_k_z: tuple[float, float, float]
+    draft: ScoreDraft, statement: Statement, mass_stiffness_viscosity: tuple[float, float, float]
 ) -> tuple[str, str]:
     """X0 and V0: a score begins where the model is after its first step, in which no link acts.
 
-    `mass_k_z` are M, K and Z of the mass in that step.
+    `mass_stiffness_viscosity` are M, K and Z of the mass in that step.
     """
-    (mass, stiffness, viscosity), gravity = mass_k_z, _gravity(draft, statement)
+    (mass, stiffness, viscosity), gravity = mass_stiffness_viscosity, _gravity(draft, statement)
     x0 = draft.value(statement, "x0")
     previous_position = x0 - draft.value(statement, "v0") / RATE
     if "before" in statement.values:
@@ -149,13 +161,13 @@ def _gravity(draft: ScoreDraft, statement: Statement) -> float:
 
 def _positive_mass(draft: ScoreDraft, statement: Statement) -> Value:
     mass = value_of(draft, statement, "M")
-    if mass.least <= 0.0:
+    if mass.value_min <= 0.0:
         refusal = (
             "silent mass"
             if mass.text != draft.params.translated(statement.values["M"])
             else "no mass"
         )
-        raise ModelError(REFUSED[refusal].format(value=mass.least), statement.line)
+        raise ModelError(REFUSED[refusal].format(value=mass.value_min), statement.line)
     return mass
 
 
@@ -168,7 +180,7 @@ def _add_macro(draft: ScoreDraft, statement: Statement) -> None:
     _positive_mass(draft, statement)
     for name, macro_value in values.items():
         if name != "M":
-            not_negative(macro_value, name, statement.line)
+            refuse_negative(macro_value, name, statement.line)
         if macro_value.linear and not (
             name in ("K", "Z") and statement.keyword in ("string", "chain")
         ):
@@ -178,7 +190,7 @@ def _add_macro(draft: ScoreDraft, statement: Statement) -> None:
     name = draft.names.new(statement.name)
     x0 = draft.value(statement, "x0")
     _check_range(statement, "x0", x0, _DISTANCE_MAX)
-    air_viscosity = values["Zo"].first if "Zo" in values else 0.0
+    air_viscosity = values["Zo"].first_value if "Zo" in values else 0.0
     macro = draft.macros[statement.name] = places.Macro(
         statement,
         name,
@@ -188,13 +200,13 @@ def _add_macro(draft: ScoreDraft, statement: Statement) -> None:
             value: "0" if macro_value.linear else macro_value.text
             for value, macro_value in values.items()
         },
-        _start_fields(draft, statement, (values["M"].first, 0.0, air_viscosity)),
+        _start_fields(draft, statement, (values["M"].first_value, 0.0, air_viscosity)),
         draft.text(statement, "x0") if x0 else "0",
         draft.names.new(f"{name}_edge"),
     )
     draft.immobile.add(macro.edge_name)
-    places.build(macro, draft.laws == "2019")
-    _add_led_links(draft, macro, {name: value for name, value in values.items() if value.linear})
+    places.add_modules(macro, draft.laws == "2019")
+    _add_signal_links(draft, macro, {name: value for name, value in values.items() if value.linear})
     for module_index, (module_name, module_text) in enumerate(macro.modules):
         draft.names.used_names.add(module_name)
         draft.add(
@@ -206,14 +218,16 @@ def _add_macro(draft: ScoreDraft, statement: Statement) -> None:
         _add_end_forces(draft, macro, values["Z"])
 
 
-def _add_led_links(draft: ScoreDraft, macro: places.Macro, values: dict[str, Value]) -> None:
+def _add_signal_links(draft: ScoreDraft, macro: places.Macro, values: dict[str, Value]) -> None:
     """Add links between neighbours of a row, for values that follow a signal."""
     if not values:
         return
     law_by_value = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
     fields = [law_by_value[name] for name in values]
     fields.append(
-        _follows({name.lower(): follows_field(draft, value) for name, value in values.items()})
+        _follows_field(
+            {name.lower(): follows_field(draft, value) for name, value in values.items()}
+        )
     )
     for nth, (a, b) in enumerate(macro.neighbours()):
         name = f"{macro.name}_led{nth or ''}"
@@ -226,7 +240,7 @@ def _add_end_forces(draft: ScoreDraft, macro: places.Macro, viscosity: Value) ->
     """
     if viscosity.linear:
         raise ModelError(REFUSED["pulling string"], macro.statement.line)
-    damper_force = viscosity.first * draft.value(macro.statement, "v0") / RATE
+    damper_force = viscosity.first_value * draft.value(macro.statement, "v0") / RATE
     end_masses = macro.point_name(0, 1), macro.point_name(0, macro.columns - 2)
     for nth, end_mass in enumerate(end_masses):
         if damper_force:
@@ -245,7 +259,7 @@ def _add_input(draft: ScoreDraft, statement: Statement) -> None:
     target = draft.mass_modules[statement.name] = add_imposed_point(
         draft, statement.name, statement.name
     )
-    position = 0.0 if source is None else source.first
+    position = 0.0 if source is None else source.first_sample
     draft.immobile.add(target)
     draft.initial_motions[statement.name] = InitialMotion(
         position, jump=position - draft.value(statement, "x0")

@@ -68,16 +68,16 @@ class Model:
     def number(self, text: str, label: str, line: int) -> float:
         """The value of an expression, computed once. Raises ModelError."""
         if text not in self._numbers:
-            self._numbers[text] = number(text, self.params, label, line)
+            self._numbers[text] = evaluate_number(text, self.params, label, line)
         return self._numbers[text]
 
 
-def number(
+def evaluate_number(
     expression_text: str, params: Mapping[str, Amount], error_label: str, line_number: int
 ) -> float:
     """The value of an expression of parameters and functions. Raises ModelError."""
     try:
-        amount = functions.value(expression_text, params, "a parameter")
+        amount = functions.evaluate_with_functions(expression_text, params, "a parameter")
     except TextError as error:
         raise ModelError(f"{error_label}: {error.message}", line_number, error.suggestion) from None
     if amount.unit:

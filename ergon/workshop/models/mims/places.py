@@ -61,10 +61,10 @@ class Macro:
         has_fixed_ends = self.is_fixed(row, 0)
         return int(has_fixed_ends), self.columns - 2 * has_fixed_ends
 
-    def member(self, row: int, first_member: int, count: int = 1) -> str:
+    def member_range(self, row: int, first_member: int, count: int = 1) -> str:
         """Moving points of a row, as a range of a module."""
         first_moving, n_moving = self.moving_columns(row)
-        module_name, member_offset = self.row(row), first_member - first_moving
+        module_name, member_offset = self.row_module(row), first_member - first_moving
         if self.is_single_generator:
             module_name = self.name
             member_offset += (row - (self.statement.keyword == "closedMesh")) * n_moving
@@ -81,7 +81,7 @@ class Macro:
         """All moving points: one range for each module, split where a link cannot take as many."""
         moving_rows = [row for row in range(self.rows) if self.moving_columns(row)[1]]
         if not self.is_single_generator or len(moving_rows) == 1:
-            return [self.member(row, *self.moving_columns(row)) for row in moving_rows]
+            return [self.member_range(row, *self.moving_columns(row)) for row in moving_rows]
         n_moving = len(moving_rows) * self.moving_columns(moving_rows[0])[1]
         range_begins = range(0, n_moving, MAX_LINKED_POINTS)
         return [
@@ -95,7 +95,7 @@ class Macro:
         """
         first_moving, n_moving = self.moving_columns(0)
         links_between_moving = [
-            (self.member(0, column, size), self.member(0, column + 1, size))
+            (self.member_range(0, column, size), self.member_range(0, column + 1, size))
             for column in range(first_moving, first_moving + n_moving - 1, MAX_LINKED_POINTS)
             if (size := min(MAX_LINKED_POINTS, first_moving + n_moving - 1 - column))
         ]
@@ -108,18 +108,18 @@ class Macro:
             (self.point_name(0, last_moving), self.point_name(0, last_moving + 1)),
         ]
 
-    def row(self, row: int) -> str:
+    def row_module(self, row: int) -> str:
         """The name of the module of one row."""
         return self.name if self.rows == 1 else f"{self.name}_row{row}"
 
     def point_name(self, row_index: int, column_index: int) -> str:
         """The name of one point."""
         if not self.is_fixed(row_index, column_index):
-            return self.member(row_index, column_index)
+            return self.member_range(row_index, column_index)
         self.needs_edge = True
         return self.edge_name
 
-    def points(
+    def point_shares(
         self, places: Sequence[float], *, is_2019: bool, line: int
     ) -> list[tuple[float, str]]:
         """The members between which a place lies, with the share of each. Raises ModelError.
@@ -180,7 +180,7 @@ def dimensions(statement: Statement) -> tuple[int, int]:
     return n_rows, n_columns
 
 
-def build(macro: Macro, is_2019: bool) -> None:
+def add_modules(macro: Macro, is_2019: bool) -> None:
     """Add the modules of the macro."""
     if macro.is_single_generator:
         _add_single_generator(macro)
@@ -228,16 +228,19 @@ def _add_rows(macro: Macro) -> None:
         first_moving, n_moving = macro.moving_columns(row_index)
         if not n_moving:
             continue
-        row_name = macro.row(row_index)
+        row_name = macro.row_module(row_index)
         _add_generator(macro, row_name, n_moving, f"STRING: {{masses: {n_moving}, ends: free")
         if n_moving < macro.columns:
             _add_spring(
-                macro, f"{row_name}_left", macro.edge_name, macro.member(row_index, first_moving)
+                macro,
+                f"{row_name}_left",
+                macro.edge_name,
+                macro.member_range(row_index, first_moving),
             )
             _add_spring(
                 macro,
                 f"{row_name}_right",
-                macro.member(row_index, first_moving + n_moving - 1),
+                macro.member_range(row_index, first_moving + n_moving - 1),
                 macro.edge_name,
             )
     for row_index in range(macro.rows - 1):
@@ -251,7 +254,7 @@ def _add_rows(macro: Macro) -> None:
                 min(first_upper + n_upper, first_lower + n_lower),
             )
             ends = (
-                macro.member(end_row, first_shared, end_shared - first_shared)
+                macro.member_range(end_row, first_shared, end_shared - first_shared)
                 for end_row in (row_index, row_index + 1)
             )
             _add_spring(macro, f"{macro.name}_rows{row_index}", *ends)
@@ -275,7 +278,7 @@ def _add_rows(macro: Macro) -> None:
                 macro,
                 f"{macro.name}_rim{row_index}",
                 macro.edge_name,
-                macro.member(end_row, first_moving, n_moving),
+                macro.member_range(end_row, first_moving, n_moving),
             )
 
 
@@ -292,11 +295,11 @@ def _add_bending_springs(macro: Macro, is_2019: bool) -> None:
     n_columns = macro.columns
     k = macro.expressions["K2"]
     if n_columns > 4:
-        second_neighbours = (
-            f"[{macro.member(0, 1, n_columns - 4)}, {macro.member(0, 3, n_columns - 4)}]"
+        second_neighbours = ", ".join(
+            macro.member_range(0, column, n_columns - 4) for column in (1, 3)
         )
         macro.modules.append(
-            (f"{macro.name}_stiff", f"RES: {{between: {second_neighbours}, K: {k}}}")
+            (f"{macro.name}_stiff", f"RES: {{between: [{second_neighbours}], K: {k}}}")
         )
     column_pairs = [(0, 2), (n_columns - 3, n_columns - 1)] if n_columns > 3 else []
     column_pairs += (

@@ -11,7 +11,7 @@ from ergon.notation.tables.expressions import Amount
 from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.grammar import STRINGS
-from ergon.workshop.models.mims.model import Model, Point, number
+from ergon.workshop.models.mims.model import Model, Point, evaluate_number
 from ergon.workshop.models.mims.places import Macro
 from ergon.workshop.models.refused import REFUSED
 
@@ -57,7 +57,7 @@ def linear_in_signal(model: Model, text: str, label: str, line: int) -> Linear:
 
     def evaluate_for(value: float) -> float:
         params = {**model.params, signal_names[0]: Amount(Fraction(value), "")}
-        return number(text, params, label, line)
+        return evaluate_number(text, params, label, line)
 
     value_at_zero, value_at_one, *probed_values = (evaluate_for(value) for value in _PROBES)
     slope = value_at_one - value_at_zero
@@ -81,9 +81,9 @@ def fixed_proxy(shares: Sequence[tuple[float, str]]) -> str:
 
 
 def moving_proxy(
-    macro: Macro, sides: Sequence[Linear], guides: Sequence[str], *, is_2019: bool
+    macro: Macro, axis_positions: Sequence[Linear], guide_names: Sequence[str], *, is_2019: bool
 ) -> str:
-    """A point that signals move, as a module; `guides` are the MATs whose positions are the
+    """A point that signals move, as a module; `guide_names` are the MATs whose positions are the
     signals.
     """
     points_per_side = (
@@ -95,15 +95,15 @@ def moving_proxy(
     if _has_rim(macro):
         macro.needs_edge = True
         fields.append(f"rim: {macro.edge_name}")
-    fields.append(f"follows: {_yaml_list(list(guides))}")
+    fields.append(f"follows: {_yaml_list(list(guide_names))}")
     offsets, spans = [], []
-    for side, n_points in zip(sides, points_per_side, strict=True):
+    for axis_position, n_points in zip(axis_positions, points_per_side, strict=True):
         # The laws of 2019 take N in place of N - 1, and hold a point beyond the last mass at the
         # last mass.
         scale = (n_points - 1) / n_points if is_2019 else 1.0
-        slope = side.slope if side.signal else 1.0
+        slope = axis_position.slope if axis_position.signal else 1.0
         spans.append(f"{scale / slope!r}m")
-        offsets.append(f"{side.offset / slope if side.signal else 0.0!r}m")
+        offsets.append(f"{axis_position.offset / slope if axis_position.signal else 0.0!r}m")
     if any(offset != "0.0m" for offset in offsets):
         fields.append(f"offset: {_yaml_list(offsets)}")
     if any(span != "1.0m" for span in spans):
@@ -126,13 +126,13 @@ def _masses_by_row(macro: Macro) -> str:
     if macro.statement.keyword in STRINGS or (macro.is_single_generator and macro.rows != 3):
         return macro.name
     if _has_rim(macro):
-        return _yaml_list([macro.row(row) for row in range(1, macro.rows - 1)])
+        return _yaml_list([macro.row_module(row) for row in range(1, macro.rows - 1)])
     members: list[str] = []
     for row_index in range(macro.rows):
         n_fixed, n_moving = macro.moving_columns(row_index)
         fixed_points = [macro.edge_name] * n_fixed
         macro.needs_edge = macro.needs_edge or bool(fixed_points) or not n_moving
-        moving_range = macro.member(row_index, n_fixed, n_moving) if n_moving else ""
+        moving_range = macro.member_range(row_index, n_fixed, n_moving) if n_moving else ""
         members += (
             [*fixed_points, moving_range, *fixed_points]
             if n_moving

@@ -12,9 +12,9 @@ from ergon.notation.tables.expressions import Amount
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.mims.faust import script
+from ergon.workshop.models.mims.faust import find_script
 from ergon.workshop.models.mims.grammar import DIALECT_NAMES, FORMS, MESHES, Dialect, Form
-from ergon.workshop.models.mims.model import Model, Point, Statement, number
+from ergon.workshop.models.mims.model import Model, Point, Statement, evaluate_number
 
 BYTES_MAX = 16 << 20
 LINES_MAX = 200_000
@@ -33,7 +33,7 @@ def read_text(path: Path) -> str:
     Raises ModelError if the file has neither, and OSError.
     """
     text = _read_text(path)
-    return script(text) if path.suffix.lower() == ".dsp" else text
+    return find_script(text) if path.suffix.lower() == ".dsp" else text
 
 
 def _read_text(path: Path) -> str:
@@ -89,7 +89,7 @@ def parse(
             if _family(line_words, dialect) == "macro"
         }
         statements = tuple(
-            _statement(line_number, line_words, dialect, macros)
+            _parse_statement(line_number, line_words, dialect, macros)
             for line_number, line_words in numbered_lines
         )
         model = Model(file_name, dialect, statements)
@@ -147,7 +147,7 @@ def _family(row: tuple[str, ...], dialect: Dialect) -> str:
 # --- statements ---------------------------------------------------------------------------------
 
 
-def _statement(
+def _parse_statement(
     line_number: int, words: tuple[str, ...], dialect: Dialect, macros: set[str]
 ) -> Statement:
     statement_name, *words_after_name = words
@@ -168,12 +168,14 @@ def _statement(
     if len(argument_words) < form.n_points:
         raise ModelError(f"{keyword} is written {form.usage}", line_number)
     point_words, value_words = (argument_words[: form.n_points], argument_words[form.n_points :])
-    points = tuple(_point(point_word, line_number) for point_word in point_words)
+    points = tuple(_parse_point(point_word, line_number) for point_word in point_words)
     if dialect == "v1":
         points, value_words = _v1_points(points, value_words, macros, keyword, line_number)
         if keyword in _DISPLAYABLE and len(value_words) == len(form.values) + 3:
             value_words = value_words[:-3]
-    values = _values(form, [word.strip("[]").strip() for word in value_words], keyword, line_number)
+    values = _named_values(
+        form, [word.strip("[]").strip() for word in value_words], keyword, line_number
+    )
     if "x0" in values:
         values["x0"] = _vertical_component(values["x0"], line_number)
     if "v0" in values:
@@ -187,7 +189,7 @@ def _statement(
     return Statement(statement_name[1:], keyword, form.family, line_number, points, values)
 
 
-def _point(point_word: str, line_number: int) -> Point:
+def _parse_point(point_word: str, line_number: int) -> Point:
     point_name, *place_texts = (
         point_word.strip("[]").split(None, 1)[:2] if point_word.strip("[] ") else ("",)
     )
@@ -217,7 +219,9 @@ def _v1_points(
     return placed_points, value_words[: len(value_words) - len(macro_points)]
 
 
-def _values(form: Form, value_words: list[str], keyword: str, line_number: int) -> dict[str, str]:
+def _named_values(
+    form: Form, value_words: list[str], keyword: str, line_number: int
+) -> dict[str, str]:
     n_min = len(form.values) + len(form.trailing)
     if not n_min <= len(value_words) <= n_min + len(form.optional) or not all(value_words):
         raise ModelError(
@@ -282,7 +286,9 @@ def _parameter_values(model: Model, overrides: Mapping[str, str]) -> dict[str, A
             amounts[parameter_name] = Amount(Fraction(0), "")
             continue
         text = overrides.get(parameter_name, declaration.values["value"])
-        parameter_value = number(text, {}, f"parameter {quote(parameter_name)}", declaration.line)
+        parameter_value = evaluate_number(
+            text, {}, f"parameter {quote(parameter_name)}", declaration.line
+        )
         amounts[parameter_name] = Amount(Fraction(parameter_value), "")
     return amounts
 

@@ -9,7 +9,7 @@ from fractions import Fraction
 from ergon.notation.tables.expressions import Amount
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.grammar import DIALECT_NAMES
-from ergon.workshop.models.mims.heard import add_output, audible_ends
+from ergon.workshop.models.mims.heard import add_output, mass_by_heard_link
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.links import add_link
 from ergon.workshop.models.mims.masses import MAKERS, add_force_input
@@ -36,7 +36,7 @@ def written(
     )
     inputs = inputs or {}
     first_values = {
-        signal: Amount(Fraction(inputs[source].first), "")
+        signal: Amount(Fraction(inputs[source].first_sample), "")
         for signal, source in model.signals.items()
         if source in inputs
     }
@@ -48,9 +48,9 @@ def written(
             MAKERS[statement.keyword](draft, statement)
         for statement in model.statements_of("input"):
             add_force_input(draft, statement)
-        audible = audible_ends(draft)
+        mass_by_link = mass_by_heard_link(draft)
         for statement in model.statements_of("link"):
-            add_link(draft, statement, audible)
+            add_link(draft, statement, mass_by_link)
         for statement in model.statements_of("output"):
             add_output(draft, statement)
     except ModelError as error:
@@ -89,8 +89,8 @@ def _page(draft: ScoreDraft, score_title: str) -> Page:
             if statement.keyword == "frcInput"
         ],
         modules=draft.modules,
-        outs=draft.outs,
-        before_strikes=["An input jumps to its first value, which the model's dampers feel."],
+        outputs=draft.outputs,
+        strike_comments=["An input jumps to its first value, which the model's dampers feel."],
         strikes=list(_strikes(draft)),
     )
 

@@ -18,13 +18,13 @@ class Value:
     """A value of a statement: an expression, or a linear function of a signal, with its least and
     most.
 
-    `first` is its value in the first step.
+    `first_value` is its value in the first step.
     """
 
     text: str
-    first: float
-    least: float
-    greatest: float
+    first_value: float
+    value_min: float
+    value_max: float
     linear: Linear | None = None
 
 
@@ -48,13 +48,13 @@ def value_of(draft: ScoreDraft, statement: Statement, name: str) -> Value:
         statement.line,
     )
     source = draft.inputs.get(draft.model.signals[linear.signal]) if linear.signal else None
-    if source is None or source.least == source.greatest:
-        signal_value = 0.0 if source is None else source.first
+    if source is None or source.sample_min == source.sample_max:
+        signal_value = 0.0 if source is None else source.first_sample
         constant = linear.offset + linear.slope * signal_value
         return Value(repr(constant), constant, constant, constant)
     values = [
         linear.offset + linear.slope * signal_value
-        for signal_value in (source.first, source.least, source.greatest)
+        for signal_value in (source.first_sample, source.sample_min, source.sample_max)
     ]
     return Value("", values[0], min(values[1:]), max(values[1:]), linear)
 
@@ -71,16 +71,16 @@ def follows_field(draft: ScoreDraft, value: Value, *, is_ahead: bool = False) ->
     source = draft.inputs[draft.model.signals[linear.signal]]
     value_at_least, value_at_greatest = (
         linear.offset + linear.slope * signal_value
-        for signal_value in (source.least, source.greatest)
+        for signal_value in (source.sample_min, source.sample_max)
     )
-    guide_name = guide(draft, linear.signal, is_ahead=is_ahead)
-    span = source.greatest - source.least
-    offset = "" if source.least == 0.0 else f", offset: {-source.least!r}m"
+    guide_name = guide_of_signal(draft, linear.signal, is_ahead=is_ahead)
+    span = source.sample_max - source.sample_min
+    offset = "" if source.sample_min == 0.0 else f", offset: {-source.sample_min!r}m"
     value_range = f"from: {value_at_least!r}, to: {value_at_greatest!r}"
     return f"{{of: {guide_name}, {value_range}{offset}, span: {span!r}m}}"
 
 
-def guide(draft: ScoreDraft, signal_name: str, *, is_ahead: bool = False) -> str:
+def guide_of_signal(draft: ScoreDraft, signal_name: str, *, is_ahead: bool = False) -> str:
     """The name of the point that has the values of a signal, or those of its next sample."""
     input_name = draft.model.signals[signal_name]
     # The next sample of OSC is not known yet.
@@ -104,7 +104,7 @@ def _take_ahead(draft: ScoreDraft, input_name: str) -> str:
         end = f"{(source.n_frames - 1) / RATE!r}s"
         name = draft.takes_ahead[input_name] = f"{input_name}_ahead"
         trim = f"{1 / RATE!r}s..{end}"
-        draft.takes[name] = replace(source, first=source.second, trim=trim)
+        draft.takes[name] = replace(source, first_sample=source.second_sample, trim=trim)
     return draft.takes_ahead[input_name]
 
 
@@ -115,12 +115,12 @@ def add_imposed_point(draft: ScoreDraft, name: str, source: str) -> str:
     if take is None:
         draft.add(point_name, "SOL: {}", "an input that nothing is connected to is 0")
         return point_name
-    x0 = "" if take.first == 0.0 else f", X0: {take.first!r}m"
+    x0 = "" if take.first_sample == 0.0 else f", X0: {take.first_sample!r}m"
     draft.add(
         point_name,
         f"MAS: {{M: {_IMPOSED_MASS}{x0}}}",
         "its mass says nothing, for its path is imposed",
     )
-    path = draft.names.new(f"{point_name}_path")
-    draft.add(path, f"ENX: {{to: {point_name}, from: {source}{take.start}}}")
+    path_name = draft.names.new(f"{point_name}_path")
+    draft.add(path_name, f"ENX: {{to: {point_name}, from: {source}{take.start_field_text}}}")
     return point_name

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims import places
-from ergon.workshop.models.mims.functions import is_plain
+from ergon.workshop.models.mims.functions import is_score_expression
 from ergon.workshop.models.mims.kicks import InitialMotion
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.model import Model, Statement
 from ergon.workshop.models.mims.proxies import signals_in
 from ergon.workshop.models.naming import Names, Params
-from ergon.workshop.models.page import Input, Line, Out
+from ergon.workshop.models.page import Input, Line, Output
 from ergon.workshop.models.refused import REFUSED
 
 
@@ -31,7 +31,7 @@ class ScoreDraft:
     mass_modules: dict[str, str] = field(default_factory=dict)  # modules of masses
     macros: dict[str, places.Macro] = field(default_factory=dict)
     links: list[tuple[Statement, str]] = field(default_factory=list)  # with the module's name
-    outs: list[Out] = field(default_factory=list)
+    outputs: list[Output] = field(default_factory=list)
     initial_motions: dict[str, InitialMotion] = field(
         default_factory=dict
     )  # starts of masses and inputs
@@ -54,7 +54,7 @@ class ScoreDraft:
         for signal in signals_in(self.model, text):
             message = REFUSED["signal"].format(name=quote(signal), value=name)
             raise ModelError(message, statement.line)
-        if not is_plain(text, self.model.params):
+        if not is_score_expression(text, self.model.params):
             label = f"{name} of {quote(statement.name)}"
             return repr(self.model.number(text, label, statement.line))
         return self.params.translated(text)

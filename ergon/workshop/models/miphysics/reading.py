@@ -78,7 +78,7 @@ def parse(xml_text: str) -> Network:
     parser.StartDoctypeDeclHandler = model_parser.refuse
     parser.StartElementHandler = model_parser.start
     parser.EndElementHandler = model_parser.end
-    model_parser.line = lambda: parser.CurrentLineNumber
+    model_parser.current_line = lambda: parser.CurrentLineNumber
     try:
         parser.Parse(xml_text.encode("utf-8", "replace"), True)
     except expat.ExpatError as error:
@@ -94,23 +94,27 @@ class _ModelParser:
         self.network, self.path, self.n_elements = Network(), list[str](), 0
         self.line_by_mass: dict[str, int] = {}
         self.gravity, self.gravity_direction = 0.0, (0.0, 0.0, 1.0)
-        self.line: Callable[[], int] = int
+        self.current_line: Callable[[], int] = int
 
     def refuse(self, *_: object) -> None:
-        raise ModelError("the XML has a document type, which is not read", self.line())
+        raise ModelError("the XML has a document type, which is not read", self.current_line())
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.n_elements += 1
         self.path.append(tag)
         if self.n_elements > ELEMENTS_MAX:
-            raise ModelError(f"the XML has more than {ELEMENTS_MAX:,} elements", self.line())
+            raise ModelError(
+                f"the XML has more than {ELEMENTS_MAX:,} elements", self.current_line()
+            )
         if len(self.path) > _DEPTH_MAX:
-            raise ModelError(f"elements are nested deeper than {_DEPTH_MAX}", self.line())
+            raise ModelError(f"elements are nested deeper than {_DEPTH_MAX}", self.current_line())
         path_below_root = self.path[1:]
         if len(path_below_root) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
             known_elements = ("global", "MAT", "Link")
             raise ModelError(
-                f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known_elements)
+                f"{quote(tag)} is not part of a model",
+                self.current_line(),
+                nearest(tag, known_elements),
             )
         if len(path_below_root) == 2 and path_below_root[0] == "global":
             self.read_global(tag, attributes)
@@ -125,7 +129,7 @@ class _ModelParser:
             gravity_vector = [self.gravity * component for component in self.gravity_direction]
             if gravity_vector[0] or gravity_vector[1] or gravity_vector[2] < 0.0:
                 message = "gravity goes along another axis than z, which is not built yet"
-                raise ModelError(message, self.line())
+                raise ModelError(message, self.current_line())
             self.network.gravity = gravity_vector[2]
 
     def read_global(self, tag: str, attributes: Mapping[str, str]) -> None:
@@ -134,14 +138,14 @@ class _ModelParser:
         elif tag == "friction":
             self.network.friction = self.number(attributes, "friction")
             if self.network.friction < 0.0:
-                raise ModelError("friction is below 0, which gives energy", self.line())
+                raise ModelError("friction is below 0, which gives energy", self.current_line())
         elif tag == "vector":
             x, y, z = (self.number(attributes, f"pos.{axis}") for axis in "xyz")
             self.gravity_direction = (x, y, z)
         else:
             known_elements = ("gravity", "friction", "vector")
             message = f"{quote(tag)} is not part of what holds for all"
-            raise ModelError(message, self.line(), nearest(tag, known_elements))
+            raise ModelError(message, self.current_line(), nearest(tag, known_elements))
 
     def read_part(
         self,
@@ -150,7 +154,7 @@ class _ModelParser:
         value_names: Mapping[str, tuple[str, ...]],
         parts: list[Part],
     ) -> None:
-        line = self.line()
+        line = self.current_line()
         if kind in _REFUSED_WORDS:
             raise ModelError(f"{kind}: {_REFUSED_WORDS[kind]}", line)
         if kind not in value_names:
@@ -180,11 +184,11 @@ class _ModelParser:
     def number(self, attributes: Mapping[str, str], name: str) -> float:
         text = attributes.get(name)
         if text is None:
-            raise ModelError(f"{name} is missing", self.line())
+            raise ModelError(f"{name} is missing", self.current_line())
         try:
             value = float(text)
         except ValueError:
             value = math.nan
         if not math.isfinite(value) or "_" in text:
-            raise ModelError(f"{name} is {quote(text)}, which is not a number", self.line())
+            raise ModelError(f"{name} is {quote(text)}, which is not a number", self.current_line())
         return value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ergon.workshop.models.pmpd.network import Link, Network
-from ergon.workshop.models.pmpd.tables import table
+from ergon.workshop.models.pmpd.tables import find_table
 
 
 def first_bang(network: Network) -> dict[int, float]:
@@ -45,6 +45,6 @@ def _damping(network: Network, link: Link, length_step: float) -> float:
     if link.tables is None:
         return link.D * length_step
     _, _, array_name, array_length = link.tables
-    return link.D * table(network.arrays, array_name, link.line).interpolate(
+    return link.D * find_table(network.arrays, array_name, link.line).interpolate(
         length_step / array_length
     )

@@ -10,8 +10,8 @@ from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.pmpd.network import PORTS_MAX, Link, Mass, Network, Port, Request
-from ergon.workshop.models.pmpd.reading import MESSAGES_MAX, Message, number
-from ergon.workshop.models.pmpd.words import FORMS, OBJECTS, REFUSED, Object, Value, written
+from ergon.workshop.models.pmpd.reading import MESSAGES_MAX, Message, parse_number
+from ergon.workshop.models.pmpd.words import FORMS, OBJECTS, REFUSED, Object, Value, usage_text
 
 _ANY_TIME = ("bang", "print", "infosL", "reset")
 _KINDS = {"mass": "masses", "link": "links", "NLlink": "nl_links"}
@@ -21,11 +21,11 @@ def network(object_kind: Object, messages: Sequence[Message]) -> Network:
     """The masses and links that messages make. Raises ModelError with the line at fault."""
     empty_network = Network(object_kind)
     arrays = {
-        sent.rest[index]
-        for sent in messages
-        if sent.word == "tabLink"
+        message.arguments[index]
+        for message in messages
+        if message.word == "tabLink"
         for index in (3, 5)
-        if index < len(sent.rest)
+        if index < len(message.arguments)
     }
     for position, message in enumerate(messages):
         if position == 0 and message.word in OBJECTS:
@@ -41,10 +41,10 @@ def network(object_kind: Object, messages: Sequence[Message]) -> Network:
 
 def _set_ports(network: Network, message: Message) -> None:
     """Create the object as a patch writes it: `pmpd~ 1 2` has one inlet and two outlets."""
-    sizes = [number(word) for word in message.rest]
+    sizes = [parse_number(word) for word in message.arguments]
     if network.kind == "pmpd":
         return  # how many masses and links it has room for
-    if message.rest[:1] == ("-m",):
+    if message.arguments[:1] == ("-m",):
         sizes = sizes[1:]
     if None in sizes:
         raise ModelError("pmpd~ is written pmpd~ [inlets] [outlets]", message.line)
@@ -60,18 +60,20 @@ def _set_array(network: Network, message: Message) -> None:
     """Set an array as Pure Data does: `NAME resize 5`, or `NAME 0 1 2` for values from an index
     on.
     """
-    first_word, *value_words = message.rest or ("",)
-    values = [number(word) for word in value_words]
-    index_number = number(first_word)
+    first_word, *value_words = message.arguments or ("",)
+    values = [parse_number(word) for word in value_words]
+    index_number = parse_number(first_word)
     array = network.arrays.setdefault(message.word, [])
     if first_word == "resize" and len(values) == 1 and values[0] is not None:
         size = _integer(values[0], 1, MESSAGES_MAX, "a size", message.line)
         array[size:] = []
         array += [0.0] * (size - len(array))
     elif index_number is not None and None not in values:
-        begin = _integer(index_number, 0, MESSAGES_MAX, "an index", message.line)
-        array += [0.0] * (min(begin + len(values), MESSAGES_MAX) - len(array))
-        array[begin : begin + len(values)] = [value for value in values if value is not None]
+        first_index = _integer(index_number, 0, MESSAGES_MAX, "an index", message.line)
+        array += [0.0] * (min(first_index + len(values), MESSAGES_MAX) - len(array))
+        array[first_index : first_index + len(values)] = [
+            value for value in values if value is not None
+        ]
     else:
         example = f"{message.word} resize 3; {message.word} 0 0.5 1 2"
         raise ModelError(f"an array is written {example}", message.line)
@@ -84,7 +86,7 @@ def _execute(network: Network, message: Message) -> None:
     if form is None:
         if message.word in REFUSED:
             raise ModelError(f"{message.word}: {REFUSED[message.word]}", line)
-        if number(message.word) is not None:
+        if parse_number(message.word) is not None:
             raise ModelError("a message begins with a word, and this one with a number", line)
         (opposite_kind,) = (name for name in OBJECTS if name != network.kind)
         opposite_text = (
@@ -97,8 +99,8 @@ def _execute(network: Network, message: Message) -> None:
             suggestion,
         )
     n_min = sum(value.default is None for value in form)
-    if not n_min <= len(message.rest) <= len(form):
-        usage = f"{written(message.word, form)}; here it has {len(message.rest)} values"
+    if not n_min <= len(message.arguments) <= len(form):
+        usage = f"{usage_text(message.word, form)}; here it has {len(message.arguments)} values"
         raise ModelError(f"{message.word} is written {usage}", line)
     if network.has_run and message.word not in _ANY_TIME and not _is_query(message.word):
         reason = "masses and links that change while it plays are not built yet"
@@ -107,12 +109,12 @@ def _execute(network: Network, message: Message) -> None:
         _read_value(
             network,
             value,
-            message.rest[index] if index < len(message.rest) else value.default,
+            message.arguments[index] if index < len(message.arguments) else value.default,
             line,
         )
         for index, value in enumerate(form)
     ]
-    _MAKERS[network.kind, message.word](network, message.word, line, *values)
+    _HANDLERS[network.kind, message.word](network, message.word, line, *values)
 
 
 def _is_query(word: str) -> bool:
@@ -123,7 +125,7 @@ def _read_value(network: Network, form_value: Value, word: str | None, line: int
     """The value of a word, by the kind of value that is expected."""
     if not word:  # left out: all masses, or nothing
         return list(range(len(network.masses))) if form_value.kind == "masses" else None
-    literal = number(word)
+    literal = parse_number(word)
     if form_value.kind == "class":
         if literal is not None:
             raise ModelError(f"{quote(word)}: a class is a word, and a number names none", line)
@@ -160,9 +162,11 @@ def _index(network: Network, list_name: str, index_value: float, line_number: in
     return _integer(index_value, 0, len(elements) - 1, noun, line_number)
 
 
-def _integer(number: float, least: int, highest: int, label: str, line: int) -> int:
-    if number != int(number) or not least <= number <= highest:
-        raise ModelError(f"{label} is {number:g}: a whole number from {least} to {highest:,}", line)
+def _integer(number: float, value_min: int, value_max: int, label: str, line: int) -> int:
+    if number != int(number) or not value_min <= number <= value_max:
+        raise ModelError(
+            f"{label} is {number:g}: a whole number from {value_min} to {value_max:,}", line
+        )
     return int(number)
 
 
@@ -309,7 +313,7 @@ def _port(network: Network, word: str, line: int, port_number: int, mass: int, g
     network.ports.append(Port(word.removesuffix("X"), port_number, mass, gain, line))
 
 
-def _ask(network: Network, word: str, line: int, masses: list[int]) -> None:
+def _add_request(network: Network, word: str, line: int, masses: list[int]) -> None:
     network.requests.append(Request(word, tuple(masses), line))
 
 
@@ -328,24 +332,24 @@ def _ignore(network: Network, word: str, line: int) -> None:
     """It prints, and changes nothing."""
 
 
-def _set(elements: str, field_name: str) -> Callable[..., None]:
+def _setter(list_name: str, field_name: str) -> Callable[..., None]:
     """A setter of one value of some masses or links; an omitted value is left as it is."""
 
     def change(
         network: Network, word: str, line: int, indices: int | list[int], set_value: float
     ) -> None:
         for index in [indices] if isinstance(indices, int) else indices:
-            setattr(getattr(network, elements)[index], field_name, set_value)
+            setattr(getattr(network, list_name)[index], field_name, set_value)
 
     return change
 
 
-def _add(elements: str, field_name: str) -> Callable[..., None]:
+def _adder(list_name: str, field_name: str) -> Callable[..., None]:
     def change(
         network: Network, word: str, line: int, indices: int | list[int], added_value: float
     ) -> None:
         for index in [indices] if isinstance(indices, int) else indices:
-            element = getattr(network, elements)[index]
+            element = getattr(network, list_name)[index]
             setattr(element, field_name, getattr(element, field_name) + added_value)
 
     return change
@@ -387,17 +391,17 @@ _AUDIO: Mapping[str, Callable[..., None]] = {
     "mass": _mass_audio,
     **_words("link NLlink", _link_audio),
     **_words("inPos inPosX inForce inForceX outPos outPosX outSpeed outSpeedX", _port),
-    **_words("pos posX", _set("masses", "x")),
-    **_words("force forceX", _add("masses", "f")),
+    **_words("pos posX", _setter("masses", "x")),
+    **_words("force forceX", _adder("masses", "f")),
     "setM": _set_mass,
-    "setK": _set("links", "K"),
-    "setD": _set("links", "D"),
+    "setK": _setter("links", "K"),
+    "setD": _setter("links", "D"),
     "setNLK": _set_nl_k,
-    "setNLD": _set("nl_links", "D"),
-    "setNLKPow": _set("nl_links", "Pow"),
-    "setNLL": _set("nl_links", "L"),
-    "setNLLMin": _set("nl_links", "Lmin"),
-    "setNLLMax": _set("nl_links", "Lmax"),
+    "setNLD": _setter("nl_links", "D"),
+    "setNLKPow": _setter("nl_links", "Pow"),
+    "setNLL": _setter("nl_links", "L"),
+    "setNLLMin": _setter("nl_links", "Lmin"),
+    "setNLLMax": _setter("nl_links", "Lmax"),
     "reset": _reset,
     **_words("print bang", _ignore),
 }
@@ -406,25 +410,25 @@ _CONTROL: Mapping[str, Callable[..., None]] = {
     "link": _link,
     "tabLink": _table_link,
     **_words("pos posX setPos setPosX", _set_position),
-    **_words("addPos addPosX", _add("masses", "x")),
-    **_words("force forceX", _add("masses", "f")),
-    **_words("setForce setForceX", _set("masses", "f")),
-    **_words("setSpeed setSpeedX", _set("masses", "v")),
+    **_words("addPos addPosX", _adder("masses", "x")),
+    **_words("force forceX", _adder("masses", "f")),
+    **_words("setForce setForceX", _setter("masses", "f")),
+    **_words("setSpeed setSpeedX", _setter("masses", "v")),
     "setM": _set_mass,
-    "setDEnv": _set("masses", "air_damping"),
+    "setDEnv": _setter("masses", "air_damping"),
     **_words("setFixed setMobile", _set_mobile),
-    "setK": _set("links", "K"),
-    "setD": _set("links", "D"),
-    "setPow": _set("links", "Pow"),
-    "setL": _set("links", "L"),
-    "addL": _add("links", "L"),
-    **_words("massPos massPosL massPosXL massSpeed massSpeedL massSpeedXL", _ask),
-    **_words("massPosMean massSpeedMean", _ask),
+    "setK": _setter("links", "K"),
+    "setD": _setter("links", "D"),
+    "setPow": _setter("links", "Pow"),
+    "setL": _setter("links", "L"),
+    "addL": _adder("links", "L"),
+    **_words("massPos massPosL massPosXL massSpeed massSpeedL massSpeedXL", _add_request),
+    **_words("massPosMean massSpeedMean", _add_request),
     "reset": _reset,
     **_words("print infosL", _ignore),
     "bang": _bang,
 }
-_MAKERS = {
+_HANDLERS = {
     **{("pmpd~", word): maker for word, maker in _AUDIO.items()},
     **{("pmpd", word): maker for word, maker in _CONTROL.items()},
 }

@@ -25,7 +25,7 @@ class Message:
     """A word and its arguments."""
 
     word: str
-    rest: tuple[str, ...]
+    arguments: tuple[str, ...]
     line: int
 
 
@@ -91,18 +91,18 @@ def messages(text: str, n_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
 
 def parse(text: str, dialect: Object | None) -> tuple[Object, list[Message]]:
     """The object that messages are for, and the messages. Raises ModelError and DialectError."""
-    parsed = list(messages(text))
-    if len(parsed) > MESSAGES_MAX:
-        raise ModelError(f"it has more than {MESSAGES_MAX:,} messages", parsed[-1].line)
-    for message in parsed:
-        for word in (message.word, *message.rest):
+    all_messages = list(messages(text))
+    if len(all_messages) > MESSAGES_MAX:
+        raise ModelError(f"it has more than {MESSAGES_MAX:,} messages", all_messages[-1].line)
+    for message in all_messages:
+        for word in (message.word, *message.arguments):
             if word.startswith("#"):
                 refusal = "this is a patch; write the messages to its object in the order in which"
                 raise ModelError(f"{refusal} they are sent, one a line", message.line)
             if "$" in word:
                 refusal = f"{quote(word)} stands for a number that a patch gives; write the number"
                 raise ModelError(refusal, message.line)
-    return _object(parsed, dialect), parsed
+    return _object(all_messages, dialect), all_messages
 
 
 def _object(messages: list[Message], dialect: Object | None) -> Object:
@@ -121,7 +121,9 @@ def _object(messages: list[Message], dialect: Object | None) -> Object:
     }
     words_used = {message.word for message in messages}
     has_class = any(
-        message.word in ("mass", "link") and message.rest and number(message.rest[0]) is None
+        message.word in ("mass", "link")
+        and message.arguments
+        and parse_number(message.arguments[0]) is None
         for message in messages
     )
     is_control = has_class or bool(words_used & special_words["pmpd"])
@@ -132,7 +134,7 @@ def _object(messages: list[Message], dialect: Object | None) -> Object:
     return "pmpd" if is_control else "pmpd~"
 
 
-def number(word: str) -> float | None:
+def parse_number(word: str) -> float | None:
     """The number that a word is; None if it is not a number."""
     parsed_number = float(word) if _NUMBER.fullmatch(word) else None
     return parsed_number if parsed_number is None or isfinite(parsed_number) else None

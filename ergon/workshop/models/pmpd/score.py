@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.exact_numbers import nudge_to_goal
 from ergon.workshop.models.naming import Names
-from ergon.workshop.models.page import RATE, Input, Line, Out, Page, gain_option, number_text
+from ergon.workshop.models.page import RATE, Input, Line, Output, Page, gain_option, number_text
 from ergon.workshop.models.pmpd.bang import first_bang
 from ergon.workshop.models.pmpd.network import Link, Mass, Network, Port, Request
-from ergon.workshop.models.pmpd.strings import Row, rows
-from ergon.workshop.models.pmpd.tables import laws
+from ergon.workshop.models.pmpd.strings import Row, find_rows
+from ergon.workshop.models.pmpd.tables import law_fields
 
 _LENGTH_BOUND = 1e6  # bounds of a length beyond which pmpd's own default lies
 _DISTANCE_MAX, _SPEED_MAX = 1e3, 1e6  # [m], [m/s] of a score
@@ -35,7 +35,7 @@ class _ScoreDraft:
     imposed_by_mass: dict[int, Port] = field(
         default_factory=dict
     )  # masses that an inlet puts somewhere
-    outs: list[Out] = field(default_factory=list)
+    outputs: list[Output] = field(default_factory=list)
     ground: str = ""
     string_links: set[int] = field(default_factory=set)  # links within strings, by their places
 
@@ -78,10 +78,10 @@ def _add_masses(draft: _ScoreDraft) -> None:
     for mass in draft.network.masses:
         class_sizes[mass.class_name] = class_sizes.get(mass.class_name, 0) + 1
     last_indices: dict[str, int] = {}
-    string_by_first_mass = rows(
+    string_by_first_mass = find_rows(
         draft.network,
         draft.imposed_by_mass,
-        lambda link: link.K > 0.0 and _is_plain(draft, link, link.D),
+        lambda link: link.K > 0.0 and _is_score_spring(draft, link, link.D),
     )
     for mass_index, mass in enumerate(draft.network.masses):
         index_in_class = last_indices[mass.class_name] = last_indices.get(mass.class_name, -1) + 1
@@ -107,7 +107,7 @@ def _add_masses(draft: _ScoreDraft) -> None:
             )
 
 
-def _add_string(draft: _ScoreDraft, row: Row, mass: Mass, word: str) -> None:
+def _add_string(draft: _ScoreDraft, row: Row, mass: Mass, wanted_name: str) -> None:
     count = row.n_masses
     _check_start(mass)
     total_mass = nudge_to_goal(count * mass.M, lambda mass_to_try: mass_to_try / count, mass.M)
@@ -117,13 +117,15 @@ def _add_string(draft: _ScoreDraft, row: Row, mass: Mass, word: str) -> None:
         f"M: {number_text(total_mass)}",
         f"K: {number_text(row.link.K)}",
     ]
-    fields += [f"Z: {number_text(row.link.D)}", *_start(mass)]
-    name = draft.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first_mass} and on")
+    fields += [f"Z: {number_text(row.link.D)}", *_start_fields(mass)]
+    name = draft.add(
+        wanted_name, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first_mass} and on"
+    )
     draft.mass_modules += [f"{name}.{member}" for member in range(count)]
     draft.string_links |= row.links
 
 
-def _start(mass: Mass) -> list[str]:
+def _start_fields(mass: Mass) -> list[str]:
     x0 = [f"X0: {mass.x!r}m"] if mass.x else []
     return [*x0, f"V0: {mass.v * RATE!r}m/s"] if mass.v else x0
 
@@ -137,40 +139,47 @@ def _check_start(mass: Mass) -> None:
             raise ModelError(f"{name} is {start_value:g}: a score holds up to {limit:g}", mass.line)
 
 
-def _add_mass(draft: _ScoreDraft, mass_index: int, mass: Mass, word: str) -> str:
+def _add_mass(draft: _ScoreDraft, mass_index: int, mass: Mass, wanted_name: str) -> str:
     _check_start(mass)
     if mass_index in draft.imposed_by_mass:
-        return _add_imposed_mass(draft, draft.imposed_by_mass[mass_index], mass, word)
+        return _add_imposed_mass(draft, draft.imposed_by_mass[mass_index], mass, wanted_name)
     if not mass.is_mobile:
-        return draft.add(word, f"SOL: {{{''.join(_start(mass))}}}")
-    return draft.add(word, f"MAS: {{{', '.join([f'M: {number_text(mass.M)}', *_start(mass)])}}}")
+        return draft.add(wanted_name, f"SOL: {{{''.join(_start_fields(mass))}}}")
+    return draft.add(
+        wanted_name, f"MAS: {{{', '.join([f'M: {number_text(mass.M)}', *_start_fields(mass)])}}}"
+    )
 
 
-def _add_imposed_mass(draft: _ScoreDraft, port: Port, mass: Mass, word: str) -> str:
+def _add_imposed_mass(draft: _ScoreDraft, port: Port, mass: Mass, wanted_name: str) -> str:
     if mass.is_mobile:
         message = f"inlet {port.number} puts a mass somewhere that moves by itself too; "
         raise ModelError(f"{message}give mass {port.mass} a weight of 0", port.line)
     source = draft.inputs.get(f"in{port.number}")
     if source is None:
-        return draft.add(word, "SOL: {}", "an inlet that nothing is connected to is 0")
-    first_position = source.first * port.gain
+        return draft.add(wanted_name, "SOL: {}", "an inlet that nothing is connected to is 0")
+    first_position = source.first_sample * port.gain
     x0 = f", X0: {first_position!r}m" if first_position else ""
     name = draft.add(
-        word, f"MAS: {{M: {_IMPOSED_MASS}{x0}}}", "its mass says nothing: its path is imposed"
+        wanted_name,
+        f"MAS: {{M: {_IMPOSED_MASS}{x0}}}",
+        "its mass says nothing: its path is imposed",
     )
     scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-    draft.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}{source.start}{scale}}}")
+    draft.add(
+        f"{wanted_name}_path",
+        f"ENX: {{to: {name}, from: in{port.number}{source.start_field_text}{scale}}}",
+    )
     return name
 
 
-def _add_ground_damper(draft: _ScoreDraft, word: str, mass_name: str, D: float) -> None:
+def _add_ground_damper(draft: _ScoreDraft, wanted_name: str, mass_name: str, D: float) -> None:
     """Add a viscosity against the ground."""
     draft.ground = draft.ground or draft.add("ground", "SOL: {}", "what stands still")
     ends = f"between: [{draft.ground}, {mass_name}]"
     if D >= 0.0:
-        draft.add(word, f"FRO: {{{ends}, Z: {number_text(D)}}}")
+        draft.add(wanted_name, f"FRO: {{{ends}, Z: {number_text(D)}}}")
     else:
-        draft.add(word, f'LNL: {{{ends}, damping: "z*v", z: {number_text(D)}}}')
+        draft.add(wanted_name, f'LNL: {{{ends}, damping: "z*v", z: {number_text(D)}}}')
 
 
 # --- links --------------------------------------------------------------------------------------
@@ -198,13 +207,13 @@ def _add_link(draft: _ScoreDraft, link_index: int, link: Link) -> None:
         _add_ground_damper(draft, f"{name}_air", mobile_module, D)
         D = 0.0
     if link.tables is not None:
-        for text in laws(draft.network.arrays, link):
+        for text in law_fields(draft.network.arrays, link):
             draft.add(name, f"LNL: {{{ends}, {text}}}")
         return
     rest_field = f", rest: {link.L!r}m" if link.L else ""
     if abs(link.L) > _DISTANCE_MAX:
         raise ModelError(f"its length is {link.L:g}: a score holds up to 1000", link.line)
-    if _is_plain(draft, link, D):
+    if _is_score_spring(draft, link, D):
         kind = "REF" if D else "RES"
         damping_field = f", Z: {number_text(D)}" if D else ""
         draft.add(name, f"{kind}: {{{ends}, K: {number_text(link.K)}{damping_field}{rest_field}}}")
@@ -212,10 +221,10 @@ def _add_link(draft: _ScoreDraft, link_index: int, link: Link) -> None:
         law = f'law: "k*d", damping: "z*v", k: {number_text(link.K)}, z: {number_text(D)}'
         draft.add(name, f"LNL: {{{ends}, {law}{rest_field}}}")
     else:
-        draft.add(name, f"LNL: {{{ends}, {_law(link, D)}}}")
+        draft.add(name, f"LNL: {{{ends}, {_law_fields(link, D)}}}")
 
 
-def _is_plain(draft: _ScoreDraft, link: Link, D: float) -> bool:
+def _is_score_spring(draft: _ScoreDraft, link: Link, D: float) -> bool:
     """Whether a score can write the link as a spring with a damper."""
     return _is_linear(draft, link) and link.K >= 0.0 and D >= 0.0
 
@@ -231,7 +240,7 @@ def _is_unbounded(link: Link) -> bool:
     return link.Lmin <= -_LENGTH_BOUND and link.Lmax >= _LENGTH_BOUND
 
 
-def _law(link: Link, D: float) -> str:
+def _law_fields(link: Link, D: float) -> str:
     """K times a power of the length beyond the rest length, within bounds of the length."""
     is_audio = link.form == "NLlink~"
     # Bounds of pmpd~ are for the length beyond the rest length, those of pmpd for the whole length.
@@ -286,7 +295,7 @@ def _add_forces(draft: _ScoreDraft) -> None:
             raise ModelError(f"{message} and osc cannot", port.line)
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
         mass_name = draft.mass_modules[port.mass]
-        text = f"ENF: {{to: {mass_name}, from: in{port.number}{source.start}{scale}}}"
+        text = f"ENF: {{to: {mass_name}, from: in{port.number}{source.start_field_text}{scale}}}"
         draft.add(f"{_NO_LETTER.sub('_', mass_name)}_push", text)
 
 
@@ -306,10 +315,10 @@ def _add_outputs(draft: _ScoreDraft) -> None:
         _add_output(draft, [port.mass], port.word == "outSpeed", port.number + 1, port.gain)
     requests = draft.network.requests
     if draft.network.kind == "pmpd" and not requests:
-        mobile = tuple(
+        mobile_masses = tuple(
             mass_index for mass_index, mass in enumerate(draft.network.masses) if mass.is_mobile
         )
-        requests = [Request("massPosMean", mobile, 0)]
+        requests = [Request("massPosMean", mobile_masses, 0)]
     channel = 0
     for request in requests:
         is_mean, is_speed = (request.word.endswith("Mean"), request.word.startswith("massSpeed"))
@@ -327,11 +336,11 @@ def _add_outputs(draft: _ScoreDraft) -> None:
 def _add_output(
     draft: _ScoreDraft, masses: Sequence[int], is_speed: bool, channel: int, factor: float
 ) -> None:
-    output_name = f"out{len(draft.outs) + 1}"
+    output_name = f"out{len(draft.outputs) + 1}"
     targets = ", ".join(_ranges([draft.mass_modules[mass_index] for mass_index in masses]))
     targets = targets if len(masses) == 1 else f"[{targets}]"
     kind, factor = ("SOV", factor / RATE) if is_speed else ("SOX", factor)
-    draft.outs.append(Out(output_name, f"{kind}: {targets}", channel, gain_option(factor)))
+    draft.outputs.append(Output(output_name, f"{kind}: {targets}", channel, gain_option(factor)))
 
 
 def _ranges(member_names: Sequence[str]) -> Iterator[str]:
@@ -365,7 +374,7 @@ def _page(draft: _ScoreDraft, score_title: str) -> Page:
         inputs={name: draft.inputs[name] for name in sorted(ports) if name in draft.inputs},
         force_inputs=pushes,
         modules=draft.modules,
-        outs=draft.outs,
+        outputs=draft.outputs,
         strikes=list(_strikes(draft)),
     )
 
@@ -381,7 +390,7 @@ def _header(draft: _ScoreDraft, title: str) -> Iterator[str]:
     yield f"{step_text}; the numbers are those of the discrete network."
     if object_kind == "pmpd~":
         yield "The first sample is what the object begins with; its own first sample follows."
-    if any(out.source.startswith("SOV") for out in draft.outs):
+    if any(out.source.startswith("SOV") for out in draft.outputs):
         yield "Speeds are those in the middle of a step, heard 7.5 samples late."
     if object_kind == "pmpd" and not draft.network.requests:
         yield "Nothing is asked for: the mean of all masses that move is heard."

@@ -22,27 +22,27 @@ class Row:
     link: Link
 
 
-def rows(
-    network: Network, moved: Collection[int], is_plain: Callable[[Link], bool]
+def find_rows(
+    network: Network, moved_masses: Collection[int], is_spring: Callable[[Link], bool]
 ) -> dict[int, Row]:
-    """Rows of masses, by their first ones. `moved` masses are in no row, and its links are
+    """Rows of masses, by their first ones. `moved_masses` masses are in no row, and its links are
     plain.
     """
     masses = network.masses
     link_to_next: dict[int, int] = {}  # the first link from a mass to the next one
     for index, link in enumerate(network.links):
         first, second = sorted((link.a, link.b))
-        if second == first + 1 and link.L == 0.0 and is_plain(link):
+        if second == first + 1 and link.L == 0.0 and is_spring(link):
             link_to_next.setdefault(first, index)
     row_by_first: dict[int, Row] = {}
     first_mass = 0
     while first_mass < len(masses):
         links_in_row: list[int] = []
-        mass_key = _mass_key(masses[first_mass], first_mass in moved)
+        mass_key = _mass_key(masses[first_mass], first_mass in moved_masses)
         last_mass = first_mass
         while mass_key is not None and last_mass in link_to_next and last_mass + 1 < len(masses):
             next_link = link_to_next[last_mass]
-            if _mass_key(masses[last_mass + 1], last_mass + 1 in moved) != mass_key:
+            if _mass_key(masses[last_mass + 1], last_mass + 1 in moved_masses) != mass_key:
                 break
             if links_in_row and _link_key(network.links[next_link]) != _link_key(
                 network.links[links_in_row[0]]

@@ -35,7 +35,7 @@ class Table:
         return sign * (fraction * upper + (1.0 - fraction) * lower)
 
 
-def table(arrays: Mapping[str, Sequence[float]], name: str, line_number: int) -> Table:
+def find_table(arrays: Mapping[str, Sequence[float]], name: str, line_number: int) -> Table:
     """The array of a name. Raises ModelError where there is none."""
     values = arrays.get(name)
     if not values:
@@ -48,15 +48,15 @@ def table(arrays: Mapping[str, Sequence[float]], name: str, line_number: int) ->
     return Table(values)
 
 
-def laws(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
+def law_fields(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
     """Laws that add up to a tabLink: first of the elongation, then of its rate. Raises
     ModelError.
     """
     assert link.tables is not None
     name_k, length_k, name_d, length_d = link.tables
     stiffness_values, viscosity_values = (
-        table(arrays, name_k, link.line).values,
-        table(arrays, name_d, link.line).values,
+        find_table(arrays, name_k, link.line).values,
+        find_table(arrays, name_d, link.line).values,
     )
     if viscosity_values[0] and link.D:
         message = f"viscosity that jumps at rest is not built yet: let {name_d} begin with 0"

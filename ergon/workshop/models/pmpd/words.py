@@ -107,6 +107,6 @@ REFUSED: Mapping[str, str] = {
 }
 
 
-def written(word: str, form: tuple[Value, ...]) -> str:
+def usage_text(word: str, form: tuple[Value, ...]) -> str:
     """A message as documentation shows it: `link mass1 mass2 [K] [D]`."""
     return " ".join((word, *(value.notation for value in form)))

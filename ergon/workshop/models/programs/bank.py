@@ -16,8 +16,8 @@ class ModePath:
     amplitude [m] and phase [rad].
     """
 
-    struck: int
-    output: int
+    struck_index: int
+    output_index: int
     modes: Sequence[tuple[float, float, float, float]]
 
 
@@ -40,13 +40,17 @@ class Bank:
     paths: Sequence[ModePath]
 
 
-def joined(bank_name: str, banks: Sequence[Bank]) -> Bank:
+def join_banks(bank_name: str, banks: Sequence[Bank]) -> Bank:
     """The banks of several parts of one piece side by side, in one bank of this name."""
     paths: list[ModePath] = []
     n_struck = n_outputs = 0
     for bank in banks:
         paths += (
-            replace(path, struck=n_struck + path.struck, output=n_outputs + path.output)
+            replace(
+                path,
+                struck_index=n_struck + path.struck_index,
+                output_index=n_outputs + path.output_index,
+            )
             for path in bank.paths
         )
         n_struck += len(bank.struck_names)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ergon.workshop.models.programs.bank import UNITS, Bank
-from ergon.workshop.models.programs.derivative import weights
+from ergon.workshop.models.programs.derivative import derivative_weights
 
 BANK_MAX = 20_000  # resonators
 # Numbers of instruments, which Csound plays in their order in each sample: strikes, modes, output.
@@ -54,7 +54,10 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield "endin"
         yield ""
     for instrument_number, path in enumerate(bank.paths, first_mode_instrument):
-        struck_name, output_name = bank.struck_names[path.struck], bank.outputs[path.output][0]
+        struck_name, output_name = (
+            bank.struck_names[path.struck_index],
+            bank.outputs[path.output_index][0],
+        )
         mode_path = f"from {_plain(struck_name)} to {_plain(output_name)}"
         yield f"instr {instrument_number}  ; a mode, {mode_path}"
         yield "  iFrequency = p4  ; [Hz] damped"
@@ -64,10 +67,10 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield "  iRadius = exp(-iDecay/sr)"
         yield "  iAngle = 2*$M_PI*iFrequency/sr"
         yield "  ; an impulse gives iAmplitude*exp(-iDecay*t)*sin(2*pi*iFrequency*t + iPhase)"
-        yield f"  aMode biquad gaPush{path.struck + 1}, iAmplitude*sin(iPhase), \\"
+        yield f"  aMode biquad gaPush{path.struck_index + 1}, iAmplitude*sin(iPhase), \\"
         yield "      iAmplitude*iRadius*sin(iAngle - iPhase), 0, \\"
         yield "      1, -2*iRadius*cos(iAngle), iRadius*iRadius"
-        yield f"  gaOut{path.output + 1} += aMode"
+        yield f"  gaOut{path.output_index + 1} += aMode"
         yield "endin"
         yield ""
     yield f"instr {output_instrument}  ; what is heard"
@@ -89,7 +92,7 @@ def _differentiated(output_number: int, derivative_order: int) -> Iterator[str]:
     if derivative_order == 0:
         yield f"  aHeard{output_number} = gaOut{output_number}"
         return
-    pair_weights = weights(derivative_order)
+    pair_weights = derivative_weights(derivative_order)
     half_width = len(pair_weights)
     yield f"  ; differentiated over {2 * half_width - 2 + derivative_order} samples"
     yield f"  aWas{output_number}_0 = gaOut{output_number}"
@@ -120,11 +123,14 @@ def _score(bank: Bank) -> Iterator[str]:
     yield "<CsScore>"
     yield f"i {output_instrument} 0 {duration}"
     for instrument_number, path in enumerate(bank.paths, first_mode_instrument):
-        struck_name, output_name = bank.struck_names[path.struck], bank.outputs[path.output][0]
+        struck_name, output_name = (
+            bank.struck_names[path.struck_index],
+            bank.outputs[path.output_index][0],
+        )
         yield f"; modes, from {_plain(struck_name)} to {_plain(output_name)}"
         yield "; instr begins lasts frequency[Hz] decay[1/s] amplitude phase[rad]"
-        for row in path.modes:
-            yield f"i {instrument_number} 0 {duration} {' '.join(map(repr, row))}"
+        for mode_values in path.modes:
+            yield f"i {instrument_number} 0 {duration} {' '.join(map(repr, mode_values))}"
     for instrument_number, (point_name, point_strikes) in enumerate(
         zip(bank.struck_names, bank.strikes, strict=True), 1
     ):

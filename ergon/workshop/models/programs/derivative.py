@@ -8,7 +8,7 @@ from math import prod
 _HALF_WIDTH = 8  # samples on each side
 
 
-def weights(derivative_order: int) -> list[float]:
+def derivative_weights(derivative_order: int) -> list[float]:
     """Weights of pairs of samples that lie symmetrically about a middle, the innermost first
     [1/frame^order] (8,).
 
@@ -20,17 +20,17 @@ def weights(derivative_order: int) -> list[float]:
     offsets = [first_offset + k for k in range(_HALF_WIDTH)]
     squared_offsets = [offset * offset for offset in offsets]
     pair_weights = []
-    for offset, square in zip(offsets, squared_offsets, strict=True):
+    for offset, squared_offset in zip(offsets, squared_offsets, strict=True):
         lagrange_factor = prod(
             (
-                other_square / (other_square - square)
+                other_square / (other_square - squared_offset)
                 for other_square in squared_offsets
-                if other_square != square
+                if other_square != squared_offset
             ),
             start=Fraction(1),
         )
         pair_weights.append(
-            float(lagrange_factor / (2 * offset if derivative_order == 1 else square))
+            float(lagrange_factor / (2 * offset if derivative_order == 1 else squared_offset))
         )
     return pair_weights
 
@@ -42,7 +42,7 @@ def differentiated(signal_name: str, derivative_order: int, rate: float) -> str:
     if derivative_order == 0:
         return signal_name
     terms = []
-    for pair_index, pair_weight in enumerate(weights(derivative_order)):
+    for pair_index, pair_weight in enumerate(derivative_weights(derivative_order)):
         earlier, later = (
             f"{signal_name}@{_HALF_WIDTH + pair_index + derivative_order - 1}",
             f"{signal_name}@{_HALF_WIDTH - 1 - pair_index}",

@@ -17,22 +17,22 @@ NOWHERE = Place("", 0, 0)
 class Part:
     """An instrument or a key: its modules, its outputs, and the rate of its algorithmic values.
 
-    `struck` is the module of a key that a hand moves.
+    `struck_module` is the module of a key that a hand moves.
     """
 
     name: str
     modules: Sequence[Module]
     outputs: Sequence[Output] = ()
     ca_rate: float | None = None
-    struck: str | None = None
+    struck_module: str | None = None
 
 
 @dataclass(slots=True)
 class Point:
     """A mass. Its step [m] for a force f is y = (1 - zeta)·d - kappa·(x - rest) + gain·f.
 
-    It starts at `x0` [m] after a step `d0` [m]. `mass` is 0 for a fixed point, and `fed` is the
-    input that gives its position. `comment` describes it by the words of the score.
+    It starts at `x0` [m] after a step `d0` [m]. `mass` is 0 for a fixed point, and `position_input`
+    is the input that gives its position. `comment` describes it by the words of the score.
     """
 
     name: str
@@ -46,8 +46,8 @@ class Point:
     v0: float = 0.0
     d0: float = 0.0
     is_ca: bool = False
-    fed: int | None = None
-    forces: list[int] = field(default_factory=list)  # inputs that push it
+    position_input: int | None = None
+    force_inputs: list[int] = field(default_factory=list)  # inputs that push it
     weight: float = 0.0  # [N] a force that never changes
     shares: tuple[tuple[int, float], ...] = ()  # points of a PROXY with its share in each
     place: Place = NOWHERE
@@ -89,7 +89,7 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A generator of equal masses and equal links, `sides` across and up, at rest at 0.
+    """A generator of equal masses and equal links, `mass_counts` across and up, at rest at 0.
 
     Its points that move are the first of `points`, row by row.
     """
@@ -97,7 +97,7 @@ class Body:
     name: str
     kind: str
     is_held: bool
-    sides: tuple[int, int]
+    mass_counts: tuple[int, int]
     points: range
     links: range
     K: float
@@ -134,5 +134,5 @@ class SteppedNetwork:
     links: list[Link] = field(default_factory=list)
     inputs: list[Input] = field(default_factory=list)
     outputs: list[MixedOutput] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
+    omissions: list[str] = field(default_factory=list)
     bodies: list[Body] = field(default_factory=list)

@@ -37,11 +37,14 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "  back(y) = 2.0*r*cos(turn(f))*y - r*r*y';"
     yield "};"
     for path_number, path in enumerate(bank.paths, 1):
-        struck, output_name = bank.struck_names[path.struck], bank.outputs[path.output][0]
+        struck_name, output_name = (
+            bank.struck_names[path.struck_index],
+            bank.outputs[path.output_index][0],
+        )
         yield ""
-        yield f"// from {plain(struck)} to {plain(output_name)}"
-        terms = [f"mode({', '.join(map(_number, row))}, x)" for row in path.modes]
-        yield f"way_{path_number}(x) = {_sum(terms)};"
+        yield f"// from {plain(struck_name)} to {plain(output_name)}"
+        terms = [f"mode({', '.join(map(_number, mode_values))}, x)" for mode_values in path.modes]
+        yield f"way_{path_number}(x) = {_balanced_sum(terms)};"
     yield ""
     input_names = [f"in_{number}" for number in range(1, len(bank.struck_names) + 1)]
     output_names = [f"out_{number}" for number in range(1, len(bank.outputs) + 1)]
@@ -51,22 +54,22 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "with {"
     for index, output_name in enumerate(output_names):
         terms_of_output = [
-            f"way_{number}({input_names[path.struck]}/SR)"
+            f"way_{number}({input_names[path.struck_index]}/SR)"
             for number, path in enumerate(bank.paths, 1)
-            if path.output == index
+            if path.output_index == index
         ]
         yield f"  {output_name} = {' + '.join(terms_of_output) or '0.0'};"
     yield "};"
 
 
-def _sum(terms: Sequence[str]) -> str:
+def _balanced_sum(terms: Sequence[str]) -> str:
     """A sum as a balanced tree: Faust takes six times as long for a thousand terms summed from left
     to right.
     """
     if len(terms) == 1:
         return terms[0]
     half = len(terms) // 2
-    return f"({_sum(terms[:half])}\n  + {_sum(terms[half:])})"
+    return f"({_balanced_sum(terms[:half])}\n  + {_balanced_sum(terms[half:])})"
 
 
 def _output_text(name: str, order: int) -> str:

@@ -47,15 +47,15 @@ class Laws:
     lines: list[str] = field(default_factory=list)
     helpers: set[str] = field(default_factory=set)
 
-    def name(self, law: Law, word: str) -> str:
-        """The function (d [m], v [m/s]) -> force [N] of a law; `word` names the link."""
+    def function_name(self, law: Law, link_name: str) -> str:
+        """The function (d [m], v [m/s]) -> force [N] of a law; `link_name` names the link."""
         law_fields = law.fields
         constants, points = law_fields["constants"], law_fields["points"]
         key = (law_fields["law"], law_fields["damping"], *sorted(constants.items()), str(points))
         if key not in self.name_by_law:
-            self.name_by_law[key] = f"law_{word}"
+            self.name_by_law[key] = f"law_{link_name}"
             self.lines += self._function(
-                f"law_{word}", law_fields["law"], law_fields["damping"], law
+                f"law_{link_name}", law_fields["law"], law_fields["damping"], law
             )
         return self.name_by_law[key]
 
@@ -93,13 +93,13 @@ class Laws:
         """
         python_names = {name: f"c{position}" for position, name in enumerate(faust_names)}
 
-        def python_word(match: re.Match[str]) -> str:
+        def to_python_word(match: re.Match[str]) -> str:
             matched_word = match[0]
             is_reserved = matched_word in ("d", "v") or matched_word in _CALLS
             python_name = matched_word if is_reserved else python_names.get(matched_word)
             return python_name or repr(float(matched_word))
 
-        tree = ast.parse(f"({_WORD.sub(python_word, text)})", mode="eval")
+        tree = ast.parse(f"({_WORD.sub(to_python_word, text)})", mode="eval")
         faust_by_python_name = {
             f"c{position}": faust_name for position, faust_name in enumerate(faust_names.values())
         }

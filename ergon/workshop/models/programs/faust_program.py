@@ -30,7 +30,7 @@ def _lines(network: SteppedNetwork, program_title: str) -> Iterator[str]:
     link_names = [names.new(_word(link.name)) for link in network.links]
     laws = Laws()
     law_names = {
-        name: laws.name(link.law, name)
+        name: laws.function_name(link.law, name)
         for name, link in zip(link_names, network.links, strict=True)
         if link.law is not None
     }
@@ -46,11 +46,11 @@ def _lines(network: SteppedNetwork, program_title: str) -> Iterator[str]:
             f"// {port_kind} {port_number}: {plain(name)}"
             for port_number, name in enumerate(names_of_ports, 1)
         )
-    yield from (f"// Left out: {plain(omission)}" for omission in network.left_out)
+    yield from (f"// Left out: {plain(omission)}" for omission in network.omissions)
     yield f'declare name "{plain(program_title)}";'
     yield ""
     for point_name, point in named_points:
-        yield from _constants(point_name, point)
+        yield from _constant_lines(point_name, point)
     for link_name, model_link in zip(link_names, network.links, strict=True):
         yield from _link_constants(link_name, model_link)
     yield from laws.program_lines()
@@ -78,9 +78,9 @@ def _lines(network: SteppedNetwork, program_title: str) -> Iterator[str]:
         yield f"  '{output_signal} = {' + '.join(terms) or '0.0'};"
     yield "where"
     for point_name, point in named_points:
-        yield from _state(point_name, point, point_names)
+        yield from _state_lines(point_name, point, point_names)
     for link_name, model_link in zip(link_names, network.links, strict=True):
-        yield from _force(link_name, model_link, point_names, law_names)
+        yield from _force_lines(link_name, model_link, point_names, law_names)
     links_by_point = _links_by_point(network)
     # For each point, the forces that proxies pass to it.
     proxy_forces: list[list[str]] = [[] for _ in point_names]
@@ -89,14 +89,14 @@ def _lines(network: SteppedNetwork, program_title: str) -> Iterator[str]:
             force_terms = [
                 f"{sign} f_{link_names[link]}" for link, sign in links_by_point[point_index]
             ]
-            force_terms += [f"+ {input_signals[input_index]}" for input_index in point.forces]
+            force_terms += [f"+ {input_signals[input_index]}" for input_index in point.force_inputs]
             yield f"  g_{point_name} = 0.0 {' '.join(force_terms)};"
             for mass_index, share in point.shares:
                 proxy_forces[mass_index].append(f"+ {share!r}*g_{point_name}")
     for point_index, (point_name, point) in enumerate(named_points):
         if _moves(point):
             terms = [f"{sign} f_{link_names[link]}" for link, sign in links_by_point[point_index]]
-            terms += [f"+ {input_signals[input_index]}" for input_index in point.forces]
+            terms += [f"+ {input_signals[input_index]}" for input_index in point.force_inputs]
             terms += [f"+ W_{point_name}"] if point.weight else []
             terms += proxy_forces[point_index]
             yield f"  y_{point_name} = {_step(point_name, point, terms)};"
@@ -104,10 +104,10 @@ def _lines(network: SteppedNetwork, program_title: str) -> Iterator[str]:
 
 
 def _moves(point: Point) -> bool:
-    return bool(point.mass) and point.fed is None
+    return bool(point.mass) and point.position_input is None
 
 
-def _constants(point_name: str, point: Point) -> Iterator[str]:
+def _constant_lines(point_name: str, point: Point) -> Iterator[str]:
     yield f"// {plain(point.name)}: {point.comment}"
     yield f"X0_{point_name} = {_number(point.x0)}; // [m] where it starts"
     if _moves(point):
@@ -136,7 +136,7 @@ def _link_constants(link_name: str, link: Link) -> Iterator[str]:
     yield f"L_{link_name} = {_number(link.offset)}; // [m]"
 
 
-def _state(point_name: str, point: Point, point_names: Sequence[str]) -> Iterator[str]:
+def _state_lines(point_name: str, point: Point, point_names: Sequence[str]) -> Iterator[str]:
     if point.shares:
         for letter in "xd":
             terms = (
@@ -145,8 +145,8 @@ def _state(point_name: str, point: Point, point_names: Sequence[str]) -> Iterato
             )
             yield f"  {letter}_{point_name} = {' + '.join(terms)};"
         return
-    if point.fed is not None:
-        input_name = f"in_{point.fed + 1}"
+    if point.position_input is not None:
+        input_name = f"in_{point.position_input + 1}"
         yield f"  x_{point_name} = {input_name};"
         yield f"  d_{point_name} = ({input_name} - {input_name}') * 1';"
     elif point.mass:
@@ -157,7 +157,7 @@ def _state(point_name: str, point: Point, point_names: Sequence[str]) -> Iterato
         yield f"  d_{point_name} = 0.0;"
 
 
-def _force(
+def _force_lines(
     link_name: str, link: Link, point_names: Sequence[str], law_names: Mapping[str, str]
 ) -> Iterator[str]:
     """The force that pulls the first end of a link towards the second."""
@@ -180,10 +180,12 @@ def _force(
         if link.exponent == 1.0
         else f"pow(max(p_{link_name}, 0.0), {link.exponent!r})"
     )
-    push = f"K_{link_name}*{elastic_term} + Z_{link_name}*(d_{upper_name} - d_{lower_name})"
-    push = f"max({push}, 0.0)" if link.is_clamped else f"({push})"
+    push_expression = (
+        f"K_{link_name}*{elastic_term} + Z_{link_name}*(d_{upper_name} - d_{lower_name})"
+    )
+    push_expression = f"max({push_expression}, 0.0)" if link.is_clamped else f"({push_expression})"
     sign = "0.0 -" if link.side > 0 else ""
-    yield f"  f_{link_name} = {sign} (p_{link_name} > 0.0)*{push};".replace("=  ", "= ")
+    yield f"  f_{link_name} = {sign} (p_{link_name} > 0.0)*{push_expression};".replace("=  ", "= ")
 
 
 def _step(point_name: str, point: Point, force_terms: Sequence[str]) -> str:

@@ -27,23 +27,23 @@ def _poles(m: float, K: float, Z: float, f: float | None, t60: float | None) -> 
     return sigma, K / m - sigma * sigma
 
 
-def ratios(
+def discrete_ratios(
     m: float, K: float, Z: float, f: float | None, t60: float | None, rate: float
 ) -> tuple[float, float]:
     """κ and ζ that give the exact samples at `rate` [Hz]."""
     sigma, omega_squared = _poles(m, K, Z, f, t60)
-    damping = sigma / rate
+    step_decay = sigma / rate
     if omega_squared >= 0.0:
         half_sine = _core.sin(0.5 * sqrt(omega_squared) / rate)
-        amplitude_loss = _complement_of_exp(damping)
+        amplitude_loss = _complement_of_exp(step_decay)
         return amplitude_loss * amplitude_loss + 4.0 * (
             1.0 - amplitude_loss
-        ) * half_sine * half_sine, _complement_of_exp(2.0 * damping)
+        ) * half_sine * half_sine, _complement_of_exp(2.0 * step_decay)
     fast_decay = sigma + sqrt(-omega_squared)
     slow_decay = K / m / fast_decay
     return _complement_of_exp(slow_decay / rate) * _complement_of_exp(
         fast_decay / rate
-    ), _complement_of_exp(2.0 * damping)
+    ), _complement_of_exp(2.0 * step_decay)
 
 
 def last_step(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ergon.workshop.models.programs.elements import Point
-from ergon.workshop.models.programs.first_step import last_step, ratios
+from ergon.workshop.models.programs.first_step import discrete_ratios, last_step
 
 
 def _sol(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
@@ -24,10 +24,12 @@ def _cel(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
     m, v0, rest_position = fields["M"], fields.get("V0", 0.0), fields.get("rest", 0.0)
     x0, f, t60 = fields.get("X0", 0.0), fields.get("f"), fields.get("t60")
     K, Z = fields.get("K") or 0.0, fields.get("Z") or 0.0
-    kappa, zeta = (K / m, Z / m) if ca_rate and f is None else ratios(m, K, Z, f, t60, rate)
+    kappa, zeta = (
+        (K / m, Z / m) if ca_rate and f is None else discrete_ratios(m, K, Z, f, t60, rate)
+    )
     d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest_position, v0)
-    tie = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
-    description = f"CEL: M = {m!r}, {tie}"
+    constants_text = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
+    description = f"CEL: M = {m!r}, {constants_text}"
     return Point(
         name,
         x0,
@@ -47,7 +49,7 @@ def step_per_newton(m: float, ca_rate: float | None, rate: float) -> float:
     return 1.0 / m if ca_rate else 1.0 / (m * rate * rate)
 
 
-POINTS: dict[str, Callable[[Any, str, float | None, float], Point]] = {
+POINT_MAKERS: dict[str, Callable[[Any, str, float | None, float], Point]] = {
     "SOL": _sol,
     "MAS": _mas,
     "CEL": _cel,

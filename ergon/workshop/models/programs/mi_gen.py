@@ -21,7 +21,7 @@ _NO_LETTER = re.compile(r"\W", re.ASCII)
 _SPACES = re.compile(r"\s+")
 
 
-def model(network: SteppedNetwork, model_title: str) -> str:
+def model_text(network: SteppedNetwork, model_title: str) -> str:
     """The text of a model. Raises ModelError with the places of all that the format cannot
     express.
     """
@@ -33,7 +33,7 @@ class _ModelDraft:
     network: SteppedNetwork
     names: Names = field(default_factory=Names)
     lines: list[str] = field(default_factory=list)
-    refused: list[tuple[Place, str]] = field(default_factory=list)
+    refusals: list[tuple[Place, str]] = field(default_factory=list)
     point_texts: dict[int, str] = field(default_factory=dict)  # how each point is written in a link
     body_by_first_point: dict[int, Body] = field(default_factory=dict)  # by their first points
     name_by_first_point: dict[int, str] = field(default_factory=dict)  # names of these
@@ -65,12 +65,12 @@ class _ModelDraft:
         self._add_force_inputs(input_names)
         for name, port in zip(output_names, network.outputs, strict=True):
             self._add_output(name, port)
-        if self.refused:
-            raise refusal(list(dict.fromkeys(self.refused)))
+        if self.refusals:
+            raise refusal(list(dict.fromkeys(self.refusals)))
         return "\n".join([*self._heading(title, input_names, output_names), *self.lines]) + "\n"
 
     def refuse(self, place: Place, reason: str) -> None:
-        self.refused.append((place, reason))
+        self.refusals.append((place, reason))
 
     def _heading(
         self, title: str, input_names: list[str], output_names: list[str]
@@ -83,12 +83,12 @@ class _ModelDraft:
             yield f"# {port_name}: {_plain(input.name)}{source_text}"
         for port_name, output_port in zip(output_names, self.network.outputs, strict=True):
             yield f"# {port_name}: {_plain(output_port.name)}"
-        yield from (f"# Left out: {_plain(output_port)}" for output_port in self.network.left_out)
+        yield from (f"# Left out: {_plain(output_port)}" for output_port in self.network.omissions)
         yield ""
 
     # --- masses ---
 
-    def _name(self, text: str) -> str:
+    def _unique_name(self, text: str) -> str:
         """A name of the score; the name of its part is left out if the rest is unique."""
         short_name = text.partition(".")[2] or text
         short_word = _NO_LETTER.sub("_", short_name)
@@ -100,7 +100,8 @@ class _ModelDraft:
         for body in self.network.bodies:
             points = [self.network.points[point_index] for point_index in body.points]
             is_at_rest = not any(
-                point.x0 or point.d0 or point.weight or point.fed is not None for point in points
+                point.x0 or point.d0 or point.weight or point.position_input is not None
+                for point in points
             )
             if is_at_rest and body.K >= 0.0 and body.z >= 0.0:
                 self.body_by_first_point[body.points[0]] = body
@@ -117,7 +118,7 @@ class _ModelDraft:
                 self._add_mass(point_number, point, inputs)
 
     def _add_body(self, body: Body) -> None:
-        name, (n_columns, n_rows) = self._name(body.name), body.sides
+        name, (n_columns, n_rows) = self._unique_name(body.name), body.mass_counts
         mass = self._mass_in_model(self.network.points[body.points[0]])
         n_fixed = 2 * body.is_held
         link_values = f"{_number(body.K)} {_number(body.z)} 0 0"
@@ -163,8 +164,8 @@ class _ModelDraft:
         return point.mass if point.is_ca else point.mass * self.network.rate * self.network.rate
 
     def _add_mass(self, number: int, point: Point, inputs: list[str]) -> None:
-        if point.fed is not None:
-            mass_name = inputs[point.fed]
+        if point.position_input is not None:
+            mass_name = inputs[point.position_input]
             self.lines.append(f"@{mass_name} posInput {_number(point.x0)}")
             self.point_texts[number] = f"@{mass_name}"
             return
@@ -174,7 +175,7 @@ class _ModelDraft:
                 reason = "a PROXY that lies at no place of one whole STRING or rectangle at rest"
                 self.refuse(point.place, f"{point.name}: {reason}")
             return
-        mass_name = self._name(point.name)
+        mass_name = self._unique_name(point.name)
         self.point_texts[number] = f"@{mass_name}"
         if not point.mass:
             self.lines.append(f"@{mass_name} ground {_number(point.x0)}")
@@ -197,7 +198,10 @@ class _ModelDraft:
     def _add_tied_mass(self, mass_name: str, point_number: int, point: Point, m: float) -> None:
         """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
         self._add_mass_line(mass_name, f"mass {_number(m)}", point, m, 0.0, 0.0)
-        ground_name, tie_name = (self._name(f"{point.name}_rest"), self._name(f"{point.name}_tie"))
+        ground_name, tie_name = (
+            self._unique_name(f"{point.name}_rest"),
+            self._unique_name(f"{point.name}_tie"),
+        )
         self.lines.append(f"@{ground_name} ground {_number(point.rest)}")
         tie_values = f"{_number(point.kappa * m)} {_number(point.zeta * m)}"
         self.lines.append(f"@{tie_name} springDamper @{ground_name} @{mass_name} {tie_values}")
@@ -229,7 +233,7 @@ class _ModelDraft:
 
     def _add_link(self, link: Link) -> None:
         first_name, second_name = self.point_texts[link.a], self.point_texts[link.b]
-        link_name = self._name(link.name)
+        link_name = self._unique_name(link.name)
         if link.law is not None:
             self._add_law(link_name, link, f"{first_name} {second_name}")
         elif link.exponent is not None:
@@ -278,7 +282,7 @@ class _ModelDraft:
             self.refuse(link.place, reason)
             return
         head_link = LINKS["head"][word]
-        if link.offset and head_link.rest != "thresh":
+        if link.offset and head_link.rest_name != "thresh":
             self.refuse(link.place, f"{link.name}: a {word} of mi-gen has no rest")
             return
         keyword = word.split()[-1]
@@ -311,7 +315,7 @@ class _ModelDraft:
             pushed_indices = [
                 point_index
                 for point_index, point in enumerate(self.network.points)
-                if input_number in point.forces
+                if input_number in point.force_inputs
             ]
             if len(pushed_indices) == 1:
                 self.lines.append(f"@{input_name} frcInput {self.point_texts[pushed_indices[0]]}")
@@ -344,8 +348,8 @@ class _ModelDraft:
         hears_all_links = sorted(self.links_by_point.get(mass_index, [])) == sorted(output.links)
         if (
             not hears_all_links
-            or self.network.points[mass_index].forces
-            or self.network.points[mass_index].fed is not None
+            or self.network.points[mass_index].force_inputs
+            or self.network.points[mass_index].position_input is not None
         ):
             reason = f"{output_name}: mi-gen hears the force of all links of one mass together"
             self.refuse(output.place, f"{reason}, and here they are others")

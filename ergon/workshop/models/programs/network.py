@@ -27,7 +27,7 @@ from ergon.workshop.models.programs.elements import (
     Point,
     SteppedNetwork,
 )
-from ergon.workshop.models.programs.masses import POINTS
+from ergon.workshop.models.programs.masses import POINT_MAKERS
 
 NETWORK_MAX = 200  # points: Faust takes 7 s for 150 that are joined, more than 100 s for 990
 
@@ -51,20 +51,20 @@ def stepped_network(
 
 class _Builder:
     def __init__(self, network: SteppedNetwork, points_max: int) -> None:
-        self.result, self.points_max = network, points_max
+        self.network, self.points_max = network, points_max
         self.points_by_module: dict[tuple[str, str], list[int]] = {}  # points of a module
         self.centre_by_module: dict[tuple[str, str], int] = {}
         self.links_by_module: dict[tuple[str, str], list[int]] = {}
         self.input_by_points: dict[tuple[int, ...], int] = {}  # points -> input
-        self.refused: list[tuple[Place, str]] = []
+        self.refusals: list[tuple[Place, str]] = []
 
     def build(self, parts: Sequence[Part], struck: Iterable[Target]) -> SteppedNetwork:
         for part in parts:
-            if part.ca_rate not in (None, self.result.rate):
+            if part.ca_rate not in (None, self.network.rate):
                 refusal_reason = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
                 self._refuse(
                     part.modules[0].place,
-                    f"{part.name}: {refusal_reason} {self.result.rate:,g} Hz; write the same",
+                    f"{part.name}: {refusal_reason} {self.network.rate:,g} Hz; write the same",
                 )
             for module in part.modules:
                 self._add_points(part, module)
@@ -76,49 +76,49 @@ class _Builder:
             for module in part.modules:
                 self._add_link_or_input(part, module)
         for part in parts:
-            if part.struck is not None:
-                self._add_force_on(self.points_by_module[part.name, part.struck], part.name)
+            if part.struck_module is not None:
+                self._add_force_on(self.points_by_module[part.name, part.struck_module], part.name)
         for target in struck:
             self._add_force_input(target)
         for part in parts:
             for output in part.outputs:
                 self._add_output(part, output)
-        if len(self.result.points) > self.points_max:
+        if len(self.network.points) > self.points_max:
             self._refuse(
                 parts[0].modules[0].place,
-                f"there are {len(self.result.points):,} masses, and at most {self.points_max:,} "
+                f"there are {len(self.network.points):,} masses, and at most {self.points_max:,} "
                 "are written",
             )
         if not any(part.outputs for part in parts):
             names = ", ".join(part.name for part in parts)
             self._refuse(parts[0].modules[0].place, f"{names} has no output; add an `out`")
-        if self.refused:
-            raise refusal(self.refused)
+        if self.refusals:
+            raise refusal(self.refusals)
         self._set_first_steps()
-        return self.result
+        return self.network
 
     def _refuse(self, place: Place, reason: str) -> None:
-        self.refused.append((place, reason))
+        self.refusals.append((place, reason))
 
     # --- points ---
 
     def _add_points(self, part: Part, module: Module) -> None:
         key = (part.name, module.name)
         name = f"{part.name}.{module.name}" if module.name else part.name
-        if module.kind in POINTS:
-            point = POINTS[module.kind](module.fields, name, part.ca_rate, self.result.rate)
+        if module.kind in POINT_MAKERS:
+            point = POINT_MAKERS[module.kind](module.fields, name, part.ca_rate, self.network.rate)
             point.is_ca, point.place = (
                 part.ca_rate is not None,
                 module.place,
             )
-            self.points_by_module[key] = [len(self.result.points)]
-            self.result.points.append(point)
+            self.points_by_module[key] = [len(self.network.points)]
+            self.network.points.append(point)
         elif module.kind in GENERATOR_KINDS:
             self._add_generator(part, module, name)
 
     def _add_proxy(self, part: Part, module: Module) -> None:
         name, fields = f"{part.name}.{module.name}", module.fields
-        self.points_by_module[part.name, module.name] = [len(self.result.points)]
+        self.points_by_module[part.name, module.name] = [len(self.network.points)]
         shares: list[tuple[int, float]] = []
         if fields["follows"]:
             self._refuse(module.place, f"{name}: a PROXY that follows a MAT is not written yet")
@@ -138,8 +138,8 @@ class _Builder:
             proxy = add_proxy(network, name, fields, members)
             point_by_mat = {mat: point for point, mat in mat_by_point.items()}
             shares = [(point_by_mat[mat], share) for mat, share in network.shares(proxy)]
-        x0 = sum(share * self.result.points[target].x0 for target, share in shares)
-        v0 = sum(share * self.result.points[target].v0 for target, share in shares)
+        x0 = sum(share * self.network.points[target].x0 for target, share in shares)
+        v0 = sum(share * self.network.points[target].v0 for target, share in shares)
         point = Point(
             name,
             x0,
@@ -148,7 +148,7 @@ class _Builder:
             shares=tuple(shares),
         )
         point.place = module.place
-        self.result.points.append(point)
+        self.network.points.append(point)
 
     def _add_generator(self, part: Part, module: Module, name: str) -> None:
         fields, key = (module.fields, (part.name, module.name))
@@ -174,7 +174,7 @@ class _Builder:
                 f"{name}: {n_masses:,} masses, and at most {self.points_max:,} are written",
             )
             return
-        first_point = len(self.result.points)
+        first_point = len(self.network.points)
         self.points_by_module[key] = list(range(first_point, first_point + n_masses))
         self.centre_by_module[key] = first_point + network.centre(0)
         row_by_mat = {mat: row for row, mat in enumerate(table.mats)}
@@ -185,7 +185,7 @@ class _Builder:
             )
             if kind == "CEL"
         }
-        rate = self.result.rate
+        rate = self.network.rate
         for member in range(n_masses):
             member_name, mat_row = f"{name}.{member}", row_by_mat.get(member)
             if mat_row is None:
@@ -195,11 +195,11 @@ class _Builder:
                 constants = dict(
                     zip(("K", "Z"), ground_by_row.get(mat_row, (None, 0.0)), strict=True)
                 )
-                make_point = POINTS["MAS" if mat_row not in ground_by_row else "CEL"]
+                make_point = POINT_MAKERS["MAS" if mat_row not in ground_by_row else "CEL"]
                 point = make_point({"M": m, **constants, **starts}, member_name, part.ca_rate, rate)
             point.is_ca, point.place = (part.ca_rate is not None, module.place)
-            self.result.points.append(point)
-        first_link = len(self.result.links)
+            self.network.points.append(point)
+        first_link = len(self.network.links)
         ground = None
         point_by_row = [first_point + mat_number for mat_number in table.mats]
         link_rows = zip(table.kinds, table.a, table.b, table.stiffness, table.damping, strict=True)
@@ -207,43 +207,47 @@ class _Builder:
             if link_kind == "CEL":
                 continue
             if ground is None and min(a, b) < 0:
-                ground = len(self.result.points)
-                self.result.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
+                ground = len(self.network.points)
+                self.network.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
             end_points = [ground if end < 0 else point_by_row[end] for end in (int(a), int(b))]
             constants = {"K": float(k), "Z": float(z)}
             self._add_link(
                 part, f"{name}.link.{link_number}", end_points, link_kind, constants, module.place
             )
         ranges = (
-            range(first_point, len(self.result.points)),
-            range(first_link, len(self.result.links)),
+            range(first_point, len(self.network.points)),
+            range(first_link, len(self.network.links)),
         )
         self._add_body(module, name, n_masses, *ranges)
 
-    def _add_body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
+    def _add_body(
+        self, module: Module, name: str, n_masses: int, points: range, links: range
+    ) -> None:
         """Add a generator as a whole, if it is one row or one rectangle of equal masses."""
         fields = module.fields
-        sides = (count, 1)
+        mass_counts = (n_masses, 1)
         if module.kind == "PLATE" and fields["shape"] == "rectangle":
-            sides = fields["sides"]
+            mass_counts = fields["sides"]
         elif module.kind != "STRING" or fields["ends"] == "left" or fields.get("stiffness"):
             return
         is_held = fields.get("ends") == "fixed" or fields.get("rim") == "fixed"
-        body_links = [self.result.links[link] for link in links]
-        distinct_masses = {self.result.points[point].mass for point in points[:count]}
+        body_links = [self.network.links[link] for link in links]
+        distinct_masses = {self.network.points[point].mass for point in points[:n_masses]}
         link_constants = {(link.K, link.z) for link in body_links}
-        n_columns, n_rows = sides
+        n_columns, n_rows = mass_counts
         n_links = n_columns * (n_rows - 1) + n_rows * (n_columns - 1)
         if is_held:
             n_links += 2 if module.kind == "STRING" else 2 * (n_columns + n_rows)
-        is_tied = any(self.result.points[point].kappa for point in points)
+        is_tied = any(self.network.points[point].kappa for point in points)
         if (
             len(distinct_masses) == len(link_constants) == 1
             and len(body_links) == n_links
             and not is_tied
         ):
             (K, z), *_ = link_constants
-            self.result.bodies.append(Body(name, module.kind, is_held, sides, points, links, K, z))
+            self.network.bodies.append(
+                Body(name, module.kind, is_held, mass_counts, points, links, K, z)
+            )
 
     # --- links and inputs ---
 
@@ -273,11 +277,11 @@ class _Builder:
                 end.text for end in targets if (end.part, end.module) not in self.points_by_module
             ]
             if missing_ends:
-                self.result.left_out.append(f"{name}, which joins {' and '.join(missing_ends)}")
+                self.network.omissions.append(f"{name}, which joins {' and '.join(missing_ends)}")
                 for end in targets:
                     self._add_force_input(end)
                 return
-            first_link = len(self.result.links)
+            first_link = len(self.network.links)
             for single_link in single_links(module):
                 a, b = (self._members(end)[:1] for end in single_link.ends)
                 if a and b:
@@ -288,7 +292,7 @@ class _Builder:
             if (module.fields.get("K") or 0.0) < 0 and part.ca_rate is None:
                 self._refuse(module.place, f"{name}: a stiffness below 0")
             self.links_by_module[part.name, module.name] = list(
-                range(first_link, len(self.result.links))
+                range(first_link, len(self.network.links))
             )
 
     def _add_link(
@@ -301,7 +305,7 @@ class _Builder:
         place: Place,
     ) -> None:
         K, Z = float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0)
-        z = Z * (self.result.rate if part.ca_rate is None else self.result.rate / part.ca_rate)
+        z = Z * (self.network.rate if part.ca_rate is None else self.network.rate / part.ca_rate)
         a, b = (end for end in end_points if end is not None)
         units = ("", "") if part.ca_rate is not None else (" N/m", " N·s/m")
         description = f"{kind}: K = {K!r}{units[0]}, Z = {Z!r}{units[1]}"
@@ -309,7 +313,7 @@ class _Builder:
             law_fields = (
                 fields[field_name] for field_name in ("law", "damping", "constants", "points")
             )
-            law = Law(fields, _core.Law(*law_fields), 1.0 if part.ca_rate else self.result.rate)
+            law = Law(fields, _core.Law(*law_fields), 1.0 if part.ca_rate else self.network.rate)
             offset = float(fields["rest"])
             law_texts = (
                 f"{field_name} = {fields[field_name]}"
@@ -317,7 +321,7 @@ class _Builder:
                 if fields[field_name]
             )
             description = f"LNL: {', '.join([*law_texts, f'rest = {offset!r} m'])}"
-            self.result.links.append(
+            self.network.links.append(
                 Link(
                     name,
                     a,
@@ -334,12 +338,12 @@ class _Builder:
         if kind != "BUT":
             offset = float(fields.get("rest") or 0.0)
             description += f", rest = {offset!r} m"
-            self.result.links.append(Link(name, a, b, K, z, offset, description, place=place))
+            self.network.links.append(Link(name, a, b, K, z, offset, description, place=place))
             return
         gap, exponent, side = float(fields["gap"]), fields["exponent"], fields["side"]
         description += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
-        sign, clamped = 1 if side == "below" else -1, fields["clamp"]
-        self.result.links.append(
+        contact_side, is_clamped = 1 if side == "below" else -1, fields["clamp"]
+        self.network.links.append(
             Link(
                 name,
                 a,
@@ -349,8 +353,8 @@ class _Builder:
                 gap,
                 description,
                 exponent,
-                sign,
-                clamped,
+                contact_side,
+                is_clamped,
                 place=place,
             )
         )
@@ -365,7 +369,7 @@ class _Builder:
     def _add_input(self, module: Module, name: str) -> None:
         target = module.driven_mat
         if (target.part, target.module) not in self.points_by_module:
-            self.result.left_out.append(f"{name}, which feeds {target.text}")
+            self.network.omissions.append(f"{name}, which feeds {target.text}")
             return
         source = module.fields["from"]
         take = source if isinstance(source, str) else ""
@@ -374,14 +378,14 @@ class _Builder:
                 self._add_force_input(target, take)
             else:
                 for member in self._members(target):
-                    for mass, share in self.result.points[member].shares or [(member, 1.0)]:
-                        self.result.points[mass].weight += share * float(source)
+                    for mass, share in self.network.points[member].shares or [(member, 1.0)]:
+                        self.network.points[mass].weight += share * float(source)
             return
         for member in self._members(target):
-            point = self.result.points[member]
-            if point.fed is None:
-                point.fed = len(self.result.inputs)
-                self.result.inputs.append(Input(f"position of {point.name} [m]", take))
+            point = self.network.points[member]
+            if point.position_input is None:
+                point.position_input = len(self.network.inputs)
+                self.network.inputs.append(Input(f"position of {point.name} [m]", take))
 
     def _add_force_input(self, target: Target, take: str = "") -> None:
         self._add_force_on(self._members(target), target.text, take)
@@ -391,16 +395,16 @@ class _Builder:
         mobile_points = [
             point_index
             for point_index in key
-            if self.result.points[point_index].mass or self.result.points[point_index].shares
+            if self.network.points[point_index].mass or self.network.points[point_index].shares
         ]
         if not mobile_points or key in self.input_by_points:
             return
-        input_index = self.input_by_points[key] = len(self.result.inputs)
-        point_name = self.result.points[key[0]].name
+        input_index = self.input_by_points[key] = len(self.network.inputs)
+        point_name = self.network.points[key[0]].name
         name = f"force on {point_name if len(key) == 1 else target_text} [N]"
-        self.result.inputs.append(Input(name, take))
+        self.network.inputs.append(Input(name, take))
         for point_number in mobile_points:
-            self.result.points[point_number].forces.append(input_index)
+            self.network.points[point_number].force_inputs.append(input_index)
 
     def _add_output(self, part: Part, output: Output) -> None:
         name = f"{part.name}.{output.name}" if output.name else part.name
@@ -408,23 +412,23 @@ class _Builder:
             reason = f"{name}: an output of which each member goes to its own loudspeaker"
             self._refuse(output.place, reason)
             return
-        facts, points, links = output.kind_facts, list[int](), list[int]()
+        output_kind, points, links = output.kind_facts, list[int](), list[int]()
         for target in output.targets:
             if output.is_movement:
                 if (target.part, target.module) not in self.points_by_module:
-                    self.result.left_out.append(f"{target.text}, which {name} hears")
+                    self.network.omissions.append(f"{target.text}, which {name} hears")
                 points += self._members(target)
                 continue
             links_of_target = self.links_by_module.get((target.part, target.module), [])
             if not links_of_target or target.first == "centre":
-                quantity = "distance" if output.is_distance else facts.quantity
+                quantity = "distance" if output.is_distance else output_kind.quantity
                 reason = f"{name}: the {quantity} of {target.text} is not written yet"
                 self._refuse(output.place, reason)
                 continue
             links += links_of_target[target.first : target.first + target.count]
-        output_name = f"{name} [{facts.unit.replace('²', '^2')}]"
-        self.result.outputs.append(
-            MixedOutput(output_name, points, links, facts.order, output.place)
+        output_name = f"{name} [{output_kind.unit.replace('²', '^2')}]"
+        self.network.outputs.append(
+            MixedOutput(output_name, points, links, output_kind.order, output.place)
         )
 
     # --- the first step ---
@@ -433,37 +437,37 @@ class _Builder:
         """Set d0 of every point: the step of its own motion, less half a step of the forces at the
         start.
         """
-        points, period = self.result.points, 1.0 / self.result.rate
+        points, period = self.network.points, 1.0 / self.network.rate
         forces = [0.0] * len(points)
-        for link in self.result.links:
+        for link in self.network.links:
             a, b = points[link.a], points[link.b]
             separation = b.x0 - a.x0
             force = _link_force(link, separation, period * (b.v0 - a.v0))
             forces[link.a] += force
             forces[link.b] -= force
         for point, force in zip(points, tuple(forces), strict=True):
-            for base, share in point.shares:
-                forces[base] += share * force
+            for mass_index, share in point.shares:
+                forces[mass_index] += share * force
         for point, force in zip(points, forces, strict=True):
-            if point.fed is not None or not point.mass:
+            if point.position_input is not None or not point.mass:
                 point.d0 = 0.0
             elif not point.is_ca:
                 point.d0 -= 0.5 * point.gain * (force + point.weight)
 
 
-def _link_force(link: Link, separation: float, step_difference: float) -> float:
+def _link_force(link: Link, elongation: float, elongation_step: float) -> float:
     """Force on the first point, for x_b - x_a = e with a last step d."""
     if link.law is not None:
         return link.law.compiled.force(
-            separation - link.offset, step_difference * link.law.per_step
+            elongation - link.offset, elongation_step * link.law.per_step
         )
     if link.exponent is None:
-        return link.K * (separation - link.offset) + link.z * step_difference
-    penetration = -link.side * separation - link.offset
+        return link.K * (elongation - link.offset) + link.z * elongation_step
+    penetration = -link.side * elongation - link.offset
     if penetration <= 0.0:
         return 0.0
     push_force = (
-        link.K * _core.pow(penetration, link.exponent) - link.z * link.side * step_difference
+        link.K * _core.pow(penetration, link.exponent) - link.z * link.side * elongation_step
     )
     return -link.side * (max(push_force, 0.0) if link.is_clamped else push_force)
 

@@ -17,7 +17,7 @@ def position_on_body(
     A fixed point at 0 among them is the end of a held string, beside its first or last mass.
     `point_of` returns the point of a number.
     """
-    (n_columns, n_rows), is_string = body.sides, body.kind == "STRING"
+    (n_columns, n_rows), is_string = body.mass_counts, body.kind == "STRING"
     n_fixed = 2 * body.is_held
     weights: dict[tuple[int, int], float] = {}
     index_by_mass = {mass: position for position, mass in enumerate(body.points)}
@@ -34,7 +34,7 @@ def position_on_body(
         elif (
             is_string
             and body.is_held
-            and _is_still(point_of(mass_index))
+            and _is_ground_at_zero(point_of(mass_index))
             and len(body_indices) == 1
         ):
             (end_index,) = body_indices
@@ -72,5 +72,5 @@ def _bilinear_weight(grid_point: tuple[int, int], means: Sequence[float]) -> flo
     return row_weight * column_weight
 
 
-def _is_still(point: Point) -> bool:
-    return not point.mass and not point.shares and point.fed is None and point.x0 == 0.0
+def _is_ground_at_zero(point: Point) -> bool:
+    return not point.mass and not point.shares and point.position_input is None and point.x0 == 0.0

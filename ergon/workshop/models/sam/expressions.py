@@ -66,15 +66,15 @@ def is_plain(expression_node: Node) -> bool:
     return all(map(is_plain, expression_node.parts))
 
 
-def names(node: Node) -> set[str]:
+def names_in(node: Node) -> set[str]:
     """The names in an expression."""
     node_names = {node.word} if node.kind in ("name", "call") else set()
-    return node_names.union(*map(names, node.parts))
+    return node_names.union(*map(names_in, node.parts))
 
 
 class _Parser:
     def __init__(self, text: str, line: int) -> None:
-        self.text, self.line, self.index, self.depth = text, line, 0, 0
+        self.text, self.line, self.token_index, self.depth = text, line, 0, 0
         self.tokens: list[tuple[str, str]] = []
         position = 0
         while text[position:].strip():
@@ -89,25 +89,27 @@ class _Parser:
         if not self.tokens:
             raise ModelError("an expression is missing", self.line)
         full_node = self.read_level(0)
-        if self.index < len(self.tokens):
+        if self.token_index < len(self.tokens):
             raise self.error()
         return full_node
 
     def error(self) -> ModelError:
-        if self.index >= len(self.tokens):
+        if self.token_index >= len(self.tokens):
             return ModelError(f"{quote(self.text.strip()[:60])} ends too early", self.line)
-        token_text = self.tokens[self.index][1]
+        token_text = self.tokens[self.token_index][1]
         message = f"{quote(token_text)} in {quote(self.text.strip()[:60])} is not read here"
         return ModelError(message, self.line)
 
     def next_sign(self) -> str:
-        kind, word = self.tokens[self.index] if self.index < len(self.tokens) else ("", "")
+        kind, word = (
+            self.tokens[self.token_index] if self.token_index < len(self.tokens) else ("", "")
+        )
         return word if kind == "sign" else ""
 
     def expect(self, expected: str) -> None:
         if self.next_sign() != expected:
             raise self.error()
-        self.index += 1
+        self.token_index += 1
 
     def read_level(self, level_index: int) -> Node:
         if level_index == len(_LEVELS):
@@ -115,21 +117,21 @@ class _Parser:
         operands, operators = [self.read_level(level_index + 1)], []
         while self.next_sign() in _LEVELS[level_index] and self.next_sign():
             operators.append(self.next_sign())
-            self.index += 1
+            self.token_index += 1
             operands.append(self.read_level(level_index + 1))
         if not operators:
             return operands[0]
         return Node("chain", "", tuple(operands), tuple(operators))
 
     def read_primary(self) -> Node:
-        if self.index >= len(self.tokens):
+        if self.token_index >= len(self.tokens):
             raise self.error()
-        kind, word = self.tokens[self.index]
+        kind, word = self.tokens[self.token_index]
         self.depth += 1
         if self.depth > _DEPTH_MAX:
             message = f"more than {_DEPTH_MAX} parentheses or signs inside one another"
             raise ModelError(message, self.line)
-        self.index += 1
+        self.token_index += 1
         if kind == "number":
             node = Node("number", word)
         elif kind == "text":
@@ -150,7 +152,7 @@ class _Parser:
         elif word == "-":
             node = Node("negative", word, (self.read_primary(),))
         else:
-            self.index -= 1
+            self.token_index -= 1
             raise self.error()
         self.depth -= 1
         return node
@@ -160,22 +162,22 @@ class _Parser:
         argument_nodes = []
         while True:
             # A comma separates arguments here, so an argument has no comma outside parentheses.
-            first_index = self.index
+            first_index = self.token_index
             argument_parts, operators = [self.read_level(2)], []
             while self.next_sign() == ":":
                 operators.append(":")
-                self.index += 1
+                self.token_index += 1
                 argument_parts.append(self.read_level(2))
             node = (
                 argument_parts[0]
                 if not operators
                 else Node("chain", "", tuple(argument_parts), tuple(operators))
             )
-            text = " ".join(word for _, word in self.tokens[first_index : self.index])
+            text = " ".join(word for _, word in self.tokens[first_index : self.token_index])
             argument_nodes.append(replace(node, text=text))
             if self.next_sign() != ",":
                 break
-            self.index += 1
+            self.token_index += 1
         self.expect(")")
         return tuple(argument_nodes)
 
@@ -187,7 +189,7 @@ _DEFINED = re.compile(
 )
 
 
-def definitions(code: Sequence[Code]) -> dict[str, Definition]:
+def parse_definitions(code: Sequence[Code]) -> dict[str, Definition]:
     """Lines of Faust by the names that they define. Raises ModelError.
 
     Expressions are parsed when they are needed, so that Faust code that nothing uses cannot

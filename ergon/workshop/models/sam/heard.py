@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 
 from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.page import Line, Out, gain_option, number_text
+from ergon.workshop.models.page import Line, Output, gain_option, number_text
 from ergon.workshop.models.sam.reading import Statement
 from ergon.workshop.models.sam.values import Mix
 from ergon.workshop.models.sam.words import LINKS
-from ergon.workshop.models.sam.writing import ScoreDraft, target
+from ergon.workshop.models.sam.writing import ScoreDraft, target_text
 
 _CHANNELS_MAX = 1_024
 # A spring so weak [N/m] that its force on the mass is lost in rounding.
@@ -65,25 +65,27 @@ def add_channel(draft: ScoreDraft, statement: Statement, sound: Mix, channel: in
     """Add the outputs and routes of a channel. Raises ModelError."""
     if channel > _CHANNELS_MAX:
         raise ModelError(f"more than {_CHANNELS_MAX:,} outputs", statement.line)
-    factors = {name: factor for name, factor in sound.terms.items() if factor != 0.0}
+    factor_by_name = {name: factor for name, factor in sound.terms.items() if factor != 0.0}
     ground_names = [
-        name for name in factors if name in draft.masses and draft.masses[name].kind == "ground"
+        name
+        for name in factor_by_name
+        if name in draft.masses and draft.masses[name].kind == "ground"
     ]
     constant = sound.constant + sum(
-        factors.pop(name) * draft.masses[name].x0 for name in ground_names
+        factor_by_name.pop(name) * draft.masses[name].x0 for name in ground_names
     )
     if constant != 0.0 and not any(sound_filter.order for sound_filter in sound.filters):
         raise ModelError(f"a constant of {constant:g} is not a sound; leave it out", statement.line)
     highpass, comment = _highpass(sound)
-    for number, (name, factor) in enumerate(factors.items(), 1):
+    for output_number, (name, factor) in enumerate(factor_by_name.items(), 1):
         out_name = draft.module_names[statement.name]
-        if len(factors) > 1:
-            out_name = draft.names.new(f"{out_name}_{number}")
+        if len(factor_by_name) > 1:
+            out_name = draft.names.new(f"{out_name}_{output_number}")
         gain = abs(factor)
         if name in draft.links:
             module_text, draft.hears_forces = _force(draft, draft.module_names[name]), True
         elif factor > 0.0:
-            module_text = f"SOX: {target(draft, name)}"
+            module_text = f"SOX: {target_text(draft, name)}"
         else:
             module_text, gain = (
                 _force(draft, _sensing_spring(draft, name)),
@@ -91,13 +93,13 @@ def add_channel(draft: ScoreDraft, statement: Statement, sound: Mix, channel: in
             )
         remark = "; ".join(
             remark_part
-            for remark_part in (comment, statement.comment if number == 1 else "")
+            for remark_part in (comment, statement.comment if output_number == 1 else "")
             if remark_part
         )
         route_options = gain_option(gain)
         if highpass is not None:
             route_options += f", highpass: {number_text(highpass)}Hz"
-        draft.outs.append(Out(out_name, module_text, channel, route_options, remark))
+        draft.outputs.append(Output(out_name, module_text, channel, route_options, remark))
 
 
 def _force(draft: ScoreDraft, name: str) -> str:
@@ -117,7 +119,7 @@ def _sensing_spring(draft: ScoreDraft, mass_name: str) -> str:
     spring = draft.position_springs[mass_name] = draft.names.new(
         f"{draft.module_names[mass_name]}_ear"
     )
-    ends = f"{draft.position_springs['']}, {target(draft, mass_name)}"
+    ends = f"{draft.position_springs['']}, {target_text(draft, mass_name)}"
     text = f"{{RES: {{between: [{ends}], K: {_SENSING_STIFFNESS}}}}}"
     comment = "too weak to be felt: it is heard, for a factor below 0"
     draft.modules.append(Line(spring, text, comment))

@@ -8,7 +8,7 @@ from ergon.workshop.models.page import Line, Page
 from ergon.workshop.models.sam.network import InitialState
 from ergon.workshop.models.sam.reading import ports
 from ergon.workshop.models.sam.words import RATE
-from ergon.workshop.models.sam.writing import ScoreDraft, target
+from ergon.workshop.models.sam.writing import ScoreDraft, target_text
 
 
 def page(draft: ScoreDraft, score_title: str, initial_state: InitialState, n_channels: int) -> Page:
@@ -19,10 +19,10 @@ def page(draft: ScoreDraft, score_title: str, initial_state: InitialState, n_cha
         parameters=draft.parameters.values(),
         inputs={name: draft.inputs[name] for name in fed_names},
         modules=draft.modules,
-        comments_after=draft.sheet.footer,
-        outs=draft.outs,
+        module_comments=draft.sheet.footer,
+        outputs=draft.outputs,
         n_channels=n_channels,
-        before_strikes=[
+        strike_comments=[
             "In its first samples the model's masses jump from 0 to where they begin, which its",
             "dampers feel.",
         ],
@@ -33,7 +33,7 @@ def page(draft: ScoreDraft, score_title: str, initial_state: InitialState, n_cha
 def _strikes(draft: ScoreDraft, initial_state: InitialState) -> Iterator[Line]:
     for mass_name, force in initial_state.forces.items():
         impulse = f"{force / RATE!r}Ns"
-        text = f"{{to: model.{target(draft, mass_name)}, at: 0s, impulse: {impulse}}}"
+        text = f"{{to: model.{target_text(draft, mass_name)}, at: 0s, impulse: {impulse}}}"
         yield Line(draft.names.new(f"{draft.module_names[mass_name]}_kick"), text)
 
 

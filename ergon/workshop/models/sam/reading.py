@@ -88,7 +88,7 @@ def parse(text: str) -> Sheet:
             sheet.code.append(Code(code_text[head_match.end() :], line_number, tuple(comments)))
             comments = []
             continue
-        statement = _statement(
+        statement = _parse_statement(
             code_text, line_number, tuple(comments), " ".join(_comment_lines(comment))
         )
         comments = []
@@ -125,7 +125,9 @@ def _comment_lines(comment: str) -> list[str]:
     return [comment.lstrip("#").strip()]
 
 
-def _statement(code_text: str, line: int, before: tuple[str, ...], behind: str) -> Statement:
+def _parse_statement(
+    code_text: str, line: int, comments_before: tuple[str, ...], comment: str
+) -> Statement:
     head = _STATEMENT_HEAD.match(code_text)
     word = head[1] if head else code_text.split(None, 1)[0].strip(",;(")
     if word in REFUSED:
@@ -143,19 +145,21 @@ def _statement(code_text: str, line: int, before: tuple[str, ...], behind: str) 
         name, comma, expression = argument_text.partition(",")
         if not comma:
             raise form_error
-        return Statement(word, (expression.strip(),), _name(name, line), (), line, before, behind)
+        return Statement(
+            word, (expression.strip(),), _name(name, line), (), line, comments_before, comment
+        )
     values_text, is_closed, names_text = _split_at_close(argument_text)
     if not is_closed:
         raise ModelError("a parenthesis is not closed", line)
     values = tuple(_split_values(values_text)) if values_text.strip() else ()
-    form = MASSES.get(word, LINKS.get(word, ()))
-    has_all_values = len(values) == len(form)
+    value_names = MASSES.get(word, LINKS.get(word, ()))
+    has_all_values = len(values) == len(value_names)
     if word == "resonators":
         if len(values) == 1:  # a list in parentheses of its own
             content, _, text_after = _split_at_close(values[0].strip()[1:])
             if values[0].strip().startswith("(") and not text_after.strip():
                 values = tuple(_split_values(content))
-        has_all_values = len(values) > 0 and len(values) % len(form) == 0
+        has_all_values = len(values) > 0 and len(values) % len(value_names) == 0
     n_names = 3 if word in LINKS else 1
     names = names_text.split(",")
     if "(" in names[-1] and has_all_values:
@@ -167,7 +171,13 @@ def _statement(code_text: str, line: int, before: tuple[str, ...], behind: str) 
         raise form_error
     name, *end_names = (_name(name_text, line) for name_text in names[1:])
     return Statement(
-        word, tuple(v.strip() for v in values), name, tuple(end_names), line, before, behind
+        word,
+        tuple(v.strip() for v in values),
+        name,
+        tuple(end_names),
+        line,
+        comments_before,
+        comment,
     )
 
 

@@ -10,7 +10,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.naming import Params, length_text
 from ergon.workshop.models.page import Input, Line, number_text
-from ergon.workshop.models.sam.expressions import definitions
+from ergon.workshop.models.sam.expressions import parse_definitions
 from ergon.workshop.models.sam.heard import add_channel, audible_names, force_signs
 from ergon.workshop.models.sam.network import (
     T60_RATIO,
@@ -26,13 +26,13 @@ from ergon.workshop.models.sam.values import LIBRARY, Values
 from ergon.workshop.models.sam.words import LINKS, MASSES, RATE
 from ergon.workshop.models.sam.writing import (
     ScoreDraft,
+    add_parameter,
     check_range,
-    let,
-    target,
+    product_of,
+    target_text,
     text_of,
-    times,
-    unit_of,
     value_of,
+    with_unit,
 )
 
 _DISTANCE_MAX, _SPEED_MAX = 1e3, 1e6  # [m], [m/s] of a score
@@ -51,7 +51,7 @@ def written(
     `inputs` are files that drive ports, by their names; `overrides` are values of
     parameters.
     """
-    faust_definitions = definitions(sheet.code)
+    faust_definitions = parse_definitions(sheet.code)
     statement_by_name = {statement.name: statement for statement in sheet.statements}
     for override_name in set(faust_definitions) & set(statement_by_name):
         message = (
@@ -75,7 +75,7 @@ def written(
     draft = ScoreDraft(
         sheet, inputs, values, Params(["fs", *faust_definitions, t60_name]), t60_parameter=t60_name
     )
-    let(draft, "fs", str(RATE), "samples in a second")
+    add_parameter(draft, "fs", str(RATE), "samples in a second")
     if not any(statement.word in (*MASSES, *LINKS) for statement in sheet.statements):
         raise ModelError("it has no mass and no link, of which a score is made")
     for statement in sheet.statements:
@@ -117,7 +117,7 @@ def _read_mass(draft: ScoreDraft, statement: Statement) -> None:
     if statement.word == "port":
         source = draft.inputs.get(statement.name)
         draft.masses[statement.name] = Mass(
-            statement.word, 0.0 if source is None else source.first, 0.0, 0.0
+            statement.word, 0.0 if source is None else source.first_sample, 0.0, 0.0
         )
         return
     if statement.word == "ground":
@@ -170,17 +170,17 @@ def _start_fields(draft: ScoreDraft, statement: Statement, start_state: InitialS
     is_as_written = statement.word == "mass" and start_state.steps[statement.name] == mass.v0 / RATE
     fields = []
     if position:
-        text = unit_of(text_of(draft, statement, 1), "m") if is_as_written else f"{position!r}m"
+        text = with_unit(text_of(draft, statement, 1), "m") if is_as_written else f"{position!r}m"
         fields.append(f"X0: {text}")
     if speed:
-        text = unit_of(text_of(draft, statement, 2), "m/s") if is_as_written else f"{speed!r}m/s"
+        text = with_unit(text_of(draft, statement, 2), "m/s") if is_as_written else f"{speed!r}m/s"
         fields.append(f"V0: {text}")
     return fields
 
 
 def _add_mass(draft: ScoreDraft, statement: Statement, start_state: InitialState) -> None:
     fields = [
-        f"M: {times(text_of(draft, statement, 0), 'fs*fs')}",
+        f"M: {product_of(text_of(draft, statement, 0), 'fs*fs')}",
         *_start_fields(draft, statement, start_state),
     ]
     draft.add(f"MAS: {{{', '.join(fields)}}}", statement)
@@ -189,7 +189,7 @@ def _add_mass(draft: ScoreDraft, statement: Statement, start_state: InitialState
 def _add_ground(draft: ScoreDraft, statement: Statement, _: InitialState) -> None:
     x0 = draft.masses[statement.name].x0
     draft.add(
-        f"SOL: {{X0: {unit_of(text_of(draft, statement, 0), 'm')}}}" if x0 else "SOL: {}",
+        f"SOL: {{X0: {with_unit(text_of(draft, statement, 0), 'm')}}}" if x0 else "SOL: {}",
         statement,
     )
 
@@ -199,7 +199,7 @@ def _add_port(draft: ScoreDraft, statement: Statement, _: InitialState) -> None:
     if source is None:
         draft.add("SOL: {}", statement, "a port, where a device was")
         return
-    x0 = f", X0: {source.first!r}m" if source.first else ""
+    x0 = f", X0: {source.first_sample!r}m" if source.first_sample else ""
     draft.add(
         f"MAS: {{M: {_IMPOSED_MASS}{x0}}}",
         statement,
@@ -207,7 +207,7 @@ def _add_port(draft: ScoreDraft, statement: Statement, _: InitialState) -> None:
     )
     path = draft.names.new(f"{port_name}_path")
     draft.modules.append(
-        Line(path, f"{{ENX: {{to: {port_name}, from: {statement.name}{source.start}}}}}")
+        Line(path, f"{{ENX: {{to: {port_name}, from: {statement.name}{source.start_field_text}}}}}")
     )
 
 
@@ -216,15 +216,18 @@ def _add_resonators(draft: ScoreDraft, statement: Statement, start_state: Initia
     t60_name = draft.params.names_in_score[draft.t60_parameter]
     if t60_name not in draft.parameters:
         comment = "60 dB are 6.907755 time constants, and T60 of the model 6.9078"
-        let(draft, draft.t60_parameter, repr(T60_RATIO), comment, unit="s")
+        add_parameter(draft, draft.t60_parameter, repr(T60_RATIO), comment, unit="s")
     first_indices = range(0, len(statement.values), 3)
     frequencies = [
-        unit_of(text_of(draft, statement, first_index), "Hz") for first_index in first_indices
+        with_unit(text_of(draft, statement, first_index), "Hz") for first_index in first_indices
     ]
     decays = [
-        times(text_of(draft, statement, first_index + 1), t60_name) for first_index in first_indices
+        product_of(text_of(draft, statement, first_index + 1), t60_name)
+        for first_index in first_indices
     ]
-    mass_field = f"M: {times(text_of(draft, statement, 2), f'fs*fs*{resonances[0].mass_ratio!r}')}"
+    mass_field = (
+        f"M: {product_of(text_of(draft, statement, 2), f'fs*fs*{resonances[0].mass_ratio!r}')}"
+    )
     if len(resonances) == 1:
         fields = [
             mass_field,
@@ -273,14 +276,14 @@ def _read_link(draft: ScoreDraft, statement: Statement) -> None:
 def _add_link(draft: ScoreDraft, statement: Statement, force_sign: float) -> None:
     """Add a link with its ends in order, or reversed if -F is heard."""
     link = draft.links[statement.name]
-    ends = [target(draft, name) for name in statement.ends]
+    ends = [target_text(draft, name) for name in statement.ends]
     k, R, o = (text_of(draft, statement, value_index) for value_index in range(3))
     is_touch, is_reversed = statement.word == "touch", force_sign < 0.0
     if is_reversed:
         ends.reverse()
     fields = [f"between: [{', '.join(ends)}]"]
     # d is x_b - x_a - rest in a score, and x_a - x_b - o in the language.
-    rest = unit_of(
+    rest = with_unit(
         o if is_reversed else number_text(-link.offset) if _is_literal(o) else f"-({o})", "m"
     )
     rest_field = [f"rest: {rest}"] if link.offset else []
@@ -296,13 +299,13 @@ def _add_link(draft: ScoreDraft, statement: Statement, force_sign: float) -> Non
         ]
         draft.add(f"LNL: {{{', '.join(fields)}}}", statement, "below 0 it gives energy")
         return
-    K, Z = f"K: {k}", f"Z: {times(R, 'fs')}"
+    K, Z = f"K: {k}", f"Z: {product_of(R, 'fs')}"
     if is_touch:
-        gap = [f"gap: {unit_of(o, 'm')}"] if link.offset else []
+        gap_field = [f"gap: {with_unit(o, 'm')}"] if link.offset else []
         fields += [
             K,
             *([Z] if link.R else []),
-            *gap,
+            *gap_field,
             *(["side: above"] if is_reversed else []),
         ]
         draft.add(f"BUT: {{{', '.join(fields)}}}", statement)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.sam.expressions import Definition, Node, names, parse
+from ergon.workshop.models.sam.expressions import Definition, Node, names_in, parse
 from ergon.workshop.models.sam.words import RATE
 
 SLIDERS = ("hslider", "vslider", "nentry")
@@ -109,7 +109,7 @@ class Values:
 
     def names_needed(self, name: str) -> set[str]:
         """The defined names that the definition of a name uses."""
-        return names(self.tree(name)) & set(self.definitions)
+        return names_in(self.tree(name)) & set(self.definitions)
 
     def by_name(self, value_name: str, line_number: int) -> Value:
         """The value of a name. Raises ModelError."""
@@ -123,14 +123,14 @@ class Values:
             suggestion = nearest(value_name, [*self.definitions, *self.audible])
             raise ModelError(f"nothing is called {quote(value_name)}", line_number, suggestion)
         if value_name not in self._values:
-            self._enter(value_name, line_number)
+            self._begin_definition(value_name, line_number)
             self._values[value_name] = self._evaluate(
                 self.tree(value_name), {}, self.definitions[value_name].line
             )
             self._definitions_open.pop()
         return self._values[value_name]
 
-    def _enter(self, name: str, line: int) -> None:
+    def _begin_definition(self, name: str, line: int) -> None:
         """Begin to read a definition. Raises ModelError."""
         if name in self._definitions_open:
             raise ModelError(f"{quote(name)} is defined by itself", line)
@@ -158,7 +158,7 @@ class Values:
         if node.kind == "negative":
             return _combine("*", -1.0, self._evaluate(node.parts[0], arguments, line), line)
         if node.kind == "call":
-            return self._call(node, arguments, line)
+            return self._evaluate_call(node, arguments, line)
         if node.kind == "chain" and node.operators[0] == ",":
             return tuple(self._evaluate(part, arguments, line) for part in node.parts)
         if node.kind == "chain":
@@ -173,7 +173,7 @@ class Values:
 
     # --- functions ------------------------------------------------------------------------------
 
-    def _call(self, node: Node, scope: Mapping[str, Value], line: int) -> Value:
+    def _evaluate_call(self, node: Node, scope: Mapping[str, Value], line: int) -> Value:
         function_name = node.word
         if function_name in SLIDERS and function_name not in self.definitions:
             if len(node.parts) != 5:
@@ -204,7 +204,7 @@ class Values:
                     f"{len(arguments)}"
                 )
                 raise ModelError(message, line)
-            self._enter(function_name, line)
+            self._begin_definition(function_name, line)
             arguments_by_name = dict(zip(definition.arguments, arguments, strict=True))
             value = self._evaluate(self.tree(function_name), arguments_by_name, definition.line)
             self._definitions_open.pop()
@@ -226,8 +226,8 @@ class Values:
         if node.kind in ("input", "partial") or depth > _DEPTH_MAX:
             return True
         if node.kind == "call":
-            is_own = node.word in self.definitions
-            return not is_own and node.word in ("highpass", *_SMOOTHERS)
+            is_defined = node.word in self.definitions
+            return not is_defined and node.word in ("highpass", *_SMOOTHERS)
         if node.kind == "name":
             if node.word in arguments or node.word in self.audible or node.word in self.overrides:
                 return False
@@ -257,7 +257,7 @@ class Values:
             )
         if node.kind == "name":
             if node.word in self.definitions:
-                self._enter(node.word, line)
+                self._begin_definition(node.word, line)
                 self._depth += 1
                 input_value = self._apply_to_input(self.tree(node.word), input_value, {}, line)
                 self._depth -= 1

@@ -10,8 +10,8 @@ from ergon.notation.tables.expressions import Amount, evaluate
 from ergon.notation.text.errors import TextError
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.naming import Names, Params, length_text
-from ergon.workshop.models.page import Input, Line, Out, number_text
-from ergon.workshop.models.sam.expressions import is_plain, names, parse
+from ergon.workshop.models.page import Input, Line, Output, number_text
+from ergon.workshop.models.sam.expressions import is_plain, names_in, parse
 from ergon.workshop.models.sam.network import Link, Mass
 from ergon.workshop.models.sam.reading import Sheet, Statement
 from ergon.workshop.models.sam.values import Values, text_of_slider
@@ -38,7 +38,7 @@ class ScoreDraft:
     position_springs: dict[str, str] = field(
         default_factory=dict
     )  # springs that hear masses; "" is the ground
-    outs: list[Out] = field(default_factory=list)
+    outputs: list[Output] = field(default_factory=list)
     hears_forces: bool = False  # whether forces of links are heard
     t60_parameter: str = ""  # the parameter that makes a T60 of the model one of the score
 
@@ -52,7 +52,7 @@ class ScoreDraft:
         )
 
 
-def let(
+def add_parameter(
     draft: ScoreDraft,
     parameter_name: str,
     value_text: str,
@@ -86,14 +86,16 @@ def _add_named(draft: ScoreDraft, value_name: str, line_number: int) -> bool:
     if not isinstance(named_value, float):
         return False
     if value_name in draft.values.overrides:
-        let(draft, value_name, number_text(named_value), f"{definition.text} in the model")
+        add_parameter(
+            draft, value_name, number_text(named_value), f"{definition.text} in the model"
+        )
         return True
     slider = text_of_slider(draft.values.tree(value_name))
     label, source = (definition.comment, definition.text) if slider is None else slider
     expression_text = _expression(draft, source, named_value, definition.line)
     remark = [label if slider is not None or expression_text is not None else definition.text]
     remark += [definition.comment] if definition.comment and remark != [definition.comment] else []
-    let(
+    add_parameter(
         draft,
         value_name,
         expression_text or number_text(named_value),
@@ -113,7 +115,7 @@ def _expression(draft: ScoreDraft, text: str, number: float, line: int) -> str |
     if not is_plain(tree) or len(text) > _TEXT_MAX:
         return None
     order_by_name = {name: position for position, name in enumerate(draft.values.definitions)}
-    used_names = sorted(names(tree), key=lambda name: order_by_name.get(name, -1))
+    used_names = sorted(names_in(tree), key=lambda name: order_by_name.get(name, -1))
     if not all(_add_named(draft, name, line) for name in used_names):
         return None
     score_expression = draft.params.translated(text)
@@ -146,14 +148,14 @@ def text_of(draft: ScoreDraft, statement: Statement, value_index: int) -> str:
     return number_text(value) if expression is None else expression
 
 
-def unit_of(value_text: str, unit: str) -> str:
+def with_unit(value_text: str, unit: str) -> str:
     """An expression times a unit."""
     if length_text(value_text) == f"{value_text}m":
         return f"{value_text}{unit}"
     return f"{value_text if value_text.isidentifier() else f'({value_text})'}*1{unit}"
 
 
-def times(text: str, factor: str) -> str:
+def product_of(text: str, factor: str) -> str:
     """A product of expressions; a sum takes parentheses."""
     return f"({text})*{factor}" if any(sign in text[1:] for sign in "+-/") else f"{text}*{factor}"
 
@@ -166,7 +168,7 @@ def check_range(statement: Statement, name: str, checked_value: float, limit: fl
         )
 
 
-def target(draft: ScoreDraft, mass_name: str) -> str:
+def target_text(draft: ScoreDraft, mass_name: str) -> str:
     """A mass as a point of the score."""
     return (
         f"{draft.module_names[mass_name]}.point"
