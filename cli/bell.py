@@ -89,7 +89,8 @@ def _bell_text(bell: Bell) -> str:
                 f"{bell.f[mode_index]:.3f} Hz",
                 ""
                 if deviation is None
-                else f"{1731.23 * deviation.frequencies[mode_index] / bell.f[mode_index]:.2g} cents",
+                else f"{1731.23 * deviation.frequencies[mode_index] / bell.f[mode_index]:.2g} "
+                "cents",
                 seconds(float(bell.t60[mode_index])),
                 ""
                 if deviation is None

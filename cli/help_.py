@@ -77,7 +77,7 @@ def _page_topic(page: manual.Page, root: click.Context) -> str:
     return f"{page.name}.md" if _command(root, (page.name,)) else page.name
 
 
-def _listed(pages: dict[str, manual.Page], commands: list[str]) -> str:
+def _pages_text(pages: dict[str, manual.Page], commands: list[str]) -> str:
     names = [name for name, page in pages.items() if not page.is_mistake and "/" not in name]
     names = [f"{name}.md" if name in commands else name for name in names]
     return click.wrap_text(", ".join(names), 78, "  ", "  ")

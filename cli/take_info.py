@@ -165,8 +165,8 @@ def _table(console: Console, path: Path) -> None:
         length_texts.append(f"{seconds(duration)}, {rate:.3g} Hz on average")
     lines = [f"{path}: " + ", ".join(length_texts)]
     lines += [
-        f"  {channel.name}: {channel.low_value:g} … {channel.high_value:g}, from {channel.first_value:g} to "
-        f"{channel.last_value:g}{_missing(table, channel)}"
+        f"  {channel.name}: {channel.low_value:g} … {channel.high_value:g}, "
+        f"from {channel.first_value:g} to {channel.last_value:g}{_missing(table, channel)}"
         if channel.low_value <= channel.high_value
         else f"  {channel.name}: never seen"
         for channel in channels

@@ -106,7 +106,7 @@ PLAYS = (
 
 
 def _plays(chance: random.Random) -> str:
-    known = [*words.OPTION_EXAMPLES, *words.ARITY, "lean", ",", "do", "1/8", "2bar", "#", "C-1"]
+    known = [*words.OPTION_EXAMPLES, *words.ARGUMENT_COUNTS, "lean", ",", "do", "1/8", "2bar", "#", "C-1"]
     if chance.random() < 0.5:
         return soup(chance, known)
     return damaged(chance.choice(PLAYS), chance, known)
@@ -119,7 +119,7 @@ CHAINS = (
     "superimpose (fast 3/2, legato 0.3), tremolo 12Hz, roll 8 0.1, arp up 1/16, strum -20ms",
 )
 _CHAIN_WORDS = (
-    *(*cycle_table.FORM_BY_WORD, *turn_chain.TURN_FORMS, *words.ARITY),
+    *(*cycle_table.FORM_BY_WORD, *turn_chain.TURN_FORMS, *words.ARGUMENT_COUNTS),
     *("(", ")", ",", "1/8", "0.3", "12st", "t", "~", "12Hz", "3/2", "updown", "4th", "do"),
 )
 
