@@ -106,7 +106,17 @@ PLAYS = (
 
 
 def _plays(chance: random.Random) -> str:
-    known = [*words.OPTION_EXAMPLES, *words.ARGUMENT_COUNTS, "lean", ",", "do", "1/8", "2bar", "#", "C-1"]
+    known = [
+        *words.OPTION_EXAMPLES,
+        *words.ARGUMENT_COUNTS,
+        "lean",
+        ",",
+        "do",
+        "1/8",
+        "2bar",
+        "#",
+        "C-1",
+    ]
     if chance.random() < 0.5:
         return soup(chance, known)
     return damaged(chance.choice(PLAYS), chance, known)

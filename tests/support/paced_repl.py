@@ -19,7 +19,7 @@ from ergon.api import local_session
 from ergon.cli.app import main
 from ergon.live import midi_ports
 from ergon.live.perform import PlaybackConfig
-from ergon.repl.session import computing, schedule
+from ergon.repl.session import computing, making_time
 from ergon.repl.session.session import Session
 
 _PERIODS = 10  # of 1 ms, between two looks of the session at its engine
@@ -99,7 +99,7 @@ def by_frames(config: PlaybackConfig) -> PlaybackConfig:
 
 if __name__ == "__main__":
     computing.LINE_STEPS = computing.FILES_STEPS = 1 << 60
-    schedule._MAKING_FACTOR = 0.0  # time stands still while a line is computed
+    making_time._SAFETY_FACTOR = 0.0  # time stands still while a line is computed
     hand = {"stiffness": 900.0, "sine": 5e-3}
     with paced(hertz=2.0, **hand) as first, paced(hertz=3.0, **hand) as two:
         port = midi_ports.ProcessPort()
