@@ -42,7 +42,7 @@ def headed(data: bytes, *, first: int = 1, last: int = N_FRAMES, start: int = 3)
     return patched(data, 16, word(start))
 
 
-def of_parameters(*parameters, scale: float = -1.0) -> bytes:
+def parametric(*parameters, scale: float = -1.0) -> bytes:
     data = files.c3d(PLACES, scale=scale, parameters=parameters)
     return data + bytes(-len(data) % 512)
 
@@ -55,19 +55,19 @@ def positions(tmp_path: Path, data: bytes) -> np.ndarray:
 
 FRAMES = integer(POINT, "FRAMES", N_FRAMES)
 CASES = {
-    "half the frames in the header": headed(of_parameters(FRAMES), last=40),
-    "first frame 2": headed(of_parameters(FRAMES), first=2),
-    "first frame 0": headed(of_parameters(FRAMES), first=0),
-    "no last frame": headed(of_parameters(FRAMES), last=0),
-    "frames by TRIAL": headed(of_parameters(integer(POINT, "FRAMES", 40), *trial(80)), last=40),
+    "half the frames in the header": headed(parametric(FRAMES), last=40),
+    "first frame 2": headed(parametric(FRAMES), first=2),
+    "first frame 0": headed(parametric(FRAMES), first=0),
+    "no last frame": headed(parametric(FRAMES), last=0),
+    "frames by TRIAL": headed(parametric(integer(POINT, "FRAMES", 40), *trial(80)), last=40),
     "DATA_START beside a start within": headed(
-        of_parameters(FRAMES, integer(POINT, "DATA_START", 3)), start=2
+        parametric(FRAMES, integer(POINT, "DATA_START", 3)), start=2
     ),
-    "start within the parameters": headed(of_parameters(FRAMES), start=2),
+    "start within the parameters": headed(parametric(FRAMES), start=2),
     "start and frames": headed(
-        of_parameters(FRAMES, integer(POINT, "DATA_START", 3)), start=4, last=64
+        parametric(FRAMES, integer(POINT, "DATA_START", 3)), start=4, last=64
     ),
-    "other DATA_START": headed(of_parameters(FRAMES, integer(POINT, "DATA_START", 9))),
+    "other DATA_START": headed(parametric(FRAMES, integer(POINT, "DATA_START", 9))),
 }
 
 
@@ -86,7 +86,7 @@ def test_c3d_scale_of_parameters_before_header(processor: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("count", [(POINT, "LONG_FRAMES", 4, (), struct.pack("<f", 70_000)), None])
-def test_c3d_frame_count_that_wrapped(count, tmp_path: Path) -> None:
+def test_c3d_wrapped_frame_count(count, tmp_path: Path) -> None:
     places = np.zeros((70_000, 1, 3))
     places[:, 0, 0] = np.arange(70_000) % 500
     wrapped = integer(POINT, "FRAMES", 70_000 & 0xFFFF)
@@ -98,7 +98,7 @@ def test_c3d_frame_count_that_wrapped(count, tmp_path: Path) -> None:
 def test_c3d_frames_beyond_stated_number_are_named(tmp_path: Path) -> None:
     """Header and parameters agree on half of what is there."""
     path = tmp_path / "walk.c3d"
-    path.write_bytes(headed(of_parameters(integer(POINT, "FRAMES", 40)), last=40))
+    path.write_bytes(headed(parametric(integer(POINT, "FRAMES", 40)), last=40))
     motion = c3d_file.read(path)
     assert motion.n_frames == 40
     assert "40 frames that it states 1,280 bytes follow, as many as 40 frames" in motion.note
@@ -107,15 +107,15 @@ def test_c3d_frames_beyond_stated_number_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (headed(of_parameters(integer(POINT, "FRAMES", 50)), last=40), "40 or 50 frames, and none"),
+        (headed(parametric(integer(POINT, "FRAMES", 50)), last=40), "40 or 50 frames, and none"),
         (headed(files.c3d(np.zeros((80, 2, 3)), parameters=[FRAMES]), last=79), "several of them"),
-        (headed(of_parameters(), start=1), "its header is damaged"),
+        (headed(parametric(), start=1), "its header is damaged"),
         (
-            headed(of_parameters(integer(POINT, "FRAMES", 40)), start=2, last=40),
+            headed(parametric(integer(POINT, "FRAMES", 40)), start=2, last=40),
             "begin at byte 512, within its parameters, and those",
         ),
     ],
 )
-def test_c3d_that_fits_no_reading_is_refused(data: bytes, words: str, tmp_path: Path) -> None:
+def test_c3d_without_fitting_reading_is_refused(data: bytes, words: str, tmp_path: Path) -> None:
     with pytest.raises(TakeError, match=words):
         positions(tmp_path, data)

@@ -46,7 +46,7 @@ SKIPPING = [*ROWS[:4], *(frame + 1 for frame in ROWS[4:])]
 
 @pytest.mark.parametrize("suffix", FILES)
 @pytest.mark.parametrize("frames", [JUMPING, SKIPPING])
-def test_time_that_jumps_is_refused_by_line(suffix: str, frames: list[int], tmp_path: Path) -> None:
+def test_jump_of_time_is_refused_by_line(suffix: str, frames: list[int], tmp_path: Path) -> None:
     text = retimed(FILES[suffix], suffix, frames, 100, 5)
     line = len(text.splitlines()) - N_FRAMES + 5
     after = frames[4]
@@ -56,20 +56,20 @@ def test_time_that_jumps_is_refused_by_line(suffix: str, frames: list[int], tmp_
 
 
 @pytest.mark.parametrize("suffix", [".tsv", ".csv"])
-def test_frame_number_that_jumps_is_refused_by_line(suffix: str, tmp_path: Path) -> None:
+def test_jump_of_frame_number_is_refused_by_line(suffix: str, tmp_path: Path) -> None:
     """Without instants the numbers count."""
     text = retimed(FILES[suffix], suffix, SKIPPING, 100, None)
     with pytest.raises(TakeError, match="frame 5 follows frame 3, but those before are 1 apart"):
         taken(tmp_path, suffix, text)
 
 
-def test_frame_number_that_jumps_beside_coarse_times(tmp_path: Path) -> None:
+def test_jump_of_frame_number_beside_coarse_times(tmp_path: Path) -> None:
     text = retimed(files.trc(PLACES, rate=250.0), ".trc", SKIPPING, 250, 2)
     with pytest.raises(TakeError, match="frame 5 follows frame 3"):
         taken(tmp_path, ".trc", text)
 
 
-def test_every_other_frame_of_motive_file(tmp_path: Path) -> None:
+def test_motive_file_of_alternate_frames(tmp_path: Path) -> None:
     """Its rate is that of the export."""
     frames = [2 * row for row in ROWS]
     text = retimed(MOTIVE, ".csv", frames, 100, 5).replace("Rate,100.0", "Rate,50.0")
@@ -92,7 +92,7 @@ def test_frames_begin_at_any_instant(suffix: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", FILES)
-def test_rate_that_no_row_has_is_refused(suffix: str, tmp_path: Path) -> None:
+def test_rate_of_no_row_is_refused(suffix: str, tmp_path: Path) -> None:
     text = retimed(FILES[suffix], suffix, ROWS, 75, 3)
     with pytest.raises(TakeError, match=r"100 frames a second, but its .*frames are 0\.013"):
         taken(tmp_path, suffix, text)

@@ -16,16 +16,16 @@ TICKS = 480
 Row = tuple[float, mido.Message]
 
 
-def on(at: float, number: int = 60) -> Row:
-    return at, mido.Message("note_on", note=number, velocity=80)
+def on(quarter: float, number: int = 60) -> Row:
+    return quarter, mido.Message("note_on", note=number, velocity=80)
 
 
-def off(at: float, number: int = 60) -> Row:
-    return at, mido.Message("note_off", note=number)
+def off(quarter: float, number: int = 60) -> Row:
+    return quarter, mido.Message("note_off", note=number)
 
 
-def control(at: float, number: int, value: int = 0) -> Row:
-    return at, mido.Message("control_change", control=number, value=value)
+def control(quarter: float, number: int, value: int = 0) -> Row:
+    return quarter, mido.Message("control_change", control=number, value=value)
 
 
 def written(path: Path, *tracks: list[Row]) -> Path:
@@ -33,9 +33,9 @@ def written(path: Path, *tracks: list[Row]) -> Path:
     file = mido.MidiFile(ticks_per_beat=TICKS)
     for rows in tracks:
         track, before = mido.MidiTrack(), 0.0
-        for at, message in rows:
-            track.append(message.copy(time=round((at - before) * TICKS)))
-            before = at
+        for quarter, message in rows:
+            track.append(message.copy(time=round((quarter - before) * TICKS)))
+            before = quarter
         file.tracks.append(track)
     file.save(path)
     return path

@@ -62,7 +62,7 @@ READ = {
 
 
 @pytest.mark.parametrize("case", READ)
-def test_wav_take_holds_what_info_reads(case: str, tmp_path: Path) -> None:
+def test_wav_take_of_programs_and_pipes(case: str, tmp_path: Path) -> None:
     path = tmp_path / "hand.wav"
     path.write_bytes(READ[case])
     assert sound.read_info(path).n_frames == N_FRAMES
