@@ -71,7 +71,7 @@ CASES = {
         [control(0, PEDAL, 127), on(0), off(1), on(1, 62), control(2, 120), control(3, PEDAL)],
         [(0, 60, 2), (1, 62, 1)],
     ),
-    "reset of controllers": ([control(0, PEDAL, 127), on(0), off(1), control(2, 121)],
+    "reset of controllers": ([control(0, PEDAL, 127), on(0), off(1), control(2, 121), off(3)],
                              [(0, 60, 2)]),
     "mode": ([on(0), control(1, 126, 1)], [(0, 60, 1)]),
 }  # fmt: skip
