@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import heapq
+from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ergon.common.regular import read_bounded
 from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_OFF, NOTE_ON, MidiBytes, MidiEvent
@@ -13,10 +15,14 @@ from ergon.scores.gesture.take_file import TakeError
 
 SUFFIXES = (".mid", ".midi", ".rmi")
 SUSTAIN = 64  # the controller of the pedal
+_ALL_SOUND_OFF, _RESET_CONTROLLERS = 120, 121
+# All Notes Off, and the changes of mode that imply it (MIDI 1.0, channel mode messages).
+ALL_OFF_CONTROLLERS = (_ALL_SOUND_OFF, *range(123, 128))
+ENDING_CONTROLLERS = (SUSTAIN, _RESET_CONTROLLERS, *ALL_OFF_CONTROLLERS)
 MAX_BYTES = 4_000_000  # a million notes: two seconds to read
 MAX_NOTES = 100_000  # notes that are played
-# Kinds of events, in the order in which those of a tick act.
-_OFF_KIND, _PEDAL_KIND, _ON_KIND, _OTHER_KIND = range(4)
+# Kinds of events, in the order in which those of several tracks act in a tick.
+_OFF_KIND, _ALL_OFF_KIND, _PEDAL_KIND, _ON_KIND, _OTHER_KIND = range(5)
 
 
 class _ChannelEvent(NamedTuple):
@@ -79,24 +85,26 @@ def _read_notes(path: Path, channel_name: str | None, _: FileState) -> MidiNotes
     channel = channel_number(path, channel_name)
     midi_bytes = read_bytes(path)
     header = midi_bytes.read_header()
-    events_by_channel: dict[int, list[_ChannelEvent]] = {}
+    events_by_channel: dict[int, dict[int, list[_ChannelEvent]]] = {}  # of each track
     channels_with_notes: set[int] = set()
     end_tick, n_notes = 0, 0
-    for track in header.track_spans:
+    for track_number, track in enumerate(header.track_spans):
         for track_event in midi_bytes.track_events(track):
             end_tick = max(end_tick, track_event.tick)
             note_event = _channel_event(track_event)
             if note_event.kind == _OTHER_KIND:
                 continue
             channels_with_notes |= {track_event.channel} if note_event.kind == _ON_KIND else set()
-            channel_events = events_by_channel.setdefault(track_event.channel, [])
+            events_by_track = events_by_channel.setdefault(track_event.channel, {})
             if channel is None or track_event.channel == channel:
                 n_notes += note_event.kind == _ON_KIND
                 if n_notes > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
-                channel_events.append(note_event)
+                events_by_track.setdefault(track_number, []).append(note_event)
     timed_notes = [
-        note for events in events_by_channel.values() for note in _notes_of_events(events, end_tick)
+        note
+        for events_by_track in events_by_channel.values()
+        for note in _notes_of_events([*events_by_track.values()], end_tick)
     ]
     if not timed_notes:
         channel_list = ", ".join(
@@ -136,53 +144,97 @@ def _channel_event(message: MidiEvent) -> _ChannelEvent:
         )
     if message.kind == NOTE_OFF:
         return _ChannelEvent(message.tick, _OFF_KIND, message_number, message_value)
-    is_pedal = message.kind == CONTROLLER and message_number == SUSTAIN
-    return _ChannelEvent(
-        message.tick, _PEDAL_KIND if is_pedal else _OTHER_KIND, message_number, message_value
-    )
+    kind = _OTHER_KIND
+    if message.kind == CONTROLLER and message_number in (SUSTAIN, _RESET_CONTROLLERS):
+        kind = _PEDAL_KIND
+        message_value *= message_number == SUSTAIN  # a reset lets the pedal up (RP-015)
+    elif message.kind == CONTROLLER and message_number in ALL_OFF_CONTROLLERS:
+        kind = _ALL_OFF_KIND
+    return _ChannelEvent(message.tick, kind, message_number, message_value)
 
 
 def _tick_order(event: _ChannelEvent) -> tuple[int, int]:
-    """What ends at a tick comes before what begins."""
+    """What ends at a tick on one track comes before what begins on another."""
     return event.tick, event.kind
 
 
-def _notes_of_events(
-    midi_events: list[_ChannelEvent], end_tick: int
-) -> Iterator[tuple[int, int, int, int | None]]:
-    """The notes of a channel: tick, number, velocity, and for how many ticks each is held.
+class _HeldNotes:
+    """The notes of a channel that sound, by number: tick and velocity.
 
-    A note ends with its key; while the pedal (controller 64) is down, where that comes up, or at
-    the end of the file. A key that is struck again ends the note before.
+    A note ends with its key; while the pedal is down, where that comes up. A key that is struck
+    again ends the note before.
     """
-    open_notes: dict[int, tuple[int, int]] = {}  # by number: tick and velocity
-    pedal_notes: dict[int, tuple[int, int]] = {}  # those whose key is up already
-    is_pedal_down = False
 
-    def end_note(notes: dict[int, tuple[int, int]], number: int, tick: int) -> Iterator[Any]:
-        if number in notes:
-            begin, velocity = notes.pop(number)
-            yield begin, number, velocity, tick - begin
+    def __init__(self) -> None:
+        self.open_notes: dict[int, tuple[int, int]] = {}
+        self.pedal_notes: dict[int, tuple[int, int]] = {}  # those whose key is up already
+        self._restrike_ticks: dict[int, int] = {}  # by number
+        self._is_pedal_down = False
 
-    for note_event in sorted(midi_events, key=_tick_order):
-        if note_event.kind == _PEDAL_KIND:
-            is_pedal_down = note_event.value >= 64
-            for note_number in [] if is_pedal_down else [*pedal_notes]:
-                yield from end_note(pedal_notes, note_number, note_event.tick)
-            continue
-        note_number = note_event.number
-        if note_event.kind == _OFF_KIND and is_pedal_down and note_number in open_notes:
-            yield from end_note(pedal_notes, note_number, note_event.tick)
-            pedal_notes[note_number] = open_notes.pop(note_number)
-        elif note_event.kind == _OFF_KIND:
-            yield from end_note(open_notes, note_number, note_event.tick)
+    def follow(self, event: _ChannelEvent) -> Iterator[tuple[int, int, int, int]]:
+        """Follow an event; yields the notes that it ends: tick, number, velocity, ticks."""
+        if event.kind == _PEDAL_KIND:
+            self._is_pedal_down = event.value >= 64
+            for number in [] if self._is_pedal_down else [*self.pedal_notes]:
+                yield from _ended(self.pedal_notes, number, event.tick)
+        elif event.kind == _ALL_OFF_KIND:
+            if event.number == _ALL_SOUND_OFF:
+                for number in [*self.pedal_notes]:
+                    yield from _ended(self.pedal_notes, number, event.tick)
+            is_held = self._is_pedal_down and event.number != _ALL_SOUND_OFF
+            for number in [*self.open_notes]:
+                yield from self._release(number, event.tick, is_held=is_held)
+        elif event.kind == _OFF_KIND:
+            # Behind a key that was struck again in this tick, the end of the note before.
+            if self._restrike_ticks.pop(event.number, None) != event.tick:
+                yield from self._release(event.number, event.tick, is_held=self._is_pedal_down)
         else:
-            yield from end_note(open_notes, note_number, note_event.tick)
-            yield from end_note(pedal_notes, note_number, note_event.tick)
-            open_notes[note_number] = note_event.tick, note_event.value
-    for note_number, (begin_tick, velocity) in pedal_notes.items():
+            begin_tick, _ = self.open_notes.get(event.number, (event.tick, 0))
+            if begin_tick < event.tick:
+                self._restrike_ticks[event.number] = event.tick
+            yield from _ended(self.open_notes, event.number, event.tick)
+            yield from _ended(self.pedal_notes, event.number, event.tick)
+            self.open_notes[event.number] = event.tick, event.value
+
+    def _release(
+        self, number: int, tick: int, *, is_held: bool
+    ) -> Iterator[tuple[int, int, int, int]]:
+        """A key comes up; the pedal may hold its note."""
+        if is_held and number in self.open_notes:
+            yield from _ended(self.pedal_notes, number, tick)
+            self.pedal_notes[number] = self.open_notes.pop(number)
+        elif not is_held:
+            yield from _ended(self.open_notes, number, tick)
+
+
+def _ended(
+    notes: dict[int, tuple[int, int]], number: int, tick: int
+) -> Iterator[tuple[int, int, int, int]]:
+    """The note of a number that ends at a tick, if there is one, taken out of the others."""
+    if number in notes:
+        begin_tick, velocity = notes.pop(number)
+        yield begin_tick, number, velocity, tick - begin_tick
+
+
+def _notes_of_events(
+    events_by_track: list[list[_ChannelEvent]], end_tick: int
+) -> Iterator[tuple[int, int, int, int | None]]:
+    """The notes of a channel: tick, number, velocity, and for how many ticks each is held, at most
+    to the end of the file.
+
+    The order of a track decides what comes first in a tick. A note that ends where it begins lasts
+    a tick, unless its key is struck again there.
+    """
+    held_notes = _HeldNotes()
+    merged_events = heapq.merge(*events_by_track, key=_tick_order)
+    ended_notes = [note for event in merged_events for note in held_notes.follow(event)]
+    strike_counts = Counter((tick, number) for tick, number, *_ in ended_notes)
+    for tick, number, velocity, n_ticks in ended_notes:
+        is_bare = not n_ticks and strike_counts[tick, number] == 1
+        yield tick, number, velocity, 1 if is_bare else n_ticks
+    for note_number, (begin_tick, velocity) in held_notes.pedal_notes.items():
         yield begin_tick, note_number, velocity, max(end_tick - begin_tick, 1)
-    for note_number, (begin_tick, velocity) in open_notes.items():
+    for note_number, (begin_tick, velocity) in held_notes.open_notes.items():
         yield begin_tick, note_number, velocity, None
 
 

@@ -18,7 +18,13 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import midi_bytes as m
 from ergon.scores.gesture.file_meters import read_meters
 from ergon.scores.gesture.midi_bytes import MidiEvent
-from ergon.scores.gesture.midi_file import SUSTAIN, FileState, read_bytes, state_of
+from ergon.scores.gesture.midi_file import (
+    ALL_OFF_CONTROLLERS,
+    ENDING_CONTROLLERS,
+    FileState,
+    read_bytes,
+    state_of,
+)
 from ergon.scores.gesture.midi_wheels import CONTROLLERS
 from ergon.scores.gesture.take_file import TakeError
 
@@ -180,6 +186,9 @@ def _count_sounding(event: MidiEvent, sounding_counts: Counter[tuple[int, int]])
         sounding_counts[note] += 1
     elif event.kind in (m.NOTE_ON, m.NOTE_OFF) and sounding_counts[note]:
         sounding_counts[note] -= 1
+    elif event.kind == m.CONTROLLER and event.number in ALL_OFF_CONTROLLERS:
+        for other_note in [note for note in sounding_counts if note[0] == event.channel]:
+            del sounding_counts[other_note]
 
 
 def _add_tempo(event: MidiEvent, tempos: list[tuple[int, int]], contents: MidiSurvey) -> None:
@@ -304,7 +313,10 @@ def unused_contents(
         yield plural(contents.n_tempos, ("tempo", "tempos"))
     if contents.n_meters and not has_meter:
         yield plural(contents.n_meters, ("meter", "meters"))
-    played_controllers = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
+    played_controllers = {
+        *(ENDING_CONTROLLERS if has_pedal else ()),
+        *(CONTROLLERS if has_wheel else ()),
+    }
     counts: Counter[int] = Counter()
     controllers: set[int] = set()
     for move, count in contents.moves.items():

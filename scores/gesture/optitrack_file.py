@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ergon.scores.gesture.frame_clock import FrameClock
 from ergon.scores.gesture.motion import (
     Motion,
     check_size,
@@ -34,8 +35,8 @@ def is_optitrack(path: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _RowLayout:
-    """The layout of the frames: their first line, the number of cells in each, and each point's
-    first column.
+    """The layout of the frames: their first line, the number of cells in each, each point's first
+    column, and whether the second column has instants.
     """
 
     path: Path
@@ -43,6 +44,7 @@ class _RowLayout:
     n_cells: int
     names: list[str]
     point_columns: list[int]
+    has_times: bool
 
     def read_positions(self, line: str, line_number: int) -> list[float]:
         """Positions of a frame; nan for empty cells. A comma may come last."""
@@ -66,15 +68,10 @@ def read(path: Path) -> Motion:
     """
     header, layout = _read_header(path)
 
+    rate = _frame_rate(header, path)
+
     def blocks() -> Iterator[Floats]:
-        return position_blocks(
-            (
-                layout.read_positions(line, line_number)
-                for line, line_number in _position_rows(layout)
-            ),
-            n_frames,
-            path,
-        )
+        return position_blocks(_timed_positions(layout, rate), n_frames, path)
 
     count_text = next((header[name] for name in _COUNT_FIELDS if header.get(name)), None)
     n_frames = (
@@ -87,7 +84,7 @@ def read(path: Path) -> Motion:
         Motion(
             unique_names(layout.names),
             n_frames,
-            _frame_rate(header, path),
+            rate,
             metres,
             blocks,
             None,
@@ -95,6 +92,17 @@ def read(path: Path) -> Motion:
         ),
         path,
     )
+
+
+def _timed_positions(layout: _RowLayout, rate: float | None) -> Iterator[list[float]]:
+    """The positions of each frame. Raises TakeError where frames are missing."""
+    clock = FrameClock(rate, layout.path)
+    for line, line_number in _position_rows(layout):
+        positions = layout.read_positions(line, line_number)
+        number_text, time_text, *_ = [*line.split(",", 2), ""]
+        clock.follow(number_text, time_text if layout.has_times else "", line_number)
+        yield positions
+    clock.finish()
 
 
 def _position_rows(layout: _RowLayout) -> Iterator[tuple[str, int]]:
@@ -128,23 +136,19 @@ def _read_header(path: Path) -> tuple[Mapping[str, str], _RowLayout]:
         (row for row in padded_rows if "Name" in row[:2]), padded_rows[min(1, len(padded_rows) - 1)]
     )
     column_kinds = padded_rows[-1]
-    point_columns = [
+    starts = [
         column
         for column in range(2, header_width - 2)
         if line_cells[column : column + 3] == ["X", "Y", "Z"]
         and column_kinds[column : column + 3] == ["Position"] * 3
     ]
-    if not point_columns:
+    if not starts:
         raise TakeError(
             "this file of Motive has no columns called Position, X, Y, Z", path, line_number
         )
-    return header, _RowLayout(
-        path,
-        line_number + 1,
-        header_width,
-        [column_names[column] for column in point_columns],
-        point_columns,
-    )
+    point_names = [column_names[column] for column in starts]
+    has_times = line_cells[1].casefold().startswith("time (s")
+    return header, _RowLayout(path, line_number + 1, header_width, point_names, starts, has_times)
 
 
 def _header_cells(line_text: str, path: Path, line_number: int) -> list[str]:

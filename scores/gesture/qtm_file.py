@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ergon.scores.gesture.frame_clock import FrameClock
 from ergon.scores.gesture.motion import (
     Motion,
     check_size,
@@ -73,17 +74,12 @@ def read(path: Path) -> Motion:
     header, layout = _read_header(path)
     n_frames = _frame_count(header.get("NO_OF_FRAMES", []), path)
 
-    def blocks() -> Iterator[Floats]:
-        with open_text(path) as file:
-            numbered_lines = content_lines(file, path)
-            position_rows = (
-                layout.read_positions(line, line_number)
-                for line_number, line in numbered_lines
-                if line_number >= layout.first_line
-            )
-            yield from map(_hidden_as_nan, position_blocks(position_rows, n_frames, path))
-
     rate = _frame_rate(header.get("FREQUENCY", []), path)
+
+    def blocks() -> Iterator[Floats]:
+        position_rows = _timed_positions(layout, rate)
+        yield from map(_hidden_as_nan, position_blocks(position_rows, n_frames, path))
+
     return check_size(
         Motion(
             unique_names(layout.names),
@@ -96,6 +92,22 @@ def read(path: Path) -> Motion:
         ),
         path,
     )
+
+
+def _timed_positions(layout: _RowLayout, rate: float | None) -> Iterator[list[float]]:
+    """The positions of each frame. Raises TakeError where frames are missing."""
+    clock = FrameClock(rate, layout.path)
+    with open_text(layout.path) as file:
+        for line_number, line in content_lines(file, layout.path):
+            if line_number < layout.first_line:
+                continue
+            positions = layout.read_positions(line, line_number)
+            number_text, time_text, *_ = [*line.split("\t", 2)[: layout.n_leading], "", ""]
+            if layout.n_leading == 1 and "." in number_text:
+                number_text, time_text = time_text, number_text
+            clock.follow(number_text, time_text, line_number)
+            yield positions
+    clock.finish()
 
 
 def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:

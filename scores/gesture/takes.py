@@ -14,18 +14,17 @@ CSV and npz files without `t` need a `rate`; BVH and SDIF files and columns with
 (Luciani and others, 2006), and no table of their bytes was at hand.
 """
 
-import os
 from array import array
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ergon import _core
 from ergon.common.foreign_files import foreign_file
-from ergon.common.regular import open_regular
+from ergon.exchange import wave
+from ergon.exchange.wave_header import NotWaveError
 from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture import (
     bvh_file,
@@ -38,7 +37,7 @@ from ergon.scores.gesture import (
 )
 from ergon.scores.gesture.npz import Npz, open_npz
 from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
-from ergon.scores.gesture.table_file import Sheet, read_sheet
+from ergon.scores.gesture.table_file import Sheet, sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
@@ -51,13 +50,6 @@ from ergon.scores.gesture.take_file import (
 
 MAX_POSITION = 1e3  # m
 MAX_RATE = 1e6  # Hz
-_PCM_FORMAT, _FLOAT_FORMAT, _EXTENSIBLE_FORMAT = 1, 3, 0xFFFE  # format tags (RFC 2361)
-_WAV_ORDER: dict[bytes, Literal["little", "big"]] = {
-    b"RIFF": "little",
-    b"RF64": "little",
-    b"BW64": "little",  # RF64 by another name (ITU-R BS.2088)
-    b"RIFX": "big",
-}
 
 
 class Samples(NamedTuple):
@@ -102,14 +94,14 @@ def read(
 
 
 def _read_table(
-    path: Path, channel: str | None, rate: float | None, written_unit: float | None
+    path: Path, channel: str | None, rate: float | None, metre_unit: float | None
 ) -> Samples:
     with open_text(path) as file:
         try:
-            take_table = read_sheet(file, path)
+            take_table = sheet(file, path)
             table_columns = _columns(take_table.names, path, take_table.line)
             value_column, x_unit = _chosen_column(table_columns, channel, path)
-            divisor = _column_divisor(take_table, value_column, x_unit, written_unit, path)
+            divisor = _column_divisor(take_table, value_column, x_unit, metre_unit, path)
             has_times = "t" in table_columns
             time_column, t_unit = table_columns.get("t", (value_column, "s"))
             _check_rate(has_times, rate, path)
@@ -141,20 +133,20 @@ def _column_divisor(
     take_table: Sheet,
     column_index: int,
     stated_unit: str | None,
-    written_unit: float | None,
+    metre_unit: float | None,
     path: Path,
 ) -> float:
-    """Units of a column in a metre, by its header or by `written_unit` [m]. Raises TakeError."""
+    """Units of a column in a metre, by its header or by `metre_unit` [m]. Raises TakeError."""
     if stated_unit is not None:
-        _check_unit(written_unit, path)
+        _check_unit(metre_unit, path)
         return _unit_divisor(stated_unit, UNITS_PER_METRE, "position", path)
-    if written_unit is None:
+    if metre_unit is None:
         message = (
             f"'{take_table.names[column_index][:40]}' has no unit; write a header such as t [s],x "
             "[mm], or what 1.0 means, such as unit: 1mm"
         )
         raise TakeError(message, path, take_table.line, field="unit")
-    return 1.0 / written_unit
+    return 1.0 / metre_unit
 
 
 def _columns(
@@ -248,111 +240,27 @@ def _checked_samples(t: Floats, x: Floats, path: Path) -> Samples:
 
 
 def _read_wav(
-    path: Path, channel: str | None, rate: float | None, written_unit: float | None
+    path: Path, channel: str | None, rate: float | None, metre_unit: float | None
 ) -> Samples:
-    import soundfile  # 80 ms that a score without WAV takes need not spend
-
-    patches = _wav_patches(path)
     try:
-        with (
-            open_regular(path) as raw_file,
-            soundfile.SoundFile(_PatchedFile(raw_file, patches) if patches else path) as sound_file,
-        ):
-            _check_rate(True, rate, path)
-            channels_by_name = {str(i + 1): (i, "m") for i in range(sound_file.channels)}
-            if sound_file.channels > MAX_CHANNELS:
-                raise TakeError(f"the file has more than {MAX_CHANNELS:,} channels", path)
-            if (
-                sound_file.frames > MAX_SAMPLES
-            ):  # declared length; the samples read are bounded below
-                raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
-            column_index, _ = _chosen_column(channels_by_name, channel, path)
-            block_frames = max(1, (1 << 20) // sound_file.channels)
-            sample_blocks = []
-            n_samples = 0
-            while len(
-                value_block := sound_file.read(block_frames, dtype="float64", always_2d=True)
-            ):
-                n_samples += len(value_block)
-                if n_samples > MAX_SAMPLES:
-                    raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
-                sample_blocks.append(value_block[:, column_index].copy())
-            x = np.concatenate(sample_blocks) if sample_blocks else np.empty(0)
-            return _checked_samples(
-                np.arange(len(x)) / float(sound_file.samplerate), x * (written_unit or 1.0), path
-            )
-    except soundfile.LibsndfileError as error:
-        raise TakeError(
-            f"this is not a WAV file that can be read ({error.error_string})", path
-        ) from None
-
-
-class _PatchedFile:
-    """A WAV file with some of its bytes replaced, as libsndfile reads it."""
-
-    def __init__(self, file: BinaryIO, patches: dict[int, bytes]) -> None:
-        self._file, self._patches = file, patches
-        self.tell = file.tell
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """Move; a place that no file has, of a damaged one, is not moved to, for no error can pass
-        through C.
-        """
-        with suppress(OSError):
-            self._file.seek(offset, whence)
-        return self._file.tell()
-
-    def read(self, size: int = -1) -> bytes:
-        start_offset = self._file.tell()
-        file_bytes = bytearray(self._file.read(size))
-        for offset, patch in self._patches.items():
-            for byte_index, value in enumerate(patch, offset - start_offset):
-                if 0 <= byte_index < len(file_bytes):
-                    file_bytes[byte_index] = value
-        return bytes(file_bytes)
-
-
-def _wav_patches(path: Path) -> dict[int, bytes]:
-    """The bytes to replace for libsndfile, by their offsets. Raises TakeError.
-
-    It gives no error if a file ends before its samples do, and it decodes any content whatever
-    the file's name, such as MP3 within a WAV file, with messages on stdout. It does not know
-    the name BW64, and takes a size of 0, which a pipe cannot mend, by its word.
-    """
-    with open_regular(path) as raw_file:
-        file_size = os.fstat(raw_file.fileno()).st_size
-        header = raw_file.read(12)
-        byte_order = _WAV_ORDER.get(header[:4])
-        if byte_order is None or header[8:] != b"WAVE":
-            raise TakeError("this is not a WAV file", path)
-        format_tag = None
-        while len(chunk := raw_file.read(8)) == 8:
-            chunk_name, chunk_length, chunk_start = (
-                chunk[:4],
-                int.from_bytes(chunk[4:], byte_order),
-                raw_file.tell(),
-            )
-            if chunk_name == b"fmt ":
-                chunk_content = raw_file.read(min(chunk_length, 40))
-                format_tag = int.from_bytes(chunk_content[:2], byte_order)
-                if format_tag == _EXTENSIBLE_FORMAT:
-                    format_tag = int.from_bytes(chunk_content[24:26], byte_order)
-                if format_tag not in (_PCM_FORMAT, _FLOAT_FORMAT):
-                    raise TakeError(
-                        f"this WAV file is coded (format {format_tag}); PCM is read", path
-                    )
-            elif chunk_name == b"data" and format_tag is not None:
-                patches = {0: b"RF64"} if header[:4] == b"BW64" else {}
-                # Programs that stream leave 0 or 0xFFFFFFFF as the size.
-                if not chunk_length and int.from_bytes(header[4:8], byte_order) + 8 != file_size:
-                    patches[chunk_start - 4] = min(file_size - chunk_start, 0xFFFFFFFE).to_bytes(
-                        4, byte_order
-                    )
-                if chunk_length not in (0, 0xFFFFFFFF) and chunk_start + chunk_length > file_size:
-                    raise TakeError("the file is shorter than its header says", path)
-                return patches
-            raw_file.seek(chunk_start + chunk_length + chunk_length % 2)
-    raise TakeError("this is not a WAV file: it holds no samples", path)
+        info = wave.read_info(path)
+        if info.damage is not None:
+            raise TakeError(info.damage, path)
+        _check_rate(True, rate, path)
+        n_channels = info.format.n_channels
+        if n_channels > MAX_CHANNELS:
+            raise TakeError(f"the file has more than {MAX_CHANNELS:,} channels", path)
+        if info.n_frames > MAX_SAMPLES:
+            raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
+        channels_by_name = {str(i + 1): (i, "m") for i in range(n_channels)}
+        column_index, _ = _chosen_column(channels_by_name, channel, path)
+        channel_blocks = [block[:, column_index].copy() for block in wave.read_blocks(path)]
+    except NotWaveError as error:
+        raise TakeError(str(error), path) from None
+    x = np.concatenate(channel_blocks) if channel_blocks else np.empty(0)
+    return _checked_samples(
+        np.arange(len(x)) / float(info.format.rate), x * (metre_unit or 1.0), path
+    )
 
 
 def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
@@ -389,10 +297,10 @@ def _read_array(arrays: Npz, column_index: int, path: Path) -> Floats:
 
 
 def _read_recording(
-    path: Path, channel_name: str | None, rate: float | None, written_unit: float | None
+    path: Path, channel_name: str | None, rate: float | None, metre_unit: float | None
 ) -> Samples:
     _check_rate(True, rate, path)
-    _check_unit(written_unit, path)
+    _check_unit(metre_unit, path)
     try:
         recording = _core.read_recording(path)
     except _core.EngineError as error:
@@ -437,7 +345,7 @@ def _read_csv(path: Path, channel: str | None, rate: float | None, unit: float |
 
 def _read_sdif(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     _check_rate(True, rate, path)
-    return _checked_samples(*sdif_file.read_track(path, channel, unit), path)
+    return _checked_samples(*sdif_file.track(path, channel, unit), path)
 
 
 def _capture_reader(read_motion: Callable[[Path], motion.Motion]) -> _Reader:
@@ -446,7 +354,7 @@ def _capture_reader(read_motion: Callable[[Path], motion.Motion]) -> _Reader:
     def read_points(
         path: Path, channel: str | None, rate: float | None, unit: float | None
     ) -> Samples:
-        t, x, damage = motion.channel_track(read_motion(path), channel, rate, unit, path)
+        t, x, damage = motion.track(read_motion(path), channel, rate, unit, path)
         return _checked_samples(t, x, path)._replace(damage=damage)
 
     return read_points

@@ -7,12 +7,14 @@ axes, then a frame a row: its number, its instant and three numbers for each mar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import TextIOWrapper
 from itertools import islice
 from pathlib import Path
 
+from ergon.scores.gesture.frame_clock import RATE_TOLERANCE, FrameClock, instant_and_step
 from ergon.scores.gesture.motion import (
     Motion,
     check_size,
@@ -26,9 +28,6 @@ from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, cont
 _FIRST_WORD = "PathFileType"
 _LEADING_COLUMNS = 2  # columns before the positions: the number of the frame, its instant
 _RATE_MAX = 1e6  # Hz
-_RATE_TOLERANCE = (
-    0.05  # part of a frame by which the first instants may differ from the stated rate
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +53,7 @@ def read(path: Path) -> Motion:
     metres = metres_of(header.fields.get("Units", ""))
 
     def blocks() -> Iterator[Floats]:
-        return position_blocks(
-            (_cell_numbers(cells, path, line) for line, cells in _frame_rows(header, path)),
-            n_frames,
-            path,
-        )
+        return position_blocks(_timed_positions(header, rate, path), n_frames, path)
 
     names = unique_names(header.names)
     return check_size(Motion(names, n_frames, rate, metres, blocks), path)
@@ -116,8 +111,13 @@ def _frame_rows(header: _FileHeader, path: Path) -> Iterator[tuple[int, list[str
             yield line_number, line_cells
 
 
-def _cell_numbers(cells: list[str], path: Path, line: int) -> list[float]:
-    return row_positions(cells, range(_LEADING_COLUMNS, len(cells), 3), path, line)
+def _timed_positions(header: _FileHeader, rate: float, path: Path) -> Iterator[list[float]]:
+    """The positions of each frame. Raises TakeError where frames are missing."""
+    clock = FrameClock(rate, path)
+    for line_number, cells in _frame_rows(header, path):
+        clock.follow(cells[0], cells[1], line_number)
+        yield row_positions(cells, range(_LEADING_COLUMNS, len(cells), 3), path, line_number)
+    clock.finish()
 
 
 def _file_text(path: Path) -> TextIOWrapper:
@@ -132,15 +132,20 @@ def _frame_count(header: _FileHeader, field_name: str, path: Path) -> int:
 
 
 def _frame_rate(header: _FileHeader, path: Path) -> float:
-    """The frame rate [Hz], which the instants of the first two frames must have. Raises
-    TakeError.
+    """The frame rate [Hz], which the instants of the first two frames must have, as far as they
+    are not rounded. Raises TakeError.
     """
     rate = _number_of_text(header.fields.get("DataRate", ""))
     if not 0 < rate <= _RATE_MAX:
         raise TakeError("DataRate in the head of this file is not a number above 0", path)
-    instants = [_number_of_text(cells[1]) for _, cells in islice(_frame_rows(header, path), 2)]
-    frame_step = instants[1] - instants[0] if len(instants) == 2 else 1 / rate
-    if not abs(frame_step * rate - 1) <= _RATE_TOLERANCE:
+    instants = [instant_and_step(cells[1]) for _, cells in islice(_frame_rows(header, path), 2)]
+    frame_step, rounding = 1 / rate, 0.0
+    if len(instants) == 2:
+        (first, first_rounding), (second, second_rounding) = (
+            instant or (math.nan, 0.0) for instant in instants
+        )
+        frame_step, rounding = second - first, min(first_rounding, second_rounding)
+    if not abs(frame_step * rate - 1) <= RATE_TOLERANCE + rounding * rate:
         message = (
             f"its head says {rate:g} frames a second, but its first two frames are {frame_step:g} "
             "s "

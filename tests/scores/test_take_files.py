@@ -66,6 +66,8 @@ SPREADSHEETS = {
     "decimal commas": "t [s];x [mm]\n0,0;1,0\n0,1;2,0\n0,2;4,5\n",
     "tabs and commas": "t [s]\tx [mm]\n0,0\t1,0\n0,1\t2,0\n0,2\t4,5\n",
     "quoted commas": '"t [s]","x [mm]"\n0,1e0\n0.1,"2"\n0.2,4.5\n',
+    "three decimals": "t [s];x [mm]\n0,000;1,000\n0,100;2,000\n0,200;4,500\n",
+    "marks of two kinds": "t [s];x [mm]\n0.0;1,0\n0.1;2,0\n0.2;4,5\n",
     "a separator in a name": '"t [s]";"x, of the hand [mm]"\n"0,0";"1,0"\n"0,1";"2"\n"0,2";"4,5"\n',
 }
 
@@ -87,6 +89,11 @@ def test_csv_unit_option_of_unitless_column(tmp_path):
     with pytest.raises(TakeError, match="states its own unit; remove `unit`"):
         read(path, "y", unit=1e-3)
     assert read(path, "y").x.tolist() == [0.01, 0.03]
+
+
+def test_csv_columns_named_by_numbers(tmp_path):
+    path = csv(tmp_path, "t [s],1,2\n0,1,1\n0.1,2,3\n")
+    assert read(path, "2", unit=1e-3).x.tolist() == [1e-3, 3e-3]
 
 
 def test_csv_summary_without_header_is_refused(tmp_path):
@@ -120,6 +127,17 @@ def test_misspelt_channel_has_suggestion(tmp_path):
         ),
         ("0,1\n1,2\n", 1, "this line is numbers, but the first line of a table names its columns"),
         ("1;1;100;2.5\n2;2;100;3.5\n", 1, "this line is numbers"),
+        ("0.0;\u22121.5\n0.1;2\n", 1, "this line is numbers"),
+        ("0.;1'000.5\n0.1;2\n", 1, "this line is numbers"),
+        ("0.0,1.0,ok\n0.1,2.0,ok\n", 1, "this line is a row of values"),
+        ("0.0,NA\n0.1,2.0\n", 1, "this line is a row of values"),
+        ("00:00:00.0,0\n00:00:00.1,1.5\n", 1, "this line is a row of values"),
+        ("t [s]\tx [mm]\n0\t998.5\n0.1\t1,000\n", 3, "comma in '1,000' may divide thousands"),
+        ("t [s];x [mm]\n0;1,000\n0.1;998.5\n", 2, "comma in '1,000' may divide thousands"),
+        ("t [s];x [mm]\n0;998,5\n0,1;1.000\n", 3, "point in '1.000' may divide thousands"),
+        ("t [s];x [mm]\n0;1.000\n1;998,5\n", 2, "point in '1.000' may divide thousands"),
+        ("t [s];x [mm]\n0;999\n1;1,000\n", 3, "comma in '1,000' may divide thousands"),
+        ("t [s];x [mm]\n0;1.000\n1;1,000\n", 3, "comma in '1,000' may divide thousands"),
         ('t [s],"x [mm]\n0,0\n', 1, "a quotation in this line is not closed"),
         ("x [mm],x [mm]\n0,0\n", 1, "two columns are called 'x'"),
         ("", 1, "is not the name of a column"),
@@ -199,8 +217,8 @@ def wav_header(n_data):
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"", "not a WAV file"),
-        (b"RIFF....WAVE", "not a WAV file"),
+        (b"", "not a WAVE file"),
+        (b"RIFF....WAVE", "holds no samples"),
         (wav_header(0xFFFFFFF8) + b"\0" * 8, "shorter than its header says"),
         (wav_header(24) + struct.pack("<3d", 0, float("nan"), 0), "sample 2 of x is not finite"),
         (wav_header(24) + struct.pack("<3d", 0, 1e9, 0), "more than 1,000 m"),
@@ -318,10 +336,10 @@ def test_csv_of_random_bytes_is_read_or_refused(tmp_path_factory, data):
     ],
 )
 def test_wav_name_with_other_format_is_refused(tmp_path, form, subtype):
-    """libsndfile looks at the content: a decoder of anything is behind the name of a WAV file."""
+    """No decoder of another form is behind the name of a WAV file."""
     path = tmp_path / "hand.wav"
     soundfile.write(path, np.zeros(2000), 8000, format=form, subtype=subtype)
-    with pytest.raises(TakeError, match=r"not a WAV file|is coded"):
+    with pytest.raises(TakeError, match=r"not a WAVE file|samples coded as|in the form"):
         read(path)
 
 
