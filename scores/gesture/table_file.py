@@ -42,7 +42,7 @@ class Sheet(NamedTuple):
     rows: Iterator[tuple[int, list[str]]]
 
 
-def sheet(file: IO[str], path: Path) -> Sheet:
+def read_sheet(file: IO[str], path: Path) -> Sheet:
     """The table in a text, row by row. Raises TakeError, here and in the rows."""
     numbered_lines = content_lines(file, path)
     header_number, header = next(numbered_lines, (1, ""))

@@ -37,7 +37,7 @@ from ergon.scores.gesture import (
 )
 from ergon.scores.gesture.npz import Npz, open_npz
 from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
-from ergon.scores.gesture.table_file import Sheet, sheet
+from ergon.scores.gesture.table_file import Sheet, read_sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
@@ -98,7 +98,7 @@ def _read_table(
 ) -> Samples:
     with open_text(path) as file:
         try:
-            take_table = sheet(file, path)
+            take_table = read_sheet(file, path)
             table_columns = _columns(take_table.names, path, take_table.line)
             value_column, x_unit = _chosen_column(table_columns, channel, path)
             divisor = _column_divisor(take_table, value_column, x_unit, metre_unit, path)
@@ -345,7 +345,7 @@ def _read_csv(path: Path, channel: str | None, rate: float | None, unit: float |
 
 def _read_sdif(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     _check_rate(True, rate, path)
-    return _checked_samples(*sdif_file.track(path, channel, unit), path)
+    return _checked_samples(*sdif_file.read_track(path, channel, unit), path)
 
 
 def _capture_reader(read_motion: Callable[[Path], motion.Motion]) -> _Reader:
@@ -354,7 +354,7 @@ def _capture_reader(read_motion: Callable[[Path], motion.Motion]) -> _Reader:
     def read_points(
         path: Path, channel: str | None, rate: float | None, unit: float | None
     ) -> Samples:
-        t, x, damage = motion.track(read_motion(path), channel, rate, unit, path)
+        t, x, damage = motion.channel_track(read_motion(path), channel, rate, unit, path)
         return _checked_samples(t, x, path)._replace(damage=damage)
 
     return read_points
