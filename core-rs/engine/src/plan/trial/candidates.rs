@@ -91,14 +91,14 @@ pub(in crate::plan) fn has_fine_links(island: &Assembled) -> bool {
     !island.is_single_step && (island.can_solve_laws_between_steps || island.island_plan.contact_substeps > 1)
 }
 
-/// The candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from one
-/// run, in proportion to the substeps.
+/// The candidates for an island, in rising order of cost. What contacts and laws cost between frames is estimated from
+/// the first run that computed them so: that of the reference, or of a candidate.
 ///
 /// Assembling an island takes longer than playing a small one. So a candidate is assembled only once those of lower cost
 /// had their turn.
 pub(in crate::plan) struct Candidates<'a, F> {
     assemble: &'a F,
-    costed_run: (&'a Candidate, &'a PilotRun),
+    link_cost: Option<LinkCost>,
     waiting_entries: Vec<WaitingEntry>,
     /// Those that had their turn.
     returned: Vec<ComputedBy>,
@@ -130,11 +130,7 @@ struct GroupSteps {
 
 impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, F> {
     /// All candidates, or only those whose contacts and laws are computed once a step.
-    pub(in crate::plan) fn new(
-        assemble: &'a F,
-        costed_run: (&'a Candidate, &'a PilotRun),
-        is_once_a_step_only: bool,
-    ) -> Self {
+    pub(in crate::plan) fn new(assemble: &'a F, reference: (&Candidate, &PilotRun), is_once_a_step_only: bool) -> Self {
         let contact_choices: &[bool] = if is_once_a_step_only { &[true] } else { &[true, false] };
         let mesh_choices = MESH_METHODS.into_iter().map(MethodChoice::Meshes);
         let other_choices = [MethodChoice::ByBudget, MethodChoice::Stepped];
@@ -142,7 +138,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
             // Meshes cost more than steps of CA.
             let cost_min = match body_methods {
                 MethodChoice::ByBudget => 0.0,
-                _ => costed_run.0.island.stepped_ns,
+                _ => reference.0.island.stepped_ns,
             };
             contact_choices.iter().map(move |&is_once_a_step| {
                 let family = CandidateFamily {
@@ -159,11 +155,25 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
         };
         Self {
             assemble,
-            costed_run,
+            link_cost: LinkCost::measured(reference.0, reference.1),
             waiting_entries: (other_choices.into_iter().chain(mesh_choices).enumerate())
                 .flat_map(waiting_steps)
                 .collect(),
             returned: Vec::new(),
+        }
+    }
+
+    /// Estimate the cost of candidates that wait from the run of one that had its turn.
+    pub(in crate::plan) fn add_played(&mut self, candidate: &Candidate, run: &PilotRun) {
+        if self.link_cost.is_none()
+            && let Some(link_cost) = LinkCost::measured(candidate, run)
+        {
+            self.link_cost = Some(link_cost);
+            for entry in &mut self.waiting_entries {
+                if let WaitingEntry::Candidate(waiting_candidate) = entry {
+                    waiting_candidate.estimate_cost(link_cost);
+                }
+            }
         }
     }
 
@@ -206,7 +216,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
         if let Ok(island) = (self.assemble)(family.options_for_steps(steps)) {
             let candidates = substeps_to_try(&island).into_iter().map(|substeps| Candidate {
                 group_index: methods_index * STEP_CHOICES + steps.ilog2() as usize,
-                ..Candidate::new(island.clone(), substeps, Some(self.costed_run))
+                ..Candidate::new(island.clone(), substeps, self.link_cost)
             });
             let first_waiting = self.waiting_entries.len();
             self.waiting_entries
@@ -249,26 +259,54 @@ fn substeps_to_try(island: &Assembled) -> Vec<usize> {
     doublings.map(|doublings| 1 << doublings).collect()
 }
 
+/// What contacts and laws cost between frames in a run, which is in proportion to the substeps.
+#[derive(Clone, Copy)]
+pub(in crate::plan) struct LinkCost {
+    /// Of contacts and laws alone [ns a frame].
+    contacts_ns: u32,
+    /// With the modes of the bodies that they touch [ns a frame].
+    links_ns: u32,
+    /// Substeps a frame of the run.
+    substeps: f64,
+}
+
+impl LinkCost {
+    /// That of a run of a candidate; `None` if it computed contacts and laws once a step.
+    fn measured(candidate: &Candidate, run: &PilotRun) -> Option<Self> {
+        (candidate.contact_substeps > 1).then(|| Self {
+            contacts_ns: run.counted_cost.contacts_ns,
+            links_ns: run.counted_cost.links_ns(),
+            substeps: candidate.substeps_per_frame(),
+        })
+    }
+}
+
 impl Candidate {
-    /// A candidate whose cost between frames is estimated from the run of another one.
-    pub(in crate::plan) fn new(mut island: Assembled, substeps: usize, played: Option<(&Self, &PilotRun)>) -> Self {
-        let island_plan = &mut island.island_plan;
-        island_plan.contact_substeps = substeps;
-        if let Some((played_candidate, played_run)) = played.filter(|_| substeps > 1) {
-            let counted_ns = if island_plan.bodies.is_empty() {
-                played_run.counted_cost.contacts_ns
-            } else {
-                played_run.counted_cost.links_ns()
-            };
-            let frame_steps = f64::from(island_plan.oversampling) * substeps as f64;
-            island_plan.counted_cost =
-                Some((f64::from(counted_ns) * frame_steps / played_candidate.substeps_per_frame()) as u32);
-        }
-        Self {
+    /// A candidate whose contacts and laws cost so much between frames, if that is known.
+    pub(in crate::plan) fn new(mut island: Assembled, substeps: usize, link_cost: Option<LinkCost>) -> Self {
+        island.island_plan.contact_substeps = substeps;
+        let mut candidate = Self {
             frame_ns: island.island_plan.frame_ns(),
             island,
             contact_substeps: substeps,
             group_index: 0,
+        };
+        if let Some(link_cost) = link_cost {
+            candidate.estimate_cost(link_cost);
+        }
+        candidate
+    }
+
+    fn estimate_cost(&mut self, link_cost: LinkCost) {
+        if self.contact_substeps > 1 {
+            let substeps = self.substeps_per_frame();
+            let island_plan = &mut self.island.island_plan;
+            let counted_ns = match island_plan.bodies.is_empty() {
+                true => link_cost.contacts_ns,
+                false => link_cost.links_ns,
+            };
+            island_plan.counted_cost = Some((f64::from(counted_ns) * substeps / link_cost.substeps) as u32);
+            self.frame_ns = island_plan.frame_ns();
         }
     }
 

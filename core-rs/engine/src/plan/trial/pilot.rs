@@ -16,7 +16,7 @@ use crate::network::Error;
 use crate::plan::constants::{FAINT_OUTPUT_SHARE, OVERSAMPLING_MAX, PILOT_SPANS, SEARCH_COST_RUNS, UNCORRELATED_DB};
 use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::candidates::{Candidate, CostRule, has_fine_links};
+use crate::plan::trial::candidates::{Candidate, CostRule};
 use crate::plan::trial::chaos::{ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongComparison, PilotResult};
@@ -116,8 +116,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(None);
         };
         let stretches = ComparedStretches::new(&reference.run.sound, &self.compared_spans);
-        let costed_run = (&reference.candidate, &*reference.run);
-        let cheapest_trial = (self.search(&reference, costed_run, None)).find_once_per_step(self.cost_rule)?;
+        let cheapest_trial = self.search(&reference, None).find_once_per_step(self.cost_rule)?;
         cheapest_trial
             .map(|plain_tried| self.outcome_without_modes(plain_tried, &stretches))
             .transpose()
@@ -135,7 +134,6 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     fn search<'b>(
         &'b self,
         reference: &'b Reference,
-        costed_run: (&'b Candidate, &'b PilotRun),
         chaos: Option<(&'b ComparedStretches, f64)>,
     ) -> CandidateSearch<'b, F> {
         CandidateSearch {
@@ -145,7 +143,6 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             runs: &self.runs,
             spans: &self.compared_spans,
             reference,
-            costed_run,
             chaotic_stretches: chaos,
         }
     }
@@ -169,12 +166,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(Some(self.outcome_of_first_run(first_candidate, first_run)?)); // no two runs agree
         }
         let chaos_growth = growth.map(|growth| (&stretches, growth));
-        // A reference that computes contacts once a step says nothing of their cost between frames.
-        let costed_run = match has_fine_links(&reference.candidate.island) {
-            true => (&reference.candidate, &*reference.run),
-            false => (&first_candidate, &*first_run),
-        };
-        match self.search(&reference, costed_run, chaos_growth).find()? {
+        match self.search(&reference, chaos_growth).find()? {
             Some(tried) => Ok(Some(self.outcome_without_modes(tried, &stretches)?)),
             None => Ok(Some(self.outcome_of_first_run(first_candidate, first_run)?)),
         }

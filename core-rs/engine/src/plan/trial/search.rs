@@ -37,8 +37,6 @@ pub(in crate::plan) struct CandidateSearch<'a, F> {
     pub(in crate::plan) runs: &'a RunCache,
     pub(in crate::plan) spans: &'a ComparedSpans,
     pub(in crate::plan) reference: &'a Reference,
-    /// The run from which the cost of contacts and laws between frames is estimated, and the candidate that it played.
-    pub(in crate::plan) costed_run: (&'a Candidate, &'a PilotRun),
     /// The stretches of the reference, and how much a nudge grows, if the motion is chaotic.
     pub(in crate::plan) chaotic_stretches: Option<(&'a ComparedStretches, f64)>,
 }
@@ -148,9 +146,10 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
         &self,
         is_once_a_step_only: bool,
     ) -> Result<(Option<CandidateTrial>, Option<CandidateTrial>), Error> {
+        let reference = (&self.reference.candidate, &*self.reference.run);
         let (mut cheapest, mut nearest): (Option<CandidateTrial>, Option<CandidateTrial>) = (None, None);
         let mut gains = SubstepGains::default();
-        let mut candidates = Candidates::new(self.assemble, self.costed_run, is_once_a_step_only);
+        let mut candidates = Candidates::new(self.assemble, reference, is_once_a_step_only);
         // Candidates that were played may have cost more than was estimated; with more substeps they cost still more.
         let cost_limit = |cheapest: &Option<CandidateTrial>| {
             cheapest
@@ -173,6 +172,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
             };
             let Some(tried) = tried_result else { continue };
             gains.add(&tried);
+            candidates.add_played(&tried.candidate, &tried.run);
             if !self.misses_budget(&tried) {
                 let is_cheaper = |cheapest: &CandidateTrial| tried.candidate.frame_ns < cheapest.candidate.frame_ns;
                 if cheapest.as_ref().is_none_or(is_cheaper) {
