@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from ergon.common.regular import open_regular
 
+from .streamed import samples_end
 from .wave import blocks_of_bytes, survey_of_bytes
 from .wave_header import BYTES_BY_FORM, Bits, NotWaveError, WaveFormat, WaveInfo, read_exactly
 
@@ -39,6 +40,8 @@ _CODINGS: dict[bytes, tuple[str, Bits | None]] = {
     b"raw ": ("unsigned", 8),
 }
 _IGNORED_CHUNKS = (b"FVER", b"PEAK", b"FLLR")  # chunks without data of the piece
+_SOX_STREAMED_SIZE = 0x7F000000  # bytes of samples that SoX states in a pipe, in frames (its aiff.c)
+_LATE_CHUNKS = (b"NAME", b"AUTH", b"(c) ", b"ANNO", b"COMT", b"MARK", b"INST", b"APPL", b"ID3 ")
 _TEXT_BYTES_MAX = 1 << 16  # bytes of a title, and of all marks
 _MARKS_MAX = 1000
 _OTHERS_MAX = 100
@@ -101,6 +104,7 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     ):
         raise NotWaveError("this is not an AIFF file")
     is_compressed = header_bytes[8:] == b"AIFC"
+    form_size = int.from_bytes(header_bytes[4:8], "big")
     end_offset = open_file.seek(0, 2)
     open_file.seek(12)
     format: WaveFormat | None = None
@@ -123,11 +127,11 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         elif chunk_name == b"SSND" and sound_place is None:
             offset, _ = struct.unpack(">II", read_exactly(open_file, 8, _CUT_HEADER_MESSAGE))
             sound_place = start_offset + 8 + offset
-            stop_offset = (
-                start_offset + chunk_size
-                if 8 < chunk_size <= end_offset - start_offset
-                else end_offset
-            )
+            stop_offset = start_offset + chunk_size
+            is_empty = chunk_size == 8 and form_size + 8 == end_offset
+            if stop_offset > end_offset or (chunk_size <= 8 and not is_empty):
+                stop_offset = samples_end(open_file, sound_place, _LATE_CHUNKS, is_big=True)
+            chunk_size = stop_offset - start_offset
         elif chunk_name == b"NAME" and chunk_size <= _TEXT_BYTES_MAX:
             stated_title = (
                 read_exactly(open_file, chunk_size, _CUT_HEADER_MESSAGE)
@@ -143,7 +147,10 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         raise NotWaveError("this AIFF file holds no samples")
     sound_place = end_offset if sound_place is None else sound_place
     frame_bytes = format.frame_bytes
-    n_frames = min(stated_frames, max(0, stop_offset - sound_place) // frame_bytes)
+    frames_present = max(0, stop_offset - sound_place) // frame_bytes
+    if _is_streamed(stated_frames, frames_present, frame_bytes):
+        stated_frames = frames_present
+    n_frames = min(stated_frames, frames_present)
     info = WaveInfo(
         "AIFC" if is_compressed else "AIFF",
         format,
@@ -156,6 +163,13 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         marks=tuple(named_marks),
     )
     return info, byte_order
+
+
+def _is_streamed(stated_frames: int, frames_present: int, frame_bytes: int) -> bool:
+    """Whether a program that writes into a pipe, where it cannot go back, stated the frames."""
+    if stated_frames in (0, 0xFFFFFFFF):
+        return True
+    return stated_frames > frames_present and stated_frames == _SOX_STREAMED_SIZE // frame_bytes
 
 
 def _parse_comm(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, int]:

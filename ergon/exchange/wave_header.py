@@ -20,6 +20,7 @@ from typing import BinaryIO, Literal
 from ergon.common.errors import ErgonError
 from ergon.common.foreign_files import foreign_form
 
+from .streamed import samples_end
 from .track_names import ixml_content, track_names
 
 Bits = Literal[8, 16, 24, 32, "float", "double"]  # 8, 32 and double are read, not written
@@ -56,6 +57,8 @@ _CUES_MAX = 1 << 20  # bytes of cue points, and of their names; more are ignored
 _OTHERS_MAX = 100  # most chunks that are listed as not read
 # Chunks that may follow one of odd size whose filling byte is missing.
 _COMMON_CHUNKS = (b"fmt ", b"data", b"LIST", b"fact", b"bext", b"iXML", b"axml", b"chna", b"cue ")
+# Chunks that may follow samples without a stated size, in a file that was written into a pipe.
+_LATE_CHUNKS = (*_COMMON_CHUNKS[2:], b"smpl", b"inst", b"id3 ", b"ID3 ", b"_PMX", b"JUNK", b"junk")
 # Codings of samples, by their tags (RFC 2361).
 _CODING_NAMES = {2: "ADPCM", 6: "A-law", 7: "µ-law", 17: "IMA ADPCM", 49: "GSM", 85: "MP3"}
 _IGNORED_CHUNKS = (b"JUNK", b"junk", b"PAD ", b"FLLR", b"fact")  # chunks without information
@@ -260,8 +263,14 @@ def parse(open_file: BinaryIO) -> WaveInfo:
                 raise NotWaveError("the samples come before their format")
             if chunk_size == 0xFFFFFFFF and container in ("RF64", "BW64"):
                 chunk_size, riff_size = long_size, long_riff_size
+            is_whole = riff_size + 8 == file_end
+            samples_stop = file_end
+            if chunk_size in _STREAMED_SIZES and not (is_whole and not chunk_size):
+                samples_stop = samples_end(
+                    open_file, start_offset, _LATE_CHUNKS, is_big=container == "RIFX"
+                )
             bytes_present, missing_bytes = _sample_bytes_and_missing(
-                chunk_size, file_end - start_offset, format, is_whole=riff_size + 8 == file_end
+                chunk_size, samples_stop - start_offset, format, is_whole=is_whole
             )
             sample_span, chunk_size = (start_offset, bytes_present, missing_bytes), bytes_present
         elif chunk_name == b"ds64":
