@@ -40,7 +40,9 @@ _CODINGS: dict[bytes, tuple[str, Bits | None]] = {
     b"raw ": ("unsigned", 8),
 }
 _IGNORED_CHUNKS = (b"FVER", b"PEAK", b"FLLR")  # chunks without data of the piece
-_SOX_STREAMED_SIZE = 0x7F000000  # bytes of samples that SoX states in a pipe, in frames (its aiff.c)
+_SOX_STREAMED_SIZE = (
+    0x7F000000  # bytes of samples that SoX states in a pipe, in frames (its aiff.c)
+)
 _LATE_CHUNKS = (b"NAME", b"AUTH", b"(c) ", b"ANNO", b"COMT", b"MARK", b"INST", b"APPL", b"ID3 ")
 _TEXT_BYTES_MAX = 1 << 16  # bytes of a title, and of all marks
 _MARKS_MAX = 1000

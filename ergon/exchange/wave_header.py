@@ -263,14 +263,8 @@ def parse(open_file: BinaryIO) -> WaveInfo:
                 raise NotWaveError("the samples come before their format")
             if chunk_size == 0xFFFFFFFF and container in ("RF64", "BW64"):
                 chunk_size, riff_size = long_size, long_riff_size
-            is_whole = riff_size + 8 == file_end
-            samples_stop = file_end
-            if chunk_size in _STREAMED_SIZES and not (is_whole and not chunk_size):
-                samples_stop = samples_end(
-                    open_file, start_offset, _LATE_CHUNKS, is_big=container == "RIFX"
-                )
             bytes_present, missing_bytes = _sample_bytes_and_missing(
-                chunk_size, samples_stop - start_offset, format, is_whole=is_whole
+                open_file, chunk_size, format, byte_order, is_whole=riff_size + 8 == file_end
             )
             sample_span, chunk_size = (start_offset, bytes_present, missing_bytes), bytes_present
         elif chunk_name == b"ds64":
@@ -364,18 +358,20 @@ def _cue_names(chunk_content: bytes, byte_order: _Order) -> dict[int, str]:
 
 
 def _sample_bytes_and_missing(
-    stated: int, bytes_present: int, format: WaveFormat, *, is_whole: bool
+    open_file: BinaryIO, stated: int, format: WaveFormat, byte_order: _Order, *, is_whole: bool
 ) -> tuple[int, int]:
-    """Bytes of the samples, and how many the header states that are not there.
+    """Bytes of the samples, which begin where a file is, and how many the header states that are
+    not there.
 
     `is_whole`: the size of the whole file is true, so that a size of 0 is one, too.
     """
+    start_offset = open_file.tell()
+    bytes_present = open_file.seek(0, 2) - start_offset
     is_sox = _SOX_STREAMED_SIZE - format.frame_bytes < stated <= _SOX_STREAMED_SIZE
-    if (stated in _STREAMED_SIZES and not (is_whole and not stated)) or (
-        is_sox and stated > bytes_present
-    ):
-        return bytes_present, 0
-    if stated == 0xFFFFFFFFFFFFFFFF:
+    if stated in _STREAMED_SIZES and not (is_whole and not stated):
+        stop = samples_end(open_file, start_offset, _LATE_CHUNKS, is_big=byte_order == "big")
+        return stop - start_offset, 0
+    if (is_sox and stated > bytes_present) or stated == 0xFFFFFFFFFFFFFFFF:
         return bytes_present, 0
     return min(stated, bytes_present), max(0, stated - bytes_present)
 

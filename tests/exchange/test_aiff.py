@@ -97,9 +97,7 @@ def test_aiff_chunks_in_any_order(tmp_path: Path):
     ("n_frames", "sound_size"),
     [(0, 0), (0, 16), (0x7F000000 // 2, 0x7F000008), (0xFFFFFFFF, 0xFFFFFFFF), (0, 0xFFFFFFFF)],
 )
-def test_aiff_of_a_pipe_has_all_frames_of_its_sound(
-    tmp_path: Path, n_frames: int, sound_size: int
-):
+def test_aiff_of_a_pipe_has_all_frames_of_its_sound(tmp_path: Path, n_frames: int, sound_size: int):
     """As ffmpeg and SoX leave frames and size where they cannot go back to write them."""
     comm = chunk(b"COMM", struct.pack(">HIH", 1, n_frames, 16) + RATE_8000)
     sound_chunk = b"SSND" + struct.pack(">I", sound_size) + SSND[8:]
