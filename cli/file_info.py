@@ -102,7 +102,7 @@ def _read_bytes(path: Path) -> bytes:
 
 
 def _obj(path: Path) -> Content:
-    from ergon.instruments.space.obj_file import Reader, decoded
+    from ergon.instruments.space.obj_file import Reader, decoded, logical_lines
     from ergon.notation.text.document import Document
     from ergon.notation.text.errors import Collector
     from ergon.notation.text.values import Place
@@ -115,8 +115,8 @@ def _obj(path: Path) -> Content:
         mesh = reader.mesh(Place(str(path), 1, 1))
     if mesh is None:
         raise Refused("; ".join(f"{path}: {mistake.message}" for mistake in collector.finish()))
-    lines = [words for line in (obj_text or "").splitlines() if (words := line.split())]
-    kinds = Counter(words[0] for words in lines if not words[0].startswith("#"))
+    lines = [words for _, line in logical_lines(obj_text or "") if (words := line.split())]
+    kinds = Counter(words[0] for words in lines)
     other_kinds = [kind for kind in kinds if kind not in ("v", "f", "l")]
     passed_over = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
     if n_coloured_points := sum(words[0] == "v" and len(words) > 4 for words in lines):
