@@ -90,6 +90,8 @@ def fold_file(
     Raises FoldError, NoLayoutError, ScoreError (a layout with mistakes), OptionError,
     FileRefusedError, and OSError where the file cannot be read.
     """
+    import numpy as np
+
     from ergon import _core
     from ergon.exchange import sound
     from ergon.exchange.safe import check_target, open_for_writing
@@ -107,11 +109,13 @@ def fold_file(
     input_files = (path, *([Path(options.head)] if options.head else []))
     if target != "-":
         check_target(Path(target), force=options.force, inputs=input_files)
-    source_field, field_effects = _source_field(path, wave_info, options, report)
+    source_field, field_effects, gains = _source_field(path, wave_info, options, report)
     filters, target_field = _fold_filters(
         source_field, (to, options.head), wave_info.format.rate, report
     )
     filters = _filters_with_silent_channels(field_effects, filters)
+    if gains:
+        filters = np.ascontiguousarray(filters * np.array(gains)[:, np.newaxis, np.newaxis])
     bits: Bits = options.bits or _BITS_TO_WRITE.get(wave_info.format.bits, wave_info.format.bits)
     if wave_info.damage is not None:
         report.warn(f"{path}: {wave_info.damage}")
@@ -295,9 +299,10 @@ def _filters_with_silent_channels(
 
 def _source_field(
     path: Path, wave_info: WaveInfo, fold_options: FoldOptions, report: Report
-) -> tuple[Field, tuple[int, ...]]:
-    """What the channels of a file are: as `fold_options` say, or else as the file says; and which
-    of them, from 0, are for low-frequency effects or no loudspeakers. Raises FoldError.
+) -> tuple[Field, tuple[int, ...], tuple[float, ...]]:
+    """What the channels of a file are: as `fold_options` say, or else as the file says; which of
+    them, from 0, are for low-frequency effects or no loudspeakers; and the factors of all, empty
+    where each is 1. Raises FoldError.
     """
     from ergon.common.xml_text import XmlError
     from ergon.exchange import adm
@@ -305,6 +310,7 @@ def _source_field(
     from ergon.space.fold_filters import Field
 
     channel_kind = "for low-frequency effects"
+    gains: tuple[float, ...] = ()
     if fold_options.layout is not None:
         field_names, effects = _field_of_word(fold_options.layout, "layout", report)
         channel_kind = "not among the loudspeakers of the layout"
@@ -317,7 +323,9 @@ def _source_field(
         if adm_field is None:
             raise FoldError(f"{path}: {unknown_reason}; name them, such as by --layout dome24")
         field_names = Field(tuple(point(*angles) for angles in adm_field.speakers), adm_field.order)
-        effects = adm_field.effects
+        effects, gains = adm_field.effects, adm_field.gains
+        for note in adm_field.notes:
+            report.warn(f"{path}: {note}")
     if field_names.n_channels + len(effects) != wave_info.format.n_channels:
         channel_text = f"{fold_options.layout or 'its description'} has {field_names.n_channels}"
         raise FoldError(f"{path} has {wave_info.format.n_channels} channels, but {channel_text}")
@@ -330,7 +338,7 @@ def _source_field(
                 "are left out"
             )
         report.warn(f"{path}: {warning}")
-    return field_names, effects
+    return field_names, effects, gains
 
 
 def _fold_filters(
