@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CHANNELS_MAX = 8  # RFC 9639, section 9.1.3
+# Loudspeakers of as many channels, where the file does not say them (the same section).
+_USUAL_MASKS = {3: 0x7, 4: 0x33, 5: 0x37, 6: 0x3F, 7: 0x70F, 8: 0x63F}
 RATE_MAX = 655_350  # [Hz]; RFC 9639, section 8.2, as libFLAC writes it
 _COMMENT_MARK = "made by ergon;"  # this mark identifies a file of ergon
 _SUBTYPE_BY_BITS: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
@@ -121,6 +123,9 @@ def read_info(path: Path) -> WaveInfo:
                 comment = flac_file.comment or ""
                 is_ours = comment.startswith(_COMMENT_MARK)
                 channel_description = read_description(open_file)
+                mask = channel_description.mask
+                if mask is None:  # what ergon writes goes out direct
+                    mask = 0 if is_ours else _USUAL_MASKS.get(flac_file.channels, 0)
                 return WaveInfo(
                     "FLAC",
                     WaveFormat(flac_file.samplerate, flac_file.channels, bits),
@@ -131,7 +136,7 @@ def read_info(path: Path) -> WaveInfo:
                     comment.removeprefix(_COMMENT_MARK).strip(),
                     channel_description.axml,
                     channel_description.chna,
-                    channel_description.mask,
+                    mask,
                     others=channel_description.others,
                 )
         except soundfile.LibsndfileError as error:

@@ -31,11 +31,13 @@ _MASK_PATTERN = re.compile(rb"WAVEFORMATEXTENSIBLE_CHANNEL_MASK=0x([0-9a-f]{1,8}
 
 @dataclass(frozen=True, slots=True)
 class ChannelDescription:
-    """What a file says of its channels (as `WaveInfo`), and the other chunks of its WAVE file."""
+    """What a file says of its channels (as `WaveInfo`), and the other chunks of its WAVE file;
+    `mask` is None where neither a comment nor the WAVE file says one.
+    """
 
     axml: bytes = b""
     chna: bytes = b""
-    mask: int = 0
+    mask: int | None = None
     others: tuple[tuple[str, int], ...] = ()
 
 
@@ -54,7 +56,8 @@ def blocks_of(header: bytes) -> bytes:
 
 def read_description(open_file: BinaryIO) -> ChannelDescription:
     """What the blocks of a FLAC file say of its channels; what is damaged says nothing."""
-    chunks, mask = [], 0
+    chunks: list[bytes] = []
+    mask: int | None = None
     for block_kind, block_content in _described_blocks(open_file):
         if block_kind == _COMMENT and (match := _MASK_PATTERN.search(block_content)):
             mask = int(match[1], 16)
@@ -67,7 +70,8 @@ def read_description(open_file: BinaryIO) -> ChannelDescription:
         info = parse(io.BytesIO(b"RIFF" + len(body).to_bytes(4, "little") + body))
     except NotWaveError:
         return ChannelDescription(mask=mask)
-    return ChannelDescription(info.axml, info.chna, mask or info.mask, info.others)
+    mask = info.mask if mask is None else mask
+    return ChannelDescription(info.axml, info.chna, mask, info.others)
 
 
 def _described_blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
