@@ -23,7 +23,7 @@ _LAYOUT = re.compile(
     re.MULTILINE,
 )
 _MUSICXML = re.compile(rb"<(?:\w+:)?score-(?:partwise|timewise)\b")
-_SPATGRIS = re.compile(rb"<SPEAKER_SETUP\b")
+_SPATGRIS = re.compile(rb"<(?:SPEAKER_SETUP|SpeakerSetup)\b")
 _ERGON_LINE = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
 
 
@@ -289,10 +289,11 @@ def _numbers(outputs: list[int]) -> str:
 
 
 def _model(path: Path) -> Content | None:
+    from ergon.common.xml_text import narrow
     from ergon.workshop.api.model import import_model, is_model
 
     is_named_so = path.suffix.lower() in (".mdl", ".dsp", ".pd")
-    if not is_named_so and not is_model(_read_bytes(path).decode("utf-8", "replace")):
+    if not is_named_so and not is_model(narrow(_read_bytes(path)).decode("utf-8", "replace")):
         return None
     model = import_model(path)
     figures_read = {"statements": model.n_statements, "to use it": f"ergon import {path}"}
