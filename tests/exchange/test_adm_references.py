@@ -71,7 +71,7 @@ def stream(track: str, played: str, is_named_by_track: bool) -> str:
 
 
 @pytest.mark.parametrize("is_named_by_track", [True, False])
-def test_adm_channel_is_that_of_the_references(is_named_by_track: bool):
+def test_adm_channel_by_references(is_named_by_track: bool):
     """Not that of the digits of the track's ID."""
     played = (IDS[1], IDS[0], IDS[2])
     streams = (stream(a, b, is_named_by_track) for a, b in zip(IDS, played, strict=True))
@@ -141,7 +141,7 @@ def test_adm_gains_of_objects_and_blocks(body: str, gains: tuple[float, ...]):
         (CHANNELS + objects("<gain>loud</gain>"), "not a number"),
     ],
 )
-def test_adm_gains_that_are_none_are_refused(body: str, words: str):
+def test_adm_wrong_gains_are_refused(body: str, words: str):
     with pytest.raises(XmlError, match=words):
         layout(body)
 
@@ -151,7 +151,7 @@ def test_adm_objects_in_a_circle_are_read_in_bounded_time():
     assert layout(CHANNELS + circle).gains == ()
 
 
-def test_adm_channel_that_moves_is_named():
+def test_adm_moving_channel_is_named():
     later = '<audioBlockFormat><position coordinate="azimuth">110</position></audioBlockFormat>'
     body = channel(IDS[0], 30, "", later) + channel(IDS[1], -30) + channel(IDS[2], 0)
     result = layout(body)

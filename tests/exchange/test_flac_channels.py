@@ -130,7 +130,7 @@ def test_flac_without_a_mask_has_the_channels_of_its_format(
     assert layout == adm.ChannelLayout(speakers, effects=effects)
 
 
-def test_flac_of_ergon_without_a_layout_names_none(tmp_path: Path):
+def test_flac_of_ergon_without_a_layout(tmp_path: Path):
     written(tmp_path / "a.flac", b"")
     assert adm.read(sound.read_info(tmp_path / "a.flac")) is None
 

@@ -147,7 +147,7 @@ def test_ear_loudspeaker_for_effects_is_left_out(value: str) -> None:
     assert (full_range.outputs, full_range.left_out) == ([1, 2], [])
 
 
-def test_info_says_what_to_do_with_a_setup_of_spatgris_2(tmp_path: Path) -> None:
+def test_info_refuses_setup_of_spatgris_2(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_bytes(SPATGRIS_2)
     done = forked(["info", "a.xml"], tmp_path)
     assert done.returncode == 2
