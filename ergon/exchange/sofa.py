@@ -138,7 +138,9 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
         or not responses.any()
     ):
         raise SofaError(f"{path}: responses are finite numbers, and not all 0")
-    delays = delays * _samples_per_unit(header["units"][3], rate, path) if delays.any() else delays
+    if delays.any():
+        with np.errstate(over="ignore"):  # of a damaged file
+            delays = delays * _samples_per_unit(header["units"][3], rate, path)
     if not (np.isfinite(delays).all() and np.ptp(delays) <= _DELAY_SECONDS_MAX * rate):
         refusal_reason = (
             f"its delays (Data.Delay, in samples) differ by more than {_DELAY_SECONDS_MAX:g} s"
@@ -196,7 +198,8 @@ def _emitter_notes(rows: NDArray[np.float64], kind: str, units: str) -> tuple[st
         points = read_places(_EMITTER, rows, kind, units, "cartesian").points(_EMITTER)
     except SofaSpaceError as error:
         return (f"{_EMITTER}: {error}",)
-    distance = float(np.linalg.norm(points, axis=1).max())
+    with np.errstate(over="ignore"):  # of a damaged file
+        distance = float(np.linalg.norm(points, axis=1).max())
     if distance <= _EMITTER_METRES_MAX:
         return ()
     return (f"{_EMITTER}, {distance:.3g} m off: sources are read at {_ARRAY_NAMES[0]}",)

@@ -101,7 +101,8 @@ def read_places(
         )
     scales = [_DEGREES_PER_UNIT.get(unit) or _METRES_PER_UNIT[unit] for unit in complete_units]
     axis_scales = np.array(scales or [1.0] * 3).reshape(3, *[1] * (rows.ndim - 2))
-    return Places(rows * axis_scales, kind)
+    with np.errstate(over="ignore"):  # of a damaged file; what is not finite is refused later
+        return Places(rows * axis_scales, kind)
 
 
 def _quantity(unit: str) -> str | None:
