@@ -17,13 +17,13 @@ from .outcome import Refused
 
 _BYTES_MAX = 64 << 20
 # A table with `speakers`, or a list: no score is one.
-_LAYOUT_START = re.compile(
+_LAYOUT = re.compile(
     rb"""^["']?speakers["']?[ \t]*:"""
     rb"""|\A(?:[ \t]*(?:[#%].*|---.*)?\r?\n)*[ \t]*(?:-\s|\[|\{\s*["']?speakers)""",
     re.MULTILINE,
 )
-_MUSICXML_TAG = re.compile(rb"<(?:\w+:)?score-(?:partwise|timewise)\b")
-_SPATGRIS_TAG = re.compile(rb"<SPEAKER_SETUP\b")
+_MUSICXML = re.compile(rb"<(?:\w+:)?score-(?:partwise|timewise)\b")
+_SPATGRIS = re.compile(rb"<(?:SPEAKER_SETUP|SpeakerSetup)\b")
 _ERGON_LINE = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
 
 
@@ -71,7 +71,7 @@ def unknown_form_message(path: Path) -> str:
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
 
-    endings_by_noun = {
+    forms = {
         "scores": (".yaml",),
         "packs": (".ergonpack",),
         "sound": (".wav", ".flac", ".aiff"),
@@ -85,12 +85,10 @@ def unknown_form_message(path: Path) -> str:
         "models": (".mdl", ".dsp", ".pd", ".txt", ".xml"),
         "gestures": (".gms",),
     }
-    forms_text = "; ".join(
-        f"{noun} ({', '.join(endings)})" for noun, endings in endings_by_noun.items()
-    )
+    listed = "; ".join(f"{noun} ({', '.join(endings)})" for noun, endings in forms.items())
     if not path.stat().st_size:
         return f"{path} is empty"
-    return f"{path} is nothing that ergon reads; `ergon info` reads {forms_text}"
+    return f"{path} is nothing that ergon reads; `ergon info` reads {listed}"
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -104,7 +102,7 @@ def _read_bytes(path: Path) -> bytes:
 
 
 def _obj(path: Path) -> Content:
-    from ergon.instruments.space.obj_file import Reader, decoded
+    from ergon.instruments.space.obj_file import Reader, decoded, logical_lines
     from ergon.notation.text.document import Document
     from ergon.notation.text.errors import Collector
     from ergon.notation.text.values import Place
@@ -114,16 +112,14 @@ def _obj(path: Path) -> Content:
     mesh = None
     if obj_text is not None:
         reader = Reader(Document(str(path), obj_text, None), "the mesh", collector)
-        mesh = reader.read_mesh(Place(str(path), 1, 1))
+        mesh = reader.mesh(Place(str(path), 1, 1))
     if mesh is None:
         raise Refused("; ".join(f"{path}: {mistake.message}" for mistake in collector.finish()))
-    words_by_line = [words for line in (obj_text or "").splitlines() if (words := line.split())]
-    counts_by_kind = Counter(words[0] for words in words_by_line if not words[0].startswith("#"))
-    other_kinds = [kind for kind in counts_by_kind if kind not in ("v", "f", "l")]
-    passed_over = [
-        f"{plural(counts_by_kind[kind], 'line')} of {kind}" for kind in sorted(other_kinds)
-    ]
-    if n_coloured_points := sum(words[0] == "v" and len(words) > 4 for words in words_by_line):
+    lines = [words for _, line in logical_lines(obj_text or "") if (words := line.split())]
+    kinds = Counter(words[0] for words in lines)
+    other_kinds = [kind for kind in kinds if kind not in ("v", "f", "l")]
+    passed_over = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
+    if n_coloured_points := sum(words[0] == "v" and len(words) > 4 for words in lines):
         passed_over.append(f"colours or weights in {plural(n_coloured_points, 'line')} of v")
     return Content("mesh (Wavefront OBJ)", _mesh_figures(mesh), passed_over)
 
@@ -142,9 +138,9 @@ def _mesh_figures(mesh: object) -> dict[str, object]:
     }
 
 
-def _n_bodies(n_points: int, edges: object) -> int:
+def _n_bodies(n: int, edges: object) -> int:
     """The number of connected components."""
-    parents = list(range(n_points))
+    parents = list(range(n))
 
     def root(point_index: int) -> int:
         while parents[point_index] != point_index:
@@ -154,7 +150,7 @@ def _n_bodies(n_points: int, edges: object) -> int:
 
     for a, b in edges:  # type: ignore[attr-defined]
         parents[root(a)] = root(b)
-    return len({root(point) for point in range(n_points)})
+    return len({root(point) for point in range(n)})
 
 
 def _gltf(path: Path) -> Content:
@@ -211,11 +207,11 @@ def _sofa(path: Path) -> Content:
         head_responses = sofa.read(path)
     except sofa.SofaError as error:
         raise Refused(str(error)) from None
-    n_directions, _, n_taps = head_responses.responses.shape
+    n, _, taps = head_responses.responses.shape
     delay_spread_ms = float(head_responses.delays.max() - head_responses.delays.min()) * 1e3
     figures_read = {
-        "directions": n_directions,
-        "samples of each response": n_taps,
+        "directions": n,
+        "samples of each response": taps,
         "rate": f"{head_responses.rate:g} Hz",
         "delays": f"up to {delay_spread_ms:.3g} ms apart",
     }
@@ -230,9 +226,9 @@ def _xml(path: Path) -> Content | None:
         xml_bytes = narrow(_read_bytes(path))
     except XmlError as error:
         raise Refused(f"{path}: {error}") from None
-    if _MUSICXML_TAG.search(xml_bytes):
+    if _MUSICXML.search(xml_bytes):
         return _musicxml(path)
-    return _layout(path) if _SPATGRIS_TAG.search(xml_bytes) else _model(path)
+    return _layout(path) if _SPATGRIS.search(xml_bytes) else _model(path)
 
 
 def _musicxml(path: Path) -> Content:
@@ -254,8 +250,8 @@ def _layout(path: Path) -> Content | None:
     except LayoutFileError as error:
         raise Refused(f"{path}: {error}") from None
     passed_over = [*layout.left_out, "names"]
-    figures_read = {"loudspeakers": len(layout.speakers), "outputs": _outputs_text(layout.outputs)}
-    return Content(f"loudspeakers ({layout_form.name})", figures_read, passed_over)
+    read = {"loudspeakers": len(layout.speakers), "outputs": _numbers(layout.outputs)}
+    return Content(f"loudspeakers ({layout_form.name})", read, passed_over)
 
 
 def _yaml(path: Path) -> Content | None:
@@ -263,7 +259,7 @@ def _yaml(path: Path) -> Content | None:
     from ergon.common.yaml_text import decode_yaml
 
     file_bytes = decode_yaml(_read_bytes(path), "replace").encode()
-    if not _LAYOUT_START.search(file_bytes):
+    if not _LAYOUT.search(file_bytes):
         return None
     if not _ERGON_LINE.search(file_bytes):
         return _layout(path)
@@ -278,12 +274,12 @@ def _yaml(path: Path) -> Content | None:
     figures_read = {
         "title": layout.title or "none",
         "loudspeakers": len(layout.speakers),
-        "outputs": _outputs_text([channel + 1 for channel in layout.channels]),
+        "outputs": _numbers([channel + 1 for channel in layout.channels]),
     }
     return Content("loudspeakers (a layout of ergon)", figures_read, [])
 
 
-def _outputs_text(outputs: list[int]) -> str:
+def _numbers(outputs: list[int]) -> str:
     if outputs == [*range(1, len(outputs) + 1)]:
         return f"1 to {len(outputs)}"
     return ", ".join(map(str, outputs))
@@ -293,10 +289,11 @@ def _outputs_text(outputs: list[int]) -> str:
 
 
 def _model(path: Path) -> Content | None:
+    from ergon.common.xml_text import narrow
     from ergon.workshop.api.model import import_model, is_model
 
     is_named_so = path.suffix.lower() in (".mdl", ".dsp", ".pd")
-    if not is_named_so and not is_model(_read_bytes(path).decode("utf-8", "replace")):
+    if not is_named_so and not is_model(narrow(_read_bytes(path)).decode("utf-8", "replace")):
         return None
     model = import_model(path)
     figures_read = {"statements": model.n_statements, "to use it": f"ergon import {path}"}
@@ -315,9 +312,7 @@ def _gms(path: Path) -> Content:
     except NotIffError as error:
         raise Refused(f"{path}: {error}") from None
     figures_read = {
-        f"{chunk.depth}.{number} {chunk.name} {chunk.group_type}".rstrip(): plural(
-            chunk.size, "byte"
-        )
+        f"{chunk.depth}.{number} {chunk.name} {chunk.group}".rstrip(): plural(chunk.size, "byte")
         for number, chunk in enumerate(iff_chunks, 1)
     }
     unknown_reason = (

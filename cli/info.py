@@ -191,12 +191,12 @@ def _channel_texts(path: Path, wav: WaveInfo) -> list[str]:
     if layout is None:
         return []
     if layout.order is not None:
-        return [f"Ambisonics of order {layout.order} (ACN, SN3D)"]
+        return [f"Ambisonics of order {layout.order} (ACN, SN3D)", *layout.notes]
     words = [plural(len(layout.speakers), "loudspeaker")]
     if layout.effects:
         numbers = ", ".join(str(channel + 1) for channel in layout.effects)
         words.append(f"channel {numbers} for low-frequency effects")
-    return ["; ".join(words)]
+    return ["; ".join(words), *layout.notes]
 
 
 def _print_score(console: Console, path: str, trust: bool) -> None:

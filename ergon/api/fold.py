@@ -90,6 +90,8 @@ def fold_file(
     Raises FoldError, NoLayoutError, ScoreError (a layout with mistakes), OptionError,
     FileRefusedError, and OSError where the file cannot be read.
     """
+    import numpy as np
+
     from ergon import _core
     from ergon.exchange import sound
     from ergon.exchange.safe import check_target, open_for_writing
@@ -98,33 +100,35 @@ def fold_file(
 
     from .layouts import layout_chunks
 
-    report, path, target_path = report or Report(), Path(source), str(out)
+    report, path, target = report or Report(), Path(source), str(out)
     options = options or FoldOptions()
     try:
         wave_info = sound.read_info(path)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
     input_files = (path, *([Path(options.head)] if options.head else []))
-    if target_path != "-":
-        check_target(Path(target_path), force=options.force, inputs=input_files)
-    source_field, effect_channels = _source_field(path, wave_info, options, report)
+    if target != "-":
+        check_target(Path(target), force=options.force, inputs=input_files)
+    source_field, field_effects, gains = _source_field(path, wave_info, options, report)
     filters, target_field = _fold_filters(
         source_field, (to, options.head), wave_info.format.rate, report
     )
-    filters = _filters_with_silent_channels(effect_channels, filters)
+    filters = _filters_with_silent_channels(field_effects, filters)
+    if gains:
+        filters = np.ascontiguousarray(filters * np.array(gains)[:, np.newaxis, np.newaxis])
     bits: Bits = options.bits or _BITS_TO_WRITE.get(wave_info.format.bits, wave_info.format.bits)
     if wave_info.damage is not None:
         report.warn(f"{path}: {wave_info.damage}")
     target_format = WaveFormat(wave_info.format.rate, filters.shape[1], bits)
-    sound.check_format(target_path, target_format)
+    sound.check_format(target, target_format)
     fold = _core.Fold(filters)
     n_frames = wave_info.n_frames + fold.tail
     title = wave_info.title if wave_info.originator == ORIGINATOR else path.stem
     chunks = b"" if target_field is None else layout_chunks(target_field, title)
     wave_stamp = Stamp(title, chunks=chunks)
-    folder = None if target_path == "-" else Path(target_path).resolve().parent
+    folder = None if target == "-" else Path(target).resolve().parent
     with (
-        open_for_writing(target_path, binary=True, force=options.force, inputs=input_files) as file,
+        open_for_writing(target, binary=True, force=options.force, inputs=input_files) as file,
         FrameSpool(folder, target_format.n_channels) as frame_spool,
         report.progress("folding", n_frames, target_format.rate) as progress,
     ):
@@ -136,7 +140,7 @@ def fold_file(
             n_folded += len(block)
             progress.update(n_folded)
         gain = _fold_gain(options, target_format, frame_spool.peak, true_peak.peak)
-        writer = sound.writer(target_path, file, target_format, n_frames, wave_stamp)
+        writer = sound.writer(target, file, target_format, n_frames, wave_stamp)
         for block in frame_spool.blocks(_BLOCK_FRAMES):
             if target_format.bits == "float":
                 writer.write(_core.single(block * gain, 1.0))  # type: ignore[arg-type]
@@ -145,30 +149,24 @@ def fold_file(
         writer.close()
     peaks = frame_spool.peak * gain, true_peak.peak * gain
     return Folded(
-        target_path,
-        target_format.n_channels,
-        n_frames,
-        target_format.rate,
-        *peaks,
-        gain,
-        writer.sha256,
+        target, target_format.n_channels, n_frames, target_format.rate, *peaks, gain, writer.sha256
     )
 
 
 def _fold_gain(
-    fold_options: FoldOptions, wave_format: WaveFormat, peak: float, true_peak: float
+    fold_options: FoldOptions, format: WaveFormat, peak: float, true_peak: float
 ) -> float:
     """The gain (a ratio) of a fold: as asked, or less where it would clip. Raises OptionError."""
     gain = 1.0 if fold_options.gain is None else asked_gain(fold_options.gain)
-    if wave_format.bits == "float" or gain * peak <= 1.0:
+    if format.bits == "float" or gain * peak <= 1.0:
         return gain
     if fold_options.gain is None:
         return gain_to_peak(true_peak)
     raise OptionError(
         "gain",
         f"the fold would clip: its peak would be {20.0 * log10(gain * peak):+.1f} dBFS; the "
-        f"most is {-20.0 * log10(peak):.2f} dB in {wave_format.bits} bits. Leave the option out, "
-        "and the fold is turned down as far as it must be, or write floats",
+        f"most is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and "
+        "the fold is turned down as far as it must be, or write floats",
         value=fold_options.gain,
     )
 
@@ -193,10 +191,8 @@ def fold_of(
     if layout is None:
         reason = "the score does not say where its loudspeakers are: write `mix: {layout: …}` in it"
         raise OptionError("to", reason, value=options.to)
-    target_and_head = options.to, options.head
-    filters, _ = _fold_filters(
-        _speakers_by_channel(layout), target_and_head, piece.rate, report or Report()
-    )
+    target = options.to, options.head
+    filters, _ = _fold_filters(_speakers_by_channel(layout), target, piece.rate, report or Report())
     return _core.Fold(
         _filters_with_silent_channels(
             layout.channels_without_loudspeaker(piece.mix.channels), filters
@@ -283,19 +279,19 @@ def _field_of_word(
 
 
 def _filters_with_silent_channels(
-    silent_channels: tuple[int, ...], filters: NDArray[np.float64]
+    left_out: tuple[int, ...], filters: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The filters of all channels, of which the others are not heard."""
-    if not silent_channels:
+    if not left_out:
         return filters
     import numpy as np
 
-    padded_filters = np.zeros((len(filters) + len(silent_channels), *filters.shape[1:]))
+    padded_filters = np.zeros((len(filters) + len(left_out), *filters.shape[1:]))
     padded_filters[
         [
             channel_index
             for channel_index in range(len(padded_filters))
-            if channel_index not in silent_channels
+            if channel_index not in left_out
         ]
     ] = filters
     return padded_filters
@@ -303,9 +299,10 @@ def _filters_with_silent_channels(
 
 def _source_field(
     path: Path, wave_info: WaveInfo, fold_options: FoldOptions, report: Report
-) -> tuple[Field, tuple[int, ...]]:
-    """What the channels of a file are: as `fold_options` say, or else as the file says; and which
-    of them, from 0, are for low-frequency effects or no loudspeakers. Raises FoldError.
+) -> tuple[Field, tuple[int, ...], tuple[float, ...]]:
+    """What the channels of a file are: as `fold_options` say, or else as the file says; which of
+    them, from 0, are for low-frequency effects or no loudspeakers; and the factors of all, empty
+    where each is 1. Raises FoldError.
     """
     from ergon.common.xml_text import XmlError
     from ergon.exchange import adm
@@ -313,8 +310,9 @@ def _source_field(
     from ergon.space.fold_filters import Field
 
     channel_kind = "for low-frequency effects"
+    gains: tuple[float, ...] = ()
     if fold_options.layout is not None:
-        field, effect_channels = _field_of_word(fold_options.layout, "layout", report)
+        field_names, effects = _field_of_word(fold_options.layout, "layout", report)
         channel_kind = "not among the loudspeakers of the layout"
     else:
         unknown_reason = "it does not say what its channels are"
@@ -324,13 +322,15 @@ def _source_field(
             adm_field, unknown_reason = None, str(error)
         if adm_field is None:
             raise FoldError(f"{path}: {unknown_reason}; name them, such as by --layout dome24")
-        field = Field(tuple(point(*angles) for angles in adm_field.speakers), adm_field.order)
-        effect_channels = adm_field.effects
-    if field.n_channels + len(effect_channels) != wave_info.format.n_channels:
-        channel_text = f"{fold_options.layout or 'its description'} has {field.n_channels}"
+        field_names = Field(tuple(point(*angles) for angles in adm_field.speakers), adm_field.order)
+        effects, gains = adm_field.effects, adm_field.gains
+        for note in adm_field.notes:
+            report.warn(f"{path}: {note}")
+    if field_names.n_channels + len(effects) != wave_info.format.n_channels:
+        channel_text = f"{fold_options.layout or 'its description'} has {field_names.n_channels}"
         raise FoldError(f"{path} has {wave_info.format.n_channels} channels, but {channel_text}")
-    if effect_channels:
-        *first_channels, last_channel = (str(channel + 1) for channel in effect_channels)
+    if effects:
+        *first_channels, last_channel = (str(channel + 1) for channel in effects)
         warning = f"channel {last_channel} is {channel_kind}, and is left out"
         if first_channels:
             warning = (
@@ -338,7 +338,7 @@ def _source_field(
                 "are left out"
             )
         report.warn(f"{path}: {warning}")
-    return field, effect_channels
+    return field_names, effects, gains
 
 
 def _fold_filters(
@@ -353,22 +353,20 @@ def _fold_filters(
     from ergon.space import fold_filters, head
     from ergon.space.panning import ArrayError
 
-    to, head_file = target_and_head
-    if head_file is not None and to != "binaural":
+    to, sofa = target_and_head
+    if sofa is not None and to != "binaural":
         raise OptionError("head", "a head is used by `--to binaural` only; leave this option out")
     if to == "stereo":
         return fold_filters.to_stereo(source_field), None
     if to == "binaural":
-        head_responses = (
-            head.kemar() if head_file is None else _head_of_file(head_file, source_field)
-        )
+        head_responses = head.kemar() if sofa is None else _head_of_file(sofa, source_field)
         return fold_filters.to_ears(source_field, head_responses, rate), None
-    target_field, silent_channels = _field_of_word(to, "to", report)
+    target_field, left_out = _field_of_word(to, "to", report)
     try:
         filters = fold_filters.to_field(source_field, target_field)
-        if silent_channels:
+        if left_out:
             filters_by_channel = _filters_with_silent_channels(
-                silent_channels, filters.transpose(1, 0, 2)
+                left_out, filters.transpose(1, 0, 2)
             ).transpose(1, 0, 2)
             return np.ascontiguousarray(filters_by_channel), None
         return filters, target_field

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from ergon.common.regular import open_regular
 
+from .streamed import samples_end
 from .wave import blocks_of_bytes, survey_of_bytes
 from .wave_header import BYTES_BY_FORM, Bits, NotWaveError, WaveFormat, WaveInfo, read_exactly
 
@@ -39,6 +40,10 @@ _CODINGS: dict[bytes, tuple[str, Bits | None]] = {
     b"raw ": ("unsigned", 8),
 }
 _IGNORED_CHUNKS = (b"FVER", b"PEAK", b"FLLR")  # chunks without data of the piece
+_SOX_STREAMED_SIZE = (
+    0x7F000000  # bytes of samples that SoX states in a pipe, in frames (its aiff.c)
+)
+_LATE_CHUNKS = (b"NAME", b"AUTH", b"(c) ", b"ANNO", b"COMT", b"MARK", b"INST", b"APPL", b"ID3 ")
 _TEXT_BYTES_MAX = 1 << 16  # bytes of a title, and of all marks
 _MARKS_MAX = 1000
 _OTHERS_MAX = 100
@@ -76,15 +81,15 @@ def _sample_blocks(path: Path) -> Iterator[bytes]:
 
     with open_regular(path) as open_file:
         info, byte_order = _parse(open_file)
-        bytes_per_sample = BYTES_BY_FORM[info.format.bits]
-        frame_bytes = info.format.frame_bytes
-        open_file.seek(info.samples_offset)
-        bytes_left = info.samples_size
+        sample_bytes = BYTES_BY_FORM[info.format.bits]
+        frame_size = info.format.frame_bytes
+        open_file.seek(info.offset)
+        bytes_left = info.size
         while bytes_left:
-            n_bytes = min(bytes_left, max(1, _BLOCK_BYTES // frame_bytes) * frame_bytes)
+            n_bytes = min(bytes_left, max(1, _BLOCK_BYTES // frame_size) * frame_size)
             octets = np.frombuffer(read_exactly(open_file, n_bytes, _CUT_SAMPLES_MESSAGE), np.uint8)
             if byte_order == _BIG_ENDIAN:
-                octets = octets.reshape(-1, bytes_per_sample)[:, ::-1]
+                octets = octets.reshape(-1, sample_bytes)[:, ::-1]
             if info.format.bits == 8 and byte_order != "unsigned":
                 octets = octets ^ np.uint8(0x80)  # WAVE counts 8 bits from 0
             yield octets.tobytes()
@@ -101,11 +106,12 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     ):
         raise NotWaveError("this is not an AIFF file")
     is_compressed = header_bytes[8:] == b"AIFC"
-    file_end = open_file.seek(0, 2)
+    form_size = int.from_bytes(header_bytes[4:8], "big")
+    end_offset = open_file.seek(0, 2)
     open_file.seek(12)
     format: WaveFormat | None = None
     byte_order, stated_frames, stated_title = _BIG_ENDIAN, 0, ""
-    samples_offset, samples_stop = None, file_end
+    sound_place, stop_offset = None, end_offset
     named_marks: list[tuple[str, int]] = []
     other_chunks: list[tuple[str, int]] = []
     while len(chunk := open_file.read(8)) == 8:
@@ -113,19 +119,21 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         start_offset = open_file.tell()
         if (
             format is not None
-            and samples_offset is not None
-            and (chunk_size > file_end - start_offset or not chunk_name.isascii())
+            and sound_place is not None
+            and (chunk_size > end_offset - start_offset or not chunk_name.isascii())
         ):
             break  # the bytes after the samples are no chunk
         if chunk_name == b"COMM":
             content = read_exactly(open_file, min(chunk_size, 1024), _CUT_HEADER_MESSAGE)
             format, byte_order, stated_frames = _parse_comm(content, is_compressed=is_compressed)
-        elif chunk_name == b"SSND" and samples_offset is None:
+        elif chunk_name == b"SSND" and sound_place is None:
             offset, _ = struct.unpack(">II", read_exactly(open_file, 8, _CUT_HEADER_MESSAGE))
-            samples_offset = start_offset + 8 + offset
-            samples_stop = (
-                start_offset + chunk_size if 8 < chunk_size <= file_end - start_offset else file_end
-            )
+            sound_place = start_offset + 8 + offset
+            stop_offset = start_offset + chunk_size
+            is_empty = chunk_size == 8 and form_size + 8 == end_offset
+            if stop_offset > end_offset or (chunk_size <= 8 and not is_empty):
+                stop_offset = samples_end(open_file, sound_place, _LATE_CHUNKS, is_big=True)
+            chunk_size = stop_offset - start_offset
         elif chunk_name == b"NAME" and chunk_size <= _TEXT_BYTES_MAX:
             stated_title = (
                 read_exactly(open_file, chunk_size, _CUT_HEADER_MESSAGE)
@@ -137,23 +145,33 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         elif chunk_name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
             other_chunks.append((chunk_name.decode("latin-1"), chunk_size))
         open_file.seek(start_offset + chunk_size + chunk_size % 2)
-    if format is None or (samples_offset is None and stated_frames):
+    if format is None or (sound_place is None and stated_frames):
         raise NotWaveError("this AIFF file holds no samples")
-    samples_offset = file_end if samples_offset is None else samples_offset
+    sound_place = end_offset if sound_place is None else sound_place
     frame_bytes = format.frame_bytes
-    n_frames = min(stated_frames, max(0, samples_stop - samples_offset) // frame_bytes)
+    frames_present = max(0, stop_offset - sound_place) // frame_bytes
+    if _is_streamed(stated_frames, frames_present, frame_bytes):
+        stated_frames = frames_present
+    n_frames = min(stated_frames, frames_present)
     info = WaveInfo(
         "AIFC" if is_compressed else "AIFF",
         format,
         n_frames,
-        samples_offset,
+        sound_place,
         n_frames * frame_bytes,
         description=stated_title,
-        missing_bytes=(stated_frames - n_frames) * frame_bytes,
-        unread_chunks=tuple(other_chunks),
+        missing=(stated_frames - n_frames) * frame_bytes,
+        others=tuple(other_chunks),
         marks=tuple(named_marks),
     )
     return info, byte_order
+
+
+def _is_streamed(stated_frames: int, frames_present: int, frame_bytes: int) -> bool:
+    """Whether a program that writes into a pipe, where it cannot go back, stated the frames."""
+    if stated_frames in (0, 0xFFFFFFFF):
+        return True
+    return stated_frames > frames_present and stated_frames == _SOX_STREAMED_SIZE // frame_bytes
 
 
 def _parse_comm(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, int]:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CHANNELS_MAX = 8  # RFC 9639, section 9.1.3
+# Loudspeakers of as many channels, where the file does not say them (the same section).
+_USUAL_MASKS = {3: 0x7, 4: 0x33, 5: 0x37, 6: 0x3F, 7: 0x70F, 8: 0x63F}
 RATE_MAX = 655_350  # [Hz]; RFC 9639, section 8.2, as libFLAC writes it
 _COMMENT_MARK = "made by ergon;"  # this mark identifies a file of ergon
 _SUBTYPE_BY_BITS: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
@@ -55,12 +57,12 @@ class FlacWriter:
         import soundfile
 
         self.format = format
-        self._frames_left = n_frames
+        self._left = n_frames
         self._hash = hashlib.sha256()
         blocks = blocks_of(pack(format, n_frames, stamp)) if stamp.chunks else b""
-        self._target_file = InsertedBlocks(file, blocks)
-        self._flac_file = soundfile.SoundFile(
-            self._target_file,
+        self._target = InsertedBlocks(file, blocks)
+        self._sound = soundfile.SoundFile(
+            self._target,
             "w",
             samplerate=format.rate,
             channels=format.n_channels,
@@ -68,8 +70,8 @@ class FlacWriter:
             format="FLAC",
         )
         if stamp.title:  # libsndfile refuses an empty one
-            self._flac_file.title = stamp.title
-        self._flac_file.comment = f"{_COMMENT_MARK} {stamp.description().decode()}"
+            self._sound.title = stamp.title
+        self._sound.comment = f"{_COMMENT_MARK} {stamp.description().decode()}"
 
     @property
     def sha256(self) -> str:
@@ -80,26 +82,24 @@ class FlacWriter:
         """Append (n_frames, n_channels): int32 with the sample in its top bits."""
         import soundfile
 
-        if len(block) > self._frames_left:
-            raise ValueError(f"{len(block) - self._frames_left} frames more than were announced")
+        if len(block) > self._left:
+            raise ValueError(f"{len(block) - self._left} frames more than were announced")
         self._hash.update(encode(block, self.format))
         try:
-            self._flac_file.write(block)
+            self._sound.write(block)
         except (AssertionError, soundfile.LibsndfileError):  # AssertionError if the disk is full
-            raise self._target_file.error or OSError(
-                f"{self._flac_file.name} cannot be written"
-            ) from None
-        if self._target_file.error is not None:
-            raise self._target_file.error
-        self._frames_left -= len(block)
+            raise self._target.error or OSError(f"{self._sound.name} cannot be written") from None
+        if self._target.error is not None:
+            raise self._target.error
+        self._left -= len(block)
 
     def close(self) -> None:
         """Finish the file. Raises ValueError when frames are missing, OSError of the disk."""
-        if self._frames_left:
-            raise ValueError(f"{self._frames_left} frames fewer than were announced")
-        self._flac_file.close()
-        if self._target_file.error is not None:
-            raise self._target_file.error
+        if self._left:
+            raise ValueError(f"{self._left} frames fewer than were announced")
+        self._sound.close()
+        if self._target.error is not None:
+            raise self._target.error
 
 
 def read_info(path: Path) -> WaveInfo:
@@ -123,6 +123,9 @@ def read_info(path: Path) -> WaveInfo:
                 comment = flac_file.comment or ""
                 is_ours = comment.startswith(_COMMENT_MARK)
                 channel_description = read_description(open_file)
+                mask = channel_description.mask
+                if mask is None:  # what ergon writes goes out direct
+                    mask = 0 if is_ours else _USUAL_MASKS.get(flac_file.channels, 0)
                 return WaveInfo(
                     "FLAC",
                     WaveFormat(flac_file.samplerate, flac_file.channels, bits),
@@ -133,8 +136,8 @@ def read_info(path: Path) -> WaveInfo:
                     comment.removeprefix(_COMMENT_MARK).strip(),
                     channel_description.axml,
                     channel_description.chna,
-                    channel_description.speaker_mask,
-                    unread_chunks=channel_description.unread_chunks,
+                    mask,
+                    others=channel_description.others,
                 )
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is not FLAC: {error}") from None

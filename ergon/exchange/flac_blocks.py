@@ -31,45 +31,47 @@ _MASK_PATTERN = re.compile(rb"WAVEFORMATEXTENSIBLE_CHANNEL_MASK=0x([0-9a-f]{1,8}
 
 @dataclass(frozen=True, slots=True)
 class ChannelDescription:
-    """What a file says of its channels (as `WaveInfo`), and the other chunks of its WAVE file."""
+    """What a file says of its channels (as `WaveInfo`), and the other chunks of its WAVE file;
+    `mask` is None where neither a comment nor the WAVE file says one.
+    """
 
     axml: bytes = b""
     chna: bytes = b""
-    speaker_mask: int = 0
-    unread_chunks: tuple[tuple[str, int], ...] = ()
+    mask: int | None = None
+    others: tuple[tuple[str, int], ...] = ()
 
 
 def blocks_of(header: bytes) -> bytes:
     """The blocks for the header of a WAVE file, up to the first byte of its samples."""
-    riff_pieces, chunk_start = [header[:12]], 12
-    while chunk_start < len(header):
-        size = int.from_bytes(header[chunk_start + 4 : chunk_start + 8], "little")
-        content_size = 0 if header.startswith(_DATA_CHUNK_ID, chunk_start) else size + size % 2
-        riff_pieces.append(header[chunk_start : chunk_start + 8 + content_size])
-        chunk_start += 8 + content_size
-    contents = [_RIFF_APPLICATION_ID + piece for piece in riff_pieces]
-    block_type = bytes([_APPLICATION])
-    return b"".join(block_type + len(content).to_bytes(3, "big") + content for content in contents)
+    pieces, block_start = [header[:12]], 12
+    while block_start < len(header):
+        size = int.from_bytes(header[block_start + 4 : block_start + 8], "little")
+        data_size = 0 if header.startswith(_DATA_CHUNK_ID, block_start) else size + size % 2
+        pieces.append(header[block_start : block_start + 8 + data_size])
+        block_start += 8 + data_size
+    contents = [_RIFF_APPLICATION_ID + piece for piece in pieces]
+    kind = bytes([_APPLICATION])
+    return b"".join(kind + len(content).to_bytes(3, "big") + content for content in contents)
 
 
 def read_description(open_file: BinaryIO) -> ChannelDescription:
     """What the blocks of a FLAC file say of its channels; what is damaged says nothing."""
-    riff_chunks, mask = [], 0
+    chunks: list[bytes] = []
+    mask: int | None = None
     for block_kind, block_content in _described_blocks(open_file):
         if block_kind == _COMMENT and (match := _MASK_PATTERN.search(block_content)):
             mask = int(match[1], 16)
         elif block_kind == _APPLICATION and block_content.startswith(_RIFF_APPLICATION_ID):
-            riff_chunks.append(block_content.removeprefix(_RIFF_APPLICATION_ID))
-    skipped_names = (*_FILE_HEADS, _DATA_CHUNK_ID, b"ds64")
-    riff_body = b"".join(chunk for chunk in riff_chunks if not chunk.startswith(skipped_names))
-    riff_body = (
-        b"WAVE" + riff_body + _DATA_CHUNK_ID + bytes(4)
-    )  # a file whose samples are elsewhere
+            chunks.append(block_content.removeprefix(_RIFF_APPLICATION_ID))
+    left_out = (*_FILE_HEADS, _DATA_CHUNK_ID, b"ds64")
+    body = b"".join(chunk for chunk in chunks if not chunk.startswith(left_out))
+    body = b"WAVE" + body + _DATA_CHUNK_ID + bytes(4)  # a file whose samples are elsewhere
     try:
-        info = parse(io.BytesIO(b"RIFF" + len(riff_body).to_bytes(4, "little") + riff_body))
+        info = parse(io.BytesIO(b"RIFF" + len(body).to_bytes(4, "little") + body))
     except NotWaveError:
-        return ChannelDescription(speaker_mask=mask)
-    return ChannelDescription(info.axml, info.chna, mask or info.speaker_mask, info.unread_chunks)
+        return ChannelDescription(mask=mask)
+    mask = info.mask if mask is None else mask
+    return ChannelDescription(info.axml, info.chna, mask, info.others)
 
 
 def _described_blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
@@ -134,12 +136,8 @@ class InsertedBlocks:
 
     def tell(self) -> int:
         """The place in the file that libFLAC sees."""
-        file_offset = self.file.tell()
-        return (
-            file_offset - len(self._blocks)
-            if self._is_inserted and file_offset > HEAD_END
-            else file_offset
-        )
+        place = self.file.tell()
+        return place - len(self._blocks) if self._is_inserted and place > HEAD_END else place
 
     def read(self, n_bytes: int = -1) -> bytes:
         """What is in the file at this place."""

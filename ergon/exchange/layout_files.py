@@ -8,6 +8,7 @@ loudspeaker is, and its output.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -116,6 +117,8 @@ def _read_iem(data: bytes) -> ReadLayout:
         speakers_are = "loudspeaker is" if n_imaginary == 1 else "loudspeakers are"
         left_out.append(f"{n_imaginary:,} imaginary {speakers_are} left out")
     for i, speaker_row in enumerate(real_rows, 1):
+        if missing := [name for name in ("Azimuth", "Elevation") if name not in speaker_row]:
+            raise LayoutFileError(f"loudspeaker {i} has no {missing[0]}")
         channel = _finite_number(speaker_row.get("Channel", i), "Channel")
         speaker_angles = _checked_angles(
             speaker_row.get("Azimuth"), speaker_row.get("Elevation"), speaker_row.get("Radius", 1.0)
@@ -163,7 +166,7 @@ def _read_ear(data: bytes) -> ReadLayout:
     for i, speaker_row in enumerate(speaker_rows):
         channel_number = _finite_number(speaker_row.get("channel", i), "channel")
         names = _speaker_names(speaker_row)
-        if any(map(is_effects, names)):
+        if any(map(is_effects, names)) or _is_true(speaker_row.get("is_lfe")):
             label = printable("/".join(names)[:40])
             left_out.append(
                 f"output {channel_number + 1:g} ({label}) is for low-frequency effects, no "
@@ -173,6 +176,12 @@ def _read_ear(data: bytes) -> ReadLayout:
         speaker_place = speaker_row.get("position")
         if not isinstance(speaker_place, dict):
             raise LayoutFileError(f"loudspeaker {i + 1} has no position")
+        if "az" not in speaker_place:
+            written_fields = ", ".join(map(str, speaker_place))[:40]
+            raise LayoutFileError(
+                f"loudspeaker {i + 1} has no azimuth: its position is {printable(written_fields)}; "
+                "write `position: {az: 30, el: 0, r: 1}`"
+            )
         speaker_angles = _checked_angles(
             speaker_place.get("az"), speaker_place.get("el", 0.0), speaker_place.get("r", 1.0)
         )
@@ -184,7 +193,7 @@ def _read_ear(data: bytes) -> ReadLayout:
     return _ordered_speakers(numbered_speakers, left_out, 0)
 
 
-_EAR_FIELDS = ("channel", "names", "position", "gain_linear")
+_EAR_FIELDS = ("channel", "names", "position", "gain_linear", "is_lfe")
 
 
 def _speaker_names(row: dict[str, Any]) -> list[str]:
@@ -196,6 +205,7 @@ def _speaker_names(row: dict[str, Any]) -> list[str]:
 # --- SpatGRIS -----------------------------------------------------------------------------------
 
 _SPATGRIS_ROOT, _SPATGRIS_PLACE = "SPEAKER_SETUP", "CARTESIAN_POSITION"
+_SPATGRIS_2_ROOT = "SpeakerSetup"
 _SPATGRIS_FIELDS = (
     "SPEAKER_PATCH_ID",
     "DIRECT_OUT_ONLY",
@@ -231,6 +241,10 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
         root_element = parse_xml(xml_bytes)
     except XmlError as error:
         raise LayoutFileError(str(error)) from None
+    if root_element.tag == _SPATGRIS_2_ROOT:
+        raise LayoutFileError(
+            "it is a setup of SpatGRIS 2; open it in SpatGRIS 3 or later and save it from there"
+        )
     if root_element.tag != _SPATGRIS_ROOT:
         raise LayoutFileError(
             f"its root is {printable(root_element.tag[:40])}, not {_SPATGRIS_ROOT}"
@@ -304,8 +318,12 @@ def _ordered_speakers(
             f"it has {len(numbered_speakers):,} loudspeakers; 1 to {SPEAKERS_MAX:,} are read"
         )
     speaker_numbers = [number for number, _ in numbered_speakers]
-    if len(set(speaker_numbers)) < len(speaker_numbers):
-        raise LayoutFileError("two of its loudspeakers have one channel")
+    counts = Counter(speaker_numbers)
+    if repeated := [number for number, count in counts.items() if count > 1]:
+        raise LayoutFileError(
+            f"{counts[repeated[0]]} of its loudspeakers have the channel {repeated[0]:.10g}; give "
+            "each one of its own"
+        )
     if not all(number.is_integer() for number in speaker_numbers):
         raise LayoutFileError("the number of an output is not whole")
     if not all(first_channel <= number <= _OUTPUT_MAX for number in speaker_numbers):

@@ -30,6 +30,7 @@ from ergon.exchange.sofa_space import (
     SofaSpaceError,
     directions,
     is_right_first,
+    read_places,
 )
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ _VALUES_MAX = 1 << 26  # largest array, as in `sofa_reader.py`
 _HEADER_BYTES_MAX = 4096  # bytes of the first line of an answer
 _READER_SECONDS_MAX = 600.0  # clock time, where the system sets no limit on the reader
 _DELAY_SECONDS_MAX = 0.1  # [s] between two responses; sound goes around a head in 1 ms
+_EMITTER, _EMITTER_METRES_MAX = "EmitterPosition", 1e-3  # [m]
 _CONVENTION = "SimpleFreeFieldHRIR"
 _ARRAY_NAMES = (
     "SourcePosition",
@@ -51,6 +53,7 @@ _ARRAY_NAMES = (
     VIEW,
     UP,
     EARS,
+    _EMITTER,
 )
 _READER_PATH = Path(__file__).with_name("sofa_reader.py")
 
@@ -135,37 +138,74 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
         or not responses.any()
     ):
         raise SofaError(f"{path}: responses are finite numbers, and not all 0")
+    if delays.any():
+        with np.errstate(over="ignore"):  # of a damaged file
+            delays = delays * _samples_per_unit(header["units"][3], rate, path)
     if not (np.isfinite(delays).all() and np.ptp(delays) <= _DELAY_SECONDS_MAX * rate):
         refusal_reason = (
             f"its delays (Data.Delay, in samples) differ by more than {_DELAY_SECONDS_MAX:g} s"
         )
         raise SofaError(f"{path}: {refusal_reason}; the ears of a head are nearer")
     delay_seconds = np.broadcast_to(delays, (len(responses), 2)) / rate
-    kind_by_array = dict(zip(_ARRAY_NAMES, header["types"], strict=False))
-    head_places = {
-        name: Places(arrays[name], kind_by_array[name] or "cartesian")
-        for name in _ARRAY_NAMES[4:]
-        if name in arrays and arrays[name].size
-    }
-    source_places = Places(measured_places, _place_kind(header))
     try:
-        angles = directions(source_places, head_places)
+        source, head_places, emitter_notes = _places_of(header, arrays)
+        angles = directions(source, head_places)
         if is_right_first(head_places.get(EARS)):
             responses, delay_seconds = responses[:, ::-1], delay_seconds[:, ::-1]
     except SofaSpaceError as error:
         raise SofaError(f"{path}: {error}") from None
-    return HeadResponses(angles, responses, rate, delay_seconds, _unread_contents(source_places))
+    passed_over = (*_distance_notes(source), *emitter_notes)
+    return HeadResponses(angles, responses, rate, delay_seconds, passed_over)
 
 
-def _place_kind(header: dict[str, Any]) -> str:
-    """What places are; a writer that leaves it out tells it by their units."""
-    kind, units = header["types"][0], header["units"]
-    if kind or not units:
-        return str(kind)
-    return "spherical" if "deg" in units or "rad" in units else "cartesian"
+def _samples_per_unit(units_text: str, rate: float, path: Path) -> float:
+    """Samples in the unit of delays, which is a sample by AES69. Raises SofaError."""
+    if units_text.rstrip("s") in ("", "sample"):
+        return 1.0
+    if units_text in ("second", "seconds", "s"):
+        return rate
+    raise SofaError(f"{path}: Data.Delay is in {printable(units_text)}, not in samples or seconds")
 
 
-def _unread_contents(source: Places) -> tuple[str, ...]:
+def _places_of(
+    header: dict[str, Any], arrays: dict[str, NDArray[np.float64]]
+) -> tuple[Places, dict[str, Places], tuple[str, ...]]:
+    """Places of the sources, those of the head by name, and sentences on the emitter. Raises
+    SofaSpaceError.
+    """
+    attributes = dict(
+        zip(_ARRAY_NAMES, zip(header["types"], header["units"], strict=False), strict=False)
+    )
+    if VIEW in attributes and not any(attributes[UP]):
+        attributes[UP] = attributes[VIEW]  # AES69 gives both vectors one type and unit
+    source_name = _ARRAY_NAMES[0]
+    source = read_places(source_name, arrays[source_name], *attributes[source_name], "")
+    head_places = {
+        name: read_places(name, arrays[name], *attributes[name], "cartesian")
+        for name in (LISTENER, VIEW, UP, EARS)
+        if name in arrays and arrays[name].size
+    }
+    emitter = arrays.get(_EMITTER)
+    if emitter is None or not emitter.any():
+        return source, head_places, ()
+    return source, head_places, _emitter_notes(emitter, *attributes[_EMITTER])
+
+
+def _emitter_notes(rows: NDArray[np.float64], kind: str, units: str) -> tuple[str, ...]:
+    import numpy as np
+
+    try:
+        points = read_places(_EMITTER, rows, kind, units, "cartesian").points(_EMITTER)
+    except SofaSpaceError as error:
+        return (f"{_EMITTER}: {error}",)
+    with np.errstate(over="ignore"):  # of a damaged file
+        distance = float(np.linalg.norm(points, axis=1).max())
+    if distance <= _EMITTER_METRES_MAX:
+        return ()
+    return (f"{_EMITTER}, {distance:.3g} m off: sources are read at {_ARRAY_NAMES[0]}",)
+
+
+def _distance_notes(source: Places) -> tuple[str, ...]:
     import numpy as np
 
     distances = source.rows[:, 2]
@@ -194,7 +234,6 @@ def _check_arrays(header: dict[str, Any], path: Path) -> None:
     if place_shape != [array_shape[0], 3]:
         sizes_text = " by ".join(map(str, place_shape))
         raise SofaError(f"{path}: {sizes_text} directions for {array_shape[0]} responses")
-    _check_kind(_place_kind(header), header["units"], path)
     if delays not in ([0], [1, 2], [array_shape[0], 2]):
         sizes_text = " by ".join(map(str, delays))
         raise SofaError(
@@ -206,26 +245,13 @@ def _check_arrays(header: dict[str, Any], path: Path) -> None:
         raise SofaError(f"{path}: it has no rate, or more responses than are read")
 
 
-def _check_kind(kind: str, units: str, path: Path) -> None:
-    """Raise SofaError unless places are angles in degrees, or lengths."""
-    if kind not in ("spherical", "cartesian"):
-        kind_text = printable(kind) or "not said to be either"
-        raise SofaError(f"{path}: directions are {kind_text}, not spherical or cartesian")
-    if kind == "spherical" and "rad" in units:
-        raise SofaError(f"{path}: directions are read in degrees, here they are in radians")
-    if units.startswith("met") if kind == "spherical" else "deg" in units:
-        raise SofaError(
-            f"{path}: its places are {kind}, in {printable(units)}: one of both is wrong"
-        )
-
-
 def _answered_array(
     reader_answer: IO[bytes], array_shape: list[int], path: Path
 ) -> NDArray[np.float64]:
     import numpy as np
 
-    n_bytes = 8 * math.prod(array_shape)
-    array_data = reader_answer.read(n_bytes)
-    if len(array_data) < n_bytes:
+    size = 8 * math.prod(array_shape)
+    array_data = reader_answer.read(size)
+    if len(array_data) < size:
         raise SofaError(f"{path}: reading it broke off; it is damaged")
     return np.frombuffer(array_data, "<f8").reshape(array_shape)

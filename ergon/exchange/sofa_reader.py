@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import h5py
 
 ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate", "Data.Delay", "ListenerPosition",
-          "ListenerView", "ListenerUp", "ReceiverPosition")  # fmt: skip
+          "ListenerView", "ListenerUp", "ReceiverPosition", "EmitterPosition")  # fmt: skip
 _REQUIRED_ARRAYS = ARRAYS[:3]  # files of before AES69 leave delays out, some writers the rest
 VALUES_MAX = 1 << 26  # largest array: 12,000 directions, 2,800 samples, both ears
 _PLACES_MAX = 1 << 20  # largest array of another kind
@@ -102,7 +102,7 @@ def _read(sofa_source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, 
         header = {
             "convention": _text_attribute(sofa_file, "SOFAConventions"),
             "types": [_text_attribute(dataset, "Type").lower() for dataset in datasets],
-            "units": _text_attribute(datasets[0], "Units").lower(),
+            "units": [_text_attribute(dataset, "Units").lower() for dataset in datasets],
         }
         arrays = [
             np.zeros(0, "<f8") if dataset is None else np.ascontiguousarray(dataset[...], "<f8")

@@ -60,8 +60,9 @@ _COMMON_LABELS = [
 ]
 # Bits of a mask, from the lowest on: the same, with the back ones further back.
 _MASK_LABELS = [label.replace("110", "135") for label in _COMMON_LABELS[:18]]
-_SIDES_MASK, _BACKS_MASK = 0x600, 0x30  # without sides, the back ones are those of 5.1
-_SURROUND_110 = {"M+135": "M+110", "M-135": "M-110"}
+_SIDES_MASK, _BACKS_MASK, _BACK_CENTRE_MASK = 0x600, 0x30, 0x100
+# Of sides and backs, a file that has only one pair has the surround of 5.1 (BS.2051, system B).
+_SURROUND_110 = {"M+135": "M+110", "M-135": "M-110", "M+090": "M+110", "M-090": "M-110"}
 
 
 def is_effects(label: str) -> bool:
@@ -84,7 +85,8 @@ def masked_labels(mask: int) -> list[str]:
     if mask >> len(_MASK_LABELS):
         return []
     labels = [label for bit, label in enumerate(_MASK_LABELS) if mask >> bit & 1]
-    if mask & _BACKS_MASK and not mask & _SIDES_MASK:
+    has_backs, has_sides = bool(mask & _BACKS_MASK), bool(mask & _SIDES_MASK)
+    if has_backs != has_sides and not (has_sides and mask & _BACK_CENTRE_MASK):
         labels = [_SURROUND_110.get(label, label) for label in labels]
     return labels
 

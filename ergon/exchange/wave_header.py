@@ -20,6 +20,7 @@ from typing import BinaryIO, Literal
 from ergon.common.errors import ErgonError
 from ergon.common.foreign_files import foreign_form
 
+from .streamed import samples_end
 from .track_names import ixml_content, track_names
 
 Bits = Literal[8, 16, 24, 32, "float", "double"]  # 8, 32 and double are read, not written
@@ -56,6 +57,8 @@ _CUES_MAX = 1 << 20  # bytes of cue points, and of their names; more are ignored
 _OTHERS_MAX = 100  # most chunks that are listed as not read
 # Chunks that may follow one of odd size whose filling byte is missing.
 _COMMON_CHUNKS = (b"fmt ", b"data", b"LIST", b"fact", b"bext", b"iXML", b"axml", b"chna", b"cue ")
+# Chunks that may follow samples without a stated size, in a file that was written into a pipe.
+_LATE_CHUNKS = (*_COMMON_CHUNKS[2:], b"smpl", b"inst", b"id3 ", b"ID3 ", b"_PMX", b"JUNK", b"junk")
 # Codings of samples, by their tags (RFC 2361).
 _CODING_NAMES = {2: "ADPCM", 6: "A-law", 7: "µ-law", 17: "IMA ADPCM", 49: "GSM", 85: "MP3"}
 _IGNORED_CHUNKS = (b"JUNK", b"junk", b"PAD ", b"FLLR", b"fact")  # chunks without information
@@ -103,31 +106,29 @@ class WaveFormat:
 
 @dataclass(frozen=True, slots=True)
 class WaveInfo:
-    """What a sound file says it holds; `samples_offset` and `samples_size` [bytes] are those of its
-    samples.
-    """
+    """What a sound file says it holds; `offset` and `size` [bytes] are those of its samples."""
 
     container: _Container
     format: WaveFormat
     n_frames: int
-    samples_offset: int
-    samples_size: int
+    offset: int
+    size: int
     originator: str | None = None
     description: str = ""
     axml: bytes = b""
     chna: bytes = b""
-    speaker_mask: int = 0  # loudspeakers of the channels (WAVE_FORMAT_EXTENSIBLE); 0: not said
-    missing_bytes: int = 0  # bytes of samples that the header announces beyond the end of the file
-    unread_chunks: tuple[tuple[str, int], ...] = ()  # chunks that are not read, with their sizes
+    mask: int = 0  # loudspeakers of the channels (WAVE_FORMAT_EXTENSIBLE); 0: not said
+    missing: int = 0  # bytes of samples that the header announces beyond the end of the file
+    others: tuple[tuple[str, int], ...] = ()  # chunks that are not read, with their sizes
     marks: tuple[tuple[str, int], ...] = ()  # names and frames
     tracks: tuple[str, ...] = ()  # names of the channels; none where the file gives none
 
     @property
     def damage(self) -> str | None:
         """What is wrong with a file that can be read all the same; None if it is whole."""
-        if not self.missing_bytes:
+        if not self.missing:
             return None
-        stated_frames = (self.samples_size + self.missing_bytes) // self.format.frame_bytes
+        stated_frames = (self.size + self.missing) // self.format.frame_bytes
         frames = f"of {stated_frames:,} frames {self.n_frames:,} are there"
         return f"the file is shorter than its header says: {frames}"
 
@@ -176,16 +177,16 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
             _cue_chunks([mark for mark in stamp.marks if 0 <= mark[1] < n_frames]),
         )
     )
-    riff_size = 4 + (8 + _DS64_FORMAT.size) + len(chunks_bytes) + 8 + data_size + (data_size & 1)
-    if riff_size <= riff_limit:
+    riff = 4 + (8 + _DS64_FORMAT.size) + len(chunks_bytes) + 8 + data_size + (data_size & 1)
+    if riff <= riff_limit:
         header = (
             b"RIFF"
-            + struct.pack("<I", riff_size)
+            + struct.pack("<I", riff)
             + b"WAVE"
             + _padded_chunk(b"JUNK", bytes(_DS64_FORMAT.size))
         )
         return header + chunks_bytes + b"data" + struct.pack("<I", data_size)
-    ds64 = _padded_chunk(b"ds64", _DS64_FORMAT.pack(riff_size, data_size, n_frames, 0))
+    ds64 = _padded_chunk(b"ds64", _DS64_FORMAT.pack(riff, data_size, n_frames, 0))
     return b"RF64\xff\xff\xff\xffWAVE" + ds64 + chunks_bytes + b"data\xff\xff\xff\xff"
 
 
@@ -238,7 +239,7 @@ def parse(open_file: BinaryIO) -> WaveInfo:
     header_bytes = open_file.read(12)
     container = _container(header_bytes)
     format: WaveFormat | None = None
-    long_size, long_riff_size, speaker_mask = 0, 0, 0
+    long_size, long_riff_size, mask = 0, 0, 0
     byte_order: _Order = "big" if container == "RIFX" else "little"
     riff_size = int.from_bytes(header_bytes[4:8], byte_order)
     originator: str | None = None
@@ -263,7 +264,7 @@ def parse(open_file: BinaryIO) -> WaveInfo:
             if chunk_size == 0xFFFFFFFF and container in ("RF64", "BW64"):
                 chunk_size, riff_size = long_size, long_riff_size
             bytes_present, missing_bytes = _sample_bytes_and_missing(
-                chunk_size, file_end - start_offset, format, is_whole=riff_size + 8 == file_end
+                open_file, chunk_size, format, byte_order, is_whole=riff_size + 8 == file_end
             )
             sample_span, chunk_size = (start_offset, bytes_present, missing_bytes), bytes_present
         elif chunk_name == b"ds64":
@@ -274,12 +275,10 @@ def parse(open_file: BinaryIO) -> WaveInfo:
             chunk_content = read_exactly(open_file, min(chunk_size, 40))
             format = _parse_format(chunk_content, byte_order)
             if int.from_bytes(chunk_content[:2], byte_order) == _TAG_EXTENSIBLE:
-                speaker_mask = int.from_bytes(chunk_content[20:24], byte_order)
+                mask = int.from_bytes(chunk_content[20:24], byte_order)
         elif chunk_name == b"bext" and chunk_size >= _BEXT_FORMAT.size:
-            description_field, originator_field, *_ = _BEXT_FORMAT.unpack(
-                read_exactly(open_file, _BEXT_FORMAT.size)
-            )
-            description, originator = _text_field(description_field), _text_field(originator_field)
+            text, origin, *_ = _BEXT_FORMAT.unpack(read_exactly(open_file, _BEXT_FORMAT.size))
+            description, originator = _text_field(text), _text_field(origin)
         elif chunk_name in descriptions and chunk_size <= _DESCRIPTION_MAX:
             descriptions[chunk_name] = read_exactly(open_file, chunk_size)
         elif chunk_name == b"cue " and chunk_size <= _CUES_MAX:
@@ -307,7 +306,7 @@ def parse(open_file: BinaryIO) -> WaveInfo:
         description,
         descriptions[b"axml"],
         descriptions[b"chna"],
-        speaker_mask,
+        mask,
         missing_bytes,
         tuple(other_chunks),
         tuple((cue_labels.get(number, str(number)), frame) for number, frame in cues.items()),
@@ -338,18 +337,18 @@ def _next_chunk(open_file: BinaryIO, end_offset: int) -> int:
 
 def _cue_frames(cue_content: bytes, order: _Order) -> dict[int, int]:
     """The frames of cue points, by their numbers."""
-    cue_struct = struct.Struct(_CUE_FORMAT.format.replace("<", _ORDER_SIGNS[order]))
-    starts = range(4, len(cue_content) - cue_struct.size + 1, cue_struct.size)
-    cue_points = (cue_struct.unpack_from(cue_content, start) for start in starts)
-    return {number: frame for number, *_, frame in cue_points}
+    cue = struct.Struct(_CUE_FORMAT.format.replace("<", _ORDER_SIGNS[order]))
+    starts = range(4, len(cue_content) - cue.size + 1, cue.size)
+    points = (cue.unpack_from(cue_content, start) for start in starts)
+    return {number: frame for number, *_, frame in points}
 
 
 def _cue_names(chunk_content: bytes, byte_order: _Order) -> dict[int, str]:
     """The names of cue points, by their numbers."""
     names_by_number: dict[int, str] = {}
-    label_start, struct_format = 0, f"{_ORDER_SIGNS[byte_order]}4sII"
+    label_start, form = 0, f"{_ORDER_SIGNS[byte_order]}4sII"
     while label_start + 12 <= len(chunk_content):
-        kind, label_size, number = struct.unpack_from(struct_format, chunk_content, label_start)
+        kind, label_size, number = struct.unpack_from(form, chunk_content, label_start)
         if kind == b"labl" and label_size >= 4:
             names_by_number[number] = _text_field(
                 chunk_content[label_start + 12 : label_start + 8 + label_size]
@@ -359,20 +358,22 @@ def _cue_names(chunk_content: bytes, byte_order: _Order) -> dict[int, str]:
 
 
 def _sample_bytes_and_missing(
-    stated_bytes: int, bytes_present: int, format: WaveFormat, *, is_whole: bool
+    open_file: BinaryIO, stated: int, format: WaveFormat, byte_order: _Order, *, is_whole: bool
 ) -> tuple[int, int]:
-    """Bytes of the samples, and how many the header states that are not there.
+    """Bytes of the samples, which begin where a file is, and how many the header states that are
+    not there.
 
     `is_whole`: the size of the whole file is true, so that a size of 0 is one, too.
     """
-    is_sox = _SOX_STREAMED_SIZE - format.frame_bytes < stated_bytes <= _SOX_STREAMED_SIZE
-    if (stated_bytes in _STREAMED_SIZES and not (is_whole and not stated_bytes)) or (
-        is_sox and stated_bytes > bytes_present
-    ):
+    start_offset = open_file.tell()
+    bytes_present = open_file.seek(0, 2) - start_offset
+    is_sox = _SOX_STREAMED_SIZE - format.frame_bytes < stated <= _SOX_STREAMED_SIZE
+    if stated in _STREAMED_SIZES and not (is_whole and not stated):
+        stop = samples_end(open_file, start_offset, _LATE_CHUNKS, is_big=byte_order == "big")
+        return stop - start_offset, 0
+    if (is_sox and stated > bytes_present) or stated == 0xFFFFFFFFFFFFFFFF:
         return bytes_present, 0
-    if stated_bytes == 0xFFFFFFFFFFFFFFFF:
-        return bytes_present, 0
-    return min(stated_bytes, bytes_present), max(0, stated_bytes - bytes_present)
+    return min(stated, bytes_present), max(0, stated - bytes_present)
 
 
 def read_exactly(file: BinaryIO, n_bytes: int, refusal: str = _CUT_HEADER_MESSAGE) -> bytes:
@@ -390,15 +391,15 @@ def _text_field(field: bytes) -> str:
 def _parse_format(chunk_content: bytes, byte_order: _Order) -> WaveFormat:
     if len(chunk_content) < 16:
         raise NotWaveError("this WAVE file ends within its header")
-    struct_format = f"{_ORDER_SIGNS[byte_order]}HHIIHH"
-    tag, n_channels, rate, _, frame_bytes, n_bits = struct.unpack(struct_format, chunk_content[:16])
+    form = f"{_ORDER_SIGNS[byte_order]}HHIIHH"
+    tag, n_channels, rate, _, frame_bytes, n_bits = struct.unpack(form, chunk_content[:16])
     if tag == _TAG_EXTENSIBLE and len(chunk_content) >= 40:
         tag = int.from_bytes(chunk_content[24:26], byte_order)
     if tag in _CODING_NAMES:
         raise NotWaveError(
             f"samples coded as {_CODING_NAMES[tag]} are not supported; save it as PCM"
         )
-    bits_by_coding: dict[tuple[int, int], Bits] = {
+    forms: dict[tuple[int, int], Bits] = {
         (_TAG_PCM, 8): 8,
         (_TAG_PCM, 16): 16,
         (_TAG_PCM, 24): 24,
@@ -411,10 +412,9 @@ def _parse_format(chunk_content: bytes, byte_order: _Order) -> WaveFormat:
     if tag in (_TAG_PCM, _TAG_FLOAT) and frame_bytes not in (0, n_channels * n_bytes):
         raise NotWaveError(
             f"a frame of {n_channels} × {n_bits} bits has {frame_bytes} bytes by its header, not "
-            f"{n_channels * n_bytes}; samples in longer words are not supported, because some "
-            "programs mean floats by them; save it as PCM of 16, 24 or 32 bits"
+            f"{n_channels * n_bytes}; such samples are not supported"
         )
-    bits = bits_by_coding.get((tag, 8 * n_bytes if tag == _TAG_PCM and frame_bytes else n_bits))
+    bits = forms.get((tag, 8 * n_bytes if tag == _TAG_PCM and frame_bytes else n_bits))
     if bits is None or not n_channels or not rate:
         raise NotWaveError(f"samples of {n_bits} bits with format tag {tag} are not supported")
     return WaveFormat(rate, n_channels, bits)

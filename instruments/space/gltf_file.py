@@ -146,13 +146,12 @@ class _Reader:
         """All meshes of the scene as a single one."""
         nodes = self._root.get("nodes", [])
         scenes = self._root.get("scenes")
-        top_indices = (
-            scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
-        )
-        pending = [
-            (_index(top), _IDENTITY)
-            for top in (range(len(nodes)) if top_indices is None else top_indices)
-        ]
+        if scenes:
+            tops = scenes[_index(self._root.get("scene", 0))].get("nodes", [])
+        else:  # the nodes that are no child of another
+            children = {_index(child) for node in nodes for child in node.get("children", ())}
+            tops = [number for number in range(len(nodes)) if number not in children]
+        pending = [(_index(top), _IDENTITY) for top in tops]
         n_visited = 0
         while pending:
             node_index, parent_matrix = pending.pop()
@@ -168,8 +167,7 @@ class _Reader:
                     self._count_read(4)
                     if "POSITION" in part["attributes"]:
                         self._add_primitive(part, matrix)
-            if scenes is not None:
-                pending += [(_index(child), matrix) for child in node.get("children", ())]
+            pending += [(_index(child), matrix) for child in node.get("children", ())]
         if not self._edges:
             raise MeshFileError("the scene has no edges; a mesh has triangles or lines")
         return with_merged_corners(

@@ -17,6 +17,8 @@ AXIS_ORDER_BY_UP = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 COORDINATE_MAX = 1e6  # largest coordinate, in units of the file
 # Share of the size of a mesh: the places of single precision, moved by their nodes.
 _MERGE_DISTANCE_RATIO = 1e-6
+_MERGE_STEPS = 2.0  # of single precision at the largest coordinate: both sides of a seam round
+_MERGE_DISTANCE_RATIO_MAX = 1e-3  # so that a small mesh far away keeps its corners
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,15 @@ def placed_points(
         yield tuple(a + scale * point[axis] for a, axis in zip(origin, source_axes, strict=True))
 
 
+def _merge_distance(size: float, coordinate_max: float) -> float:
+    """The distance of corners that are one: a share of the size of a mesh, or what single precision
+    resolves where the mesh lies.
+    """
+    step = math.ldexp(1.0, math.frexp(coordinate_max)[1] - 24) if coordinate_max else 0.0
+    far_distance = min(_MERGE_STEPS * step, _MERGE_DISTANCE_RATIO_MAX * size)
+    return max(_MERGE_DISTANCE_RATIO * size, far_distance)
+
+
 def with_merged_corners(mesh: Mesh) -> Mesh:
     """The mesh with corners of faces made one that are nearer than a share of its size.
 
@@ -61,7 +72,7 @@ def with_merged_corners(mesh: Mesh) -> Mesh:
     axes = [*zip(*mesh.points, strict=True)]
     minima = [min(axis) for axis in axes]  # a small mesh may lie far away
     size = max(max(axis) - low for axis, low in zip(axes, minima, strict=True))
-    merge_distance = _MERGE_DISTANCE_RATIO * size
+    merge_distance = _merge_distance(size, max(abs(x) for axis in axes for x in axis))
     if not merge_distance:
         return mesh
     points_by_cell: dict[tuple[int, ...], list[int]] = {}

@@ -18,6 +18,7 @@ from ergon.instruments.space.mesh import (
     MeshFileError,
     with_merged_corners,
 )
+from ergon.instruments.space.polygons import CONCAVE_CORNERS_MAX, triangles_of_face
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.syntax import decode
@@ -53,6 +54,21 @@ def as_obj_text(mesh: Mesh) -> str:
     return "\n".join([*lines, ""])
 
 
+def logical_lines(obj_text: str) -> Iterator[tuple[int, str]]:
+    """Lines with their numbers, without comments; a backslash at the end continues a line."""
+    continued_text, first_number = "", 0
+    for number, line in enumerate(_LINE_END.split(obj_text), 1):
+        line_text = line.partition("#")[0].rstrip()
+        first_number = first_number or number
+        if line_text.endswith("\\"):
+            continued_text += line_text[:-1] + " "
+            continue
+        yield first_number, continued_text + line_text
+        continued_text, first_number = "", 0
+    if continued_text:
+        yield first_number, continued_text
+
+
 class Reader:
     """Reads a file line by line."""
 
@@ -65,7 +81,7 @@ class Reader:
 
     def read_mesh(self, file_place: Place) -> Mesh | None:
         """The mesh of the file; None if an error was reported."""
-        for line_number, line in self._logical_lines():
+        for line_number, line in logical_lines(self._document.text):
             try:
                 self._read_line(line.split())
             except MeshFileError as error:
@@ -81,20 +97,6 @@ class Reader:
         )
         self._collector.error("E106", message, file_place)
         return None
-
-    def _logical_lines(self) -> Iterator[tuple[int, str]]:
-        """Lines with their numbers, without comments; a backslash at the end continues a line."""
-        continued_text, first_number = "", 0
-        for number, line in enumerate(_LINE_END.split(self._document.text), 1):
-            line_text = line.partition("#")[0].rstrip()
-            first_number = first_number or number
-            if line_text.endswith("\\"):
-                continued_text += line_text[:-1] + " "
-                continue
-            yield first_number, continued_text + line_text
-            continued_text, first_number = "", 0
-        if continued_text:
-            yield first_number, continued_text
 
     def _read_line(self, words: list[str]) -> None:
         line_kind = words[0] if words else ""
@@ -126,9 +128,15 @@ class Reader:
             if first_vertex == second_vertex:
                 raise MeshFileError(f"vertex {first_vertex + 1} is written twice in a row")
             self._edges[min(first_vertex, second_vertex), max(first_vertex, second_vertex)] = None
-        if line_kind == "f":  # a fan of triangles
-            first, *others = corners
-            self._faces += [(first, a, b) for a, b in pairwise(others)]
+        if line_kind == "f":
+            triangles = triangles_of_face([self._points[corner] for corner in corners])
+            if triangles is None:
+                raise MeshFileError(
+                    f"a face of {len(corners):,} corners has a notch; at most "
+                    f"{CONCAVE_CORNERS_MAX:,} are read: write triangles instead",
+                    "E105",
+                )
+            self._faces += [(corners[a], corners[b], corners[c]) for a, b, c in triangles]
         if len(self._edges) > MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         if len(self._faces) > MAX_FACES:

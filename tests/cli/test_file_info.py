@@ -228,3 +228,11 @@ def test_info_of_scale_with_decimal_comma(tmp_path: Path, capsys: pytest.Capture
     (tmp_path / "a.scl").write_text("! a\ntest\n 2\n 100,5\n 2/1\n")
     assert run(["info", str(tmp_path / "a.scl")]) == 2
     assert "a.scl:4: '100,5' is no pitch; write cents with a period" in capsys.readouterr().err
+
+
+def test_info_of_obj_with_continued_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """The rest of a line is no line of its own, whose first number would be a keyword."""
+    vertices = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    (tmp_path / "a.obj").write_text(f"{vertices}f 1 2 \\\n3 4\n")
+    assert run(["info", str(tmp_path / "a.obj")]) == 0
+    assert "passed over: nothing" in capsys.readouterr().out

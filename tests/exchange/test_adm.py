@@ -155,7 +155,9 @@ def test_adm_read_without_track_definitions():
     ("mask", "n_channels", "speakers", "effects"),
     [
         (0x3F, 6, FIVE, (3,)),
-        (0x60F, 6, (*FIVE[:3], *SEVEN[5:]), (3,)),
+        (0x60F, 6, FIVE, (3,)),
+        (0x603, 4, (*FIVE[:2], *FIVE[3:]), ()),
+        (0x70F, 7, (*FIVE[:3], (180.0, 0.0, 1.0), *SEVEN[5:]), (3,)),
         (0x63F, 8, SEVEN, (3,)),
         (0x107, 4, (*FIVE[:3], (180.0, 0.0, 1.0)), ()),
     ],

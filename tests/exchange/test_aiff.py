@@ -93,6 +93,28 @@ def test_aiff_chunks_in_any_order(tmp_path: Path):
     assert np.array_equal(read(tmp_path / "a.aif")[:, 0], expected)
 
 
+@pytest.mark.parametrize(
+    ("n_frames", "sound_size"),
+    [(0, 0), (0, 16), (0x7F000000 // 2, 0x7F000008), (0xFFFFFFFF, 0xFFFFFFFF), (0, 0xFFFFFFFF)],
+)
+def test_aiff_of_a_pipe_has_all_frames_of_its_sound(tmp_path: Path, n_frames: int, sound_size: int):
+    """As ffmpeg and SoX leave frames and size where they cannot go back to write them."""
+    comm = chunk(b"COMM", struct.pack(">HIH", 1, n_frames, 16) + RATE_8000)
+    sound_chunk = b"SSND" + struct.pack(">I", sound_size) + SSND[8:]
+    later_chunks = chunk(b"ANNO", b"ffm"), chunk(b"NAME", b"Two")
+    (tmp_path / "a.aiff").write_bytes(form(comm, sound_chunk, *later_chunks))
+    info = sound.read_info(tmp_path / "a.aiff")
+    assert (info.n_frames, info.missing, info.damage) == (4, 0, None)
+    assert (info.title, info.others) == ("Two", (("ANNO", 3),))
+    assert np.array_equal(read(tmp_path / "a.aiff")[:, 0] * 32768, [1, -2, 300, -32768])
+
+
+def test_empty_aiff_holds_no_frames(tmp_path: Path):
+    comm = chunk(b"COMM", struct.pack(">HIH", 1, 0, 16) + RATE_8000)
+    (tmp_path / "a.aiff").write_bytes(form(comm, chunk(b"SSND", bytes(8))))
+    assert sound.read_info(tmp_path / "a.aiff").n_frames == 0
+
+
 def test_info_command_of_aiff_file(tmp_path: Path):
     marks = chunk(b"MARK", struct.pack(">HHIB", 1, 1, 2, 6) + b"\x1b[31ma" + b"\0")
     (tmp_path / "a.aiff").write_bytes(form(COMM, marks, SSND, chunk(b"APPL", b"abcd")))

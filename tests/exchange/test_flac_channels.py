@@ -91,7 +91,8 @@ def test_fold_of_flac_equals_fold_of_wave(tmp_path: Path):
     [
         ("WAVEFORMATEXTENSIBLE_CHANNEL_MASK=0x063F", 7, (3,)),
         ("waveformatextensible_channel_mask=0x6ff", 0, ()),  # ten loudspeakers for eight channels
-        ("TITLE=Ring", 0, ()),
+        ("TITLE=Ring", 7, (3,)),  # RFC 9639, section 9.1.3
+        ("WAVEFORMATEXTENSIBLE_CHANNEL_MASK=0x0", 0, ()),
     ],
 )
 def test_channel_mask_in_a_flac_comment(tmp_path: Path, comment, n_speakers, effects):
@@ -102,6 +103,36 @@ def test_channel_mask_in_a_flac_comment(tmp_path: Path, comment, n_speakers, eff
     assert (len(layout.speakers), layout.effects) == (n_speakers, effects)
     read, _ = soundfile.read(tmp_path / "a.flac", dtype="int32")
     assert np.array_equal(read, FRAMES)
+
+
+_LEFT, _RIGHT, _MIDDLE = (30.0, 0.0, 1.0), (-30.0, 0.0, 1.0), (0.0, 0.0, 1.0)
+_AROUND = ((110.0, 0.0, 1.0), (-110.0, 0.0, 1.0))
+_SIDES = ((90.0, 0.0, 1.0), (-90.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("n_channels", "speakers", "effects"),
+    [
+        (3, (_LEFT, _RIGHT, _MIDDLE), ()),
+        (4, (_LEFT, _RIGHT, *_AROUND), ()),
+        (5, (_LEFT, _RIGHT, _MIDDLE, *_AROUND), ()),
+        (6, (_LEFT, _RIGHT, _MIDDLE, *_AROUND), (3,)),
+        (7, (_LEFT, _RIGHT, _MIDDLE, (180.0, 0.0, 1.0), *_SIDES), (3,)),
+        (8, (_LEFT, _RIGHT, _MIDDLE, (135.0, 0.0, 1.0), (-135.0, 0.0, 1.0), *_SIDES), (3,)),
+    ],
+)
+def test_flac_without_a_mask_has_the_channels_of_its_format(
+    tmp_path: Path, n_channels: int, speakers, effects
+):
+    """Of libsndfile; RFC 9639, section 9.1.3."""
+    soundfile.write(tmp_path / "a.flac", FRAMES[:, :n_channels], 44_100, subtype="PCM_24")
+    layout = adm.read(sound.read_info(tmp_path / "a.flac"))
+    assert layout == adm.ChannelLayout(speakers, effects=effects)
+
+
+def test_flac_of_ergon_without_a_layout(tmp_path: Path):
+    written(tmp_path / "a.flac", b"")
+    assert adm.read(sound.read_info(tmp_path / "a.flac")) is None
 
 
 def test_flac_blocks_without_a_layout(tmp_path: Path):

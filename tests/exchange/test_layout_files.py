@@ -139,7 +139,11 @@ def iem(*rows: str) -> bytes:
         ("iem", iem(SPEAKER % ("true", 1, 1)), "not a valid azimuth"),
         ("iem", iem(SPEAKER % (400, 1, 1)), "lies at 400"),
         ("iem", iem(SPEAKER % (0, 0, 1)), "0 m away"),
-        ("iem", iem(SPEAKER % (0, 1, 1), SPEAKER % (9, 1, 1)), "one channel"),
+        (
+            "iem",
+            iem(SPEAKER % (0, 1, 1), SPEAKER % (9, 1, 1)),
+            "2 of its loudspeakers have the channel 1; give",
+        ),
         ("iem", iem(*(SPEAKER % (0, 1, i) for i in range(1025))), "1,025 loudspeakers"),
         ("ear", b"a: &b [*b, *b]", "aliases"),
         ("ear", b"!!python/object/apply:os.system [ls]", "no list"),

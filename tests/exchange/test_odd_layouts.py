@@ -33,7 +33,20 @@ def fourth(fields: str) -> bytes:
     return f"<SPEAKER_SETUP><SPEAKER_GROUP>{row}</SPEAKER_GROUP></SPEAKER_SETUP>".encode()
 
 
+SPATGRIS_2 = (
+    b'<?xml version="1.0"?>\n<SpeakerSetup Name="x" Dimension="3"><Ring>'
+    b'<Speaker LayoutIndex="1" PositionX="-0.5" PositionY="0.9" OutputPatch="1"/></Ring>'
+    b"</SpeakerSetup>"
+)
+
 REFUSED = {
+    "spatgris 2": ("spatgris", SPATGRIS_2, "SpatGRIS 2; open it in SpatGRIS 3 or later and save"),
+    "ear places": (
+        "ear", ear(place="position: {X: -1, Y: 1, Z: 0}"), "1 has no azimuth: .* X, Y, Z"
+    ),
+    "iem without an angle": (
+        "iem", b'{"LoudspeakerLayout": {"Loudspeakers": [{"Azimuth": 1}]}}', "1 has no Elevation"
+    ),
     "iem output 0": ("iem", iem(Channel=0), "counted from 1"),
     "iem output -1": ("iem", iem(Channel=-1), "counted from 1"),
     "iem output of millions": ("iem", iem(Channel=10**8), "counted from 1 to 65,536"),
@@ -121,6 +134,24 @@ def test_info_knows_layouts_in_any_order(name: str, data: bytes, tmp_path: Path)
     done = forked(["info", name, "--json"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["loudspeakers"] == 1
+
+
+@pytest.mark.parametrize("value", ["true", "yes", "1"])
+def test_ear_loudspeaker_for_effects_is_left_out(value: str) -> None:
+    rows = b"- {channel: 0, names: L, position: {az: 30}}\n"
+    rows += f"- {{channel: 1, names: Low, is_lfe: {value}, position: {{az: 0}}}}\n".encode()
+    layout = FORMS["ear"].read(rows)
+    assert layout.outputs == [1]
+    assert layout.left_out[0].startswith("output 2 (Low) is for low-frequency effects")
+    full_range = FORMS["ear"].read(rows.replace(f"is_lfe: {value}".encode(), b"is_lfe: false"))
+    assert (full_range.outputs, full_range.left_out) == ([1, 2], [])
+
+
+def test_info_refuses_setup_of_spatgris_2(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_bytes(SPATGRIS_2)
+    done = forked(["info", "a.xml"], tmp_path)
+    assert done.returncode == 2
+    assert "save it from there" in done.stderr
 
 
 def test_info_says_why_a_layout_is_refused(tmp_path: Path) -> None:

@@ -62,10 +62,6 @@ def with_unknown_places(file: h5py.File) -> None:
     file["SourcePosition"].attrs["Type"] = np.bytes_("cylindrical")
 
 
-def in_radians(file: h5py.File) -> None:
-    file["SourcePosition"].attrs["Units"] = np.bytes_("radian, radian, metre")
-
-
 def replaced(name: str, data: object) -> Callable[[h5py.File], None]:
     def change(file: h5py.File) -> None:
         del file[name]
@@ -115,7 +111,6 @@ def huge(file: h5py.File) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (in_radians, "here they are in radians"),
         (renamed, "GeneralTF convention"),
         (with_unknown_places, "cylindrical, not spherical or cartesian"),
         (huge, "values"),
@@ -189,7 +184,7 @@ def test_broken_answer_of_the_sofa_reader_is_reported(tmp_path: Path):
     for answer in (b"", b'{"convention"', b"\0\0\0\n"):
         with pytest.raises(sofa.SofaError, match="it is damaged"):
             sofa.responses_of(io.BytesIO(answer), tmp_path / "a.sofa")
-    head = {"convention": "SimpleFreeFieldHRIR", "types": ["spherical"] * 4, "units": ""}
+    head = {"convention": "SimpleFreeFieldHRIR", "types": ["spherical"] * 4, "units": [""] * 4}
     shapes = [[12, 3], [12, 2, 64], [1], [1, 2]]
     line = json.dumps({**head, "shapes": shapes}).encode() + b"\n"
     with pytest.raises(sofa.SofaError, match="broke off"):

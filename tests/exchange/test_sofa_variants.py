@@ -153,6 +153,17 @@ _EARS = [[[0, 0], [0.1, -0.1], [0, 0]], [[0, 0], [-0.1, 0.1], [0, 0]]]
         (_with("ListenerView", [(0.0, 0, 1)]), "ListenerUp points where ListenerView does"),
         (_with("ListenerPosition", [(np.nan, 0, 1)]), "ListenerPosition is not finite"),
         (_with("ReceiverPosition", _EARS), "change sides"),
+        (_with("ReceiverPosition", [[0, 0.1, 0]]), "ReceiverPosition has 1 rows"),
+        (_with("ReceiverPosition", [[0, 0.1], [0, -0.1]]), "ReceiverPosition is 2 by 2; expected"),
+        (_with("ListenerView", [(0, 90, 1)], Type="spherical"), "ListenerUp points where"),
+        (_with("ListenerView", [(9, 0, 0)], Type="spherical"), "ListenerView has angles at"),
+        (_with("ListenerView", [(1, 0, 0)], Units="inch"), "ListenerView is in 'inch'; degrees"),
+        (_with("ListenerView", [(1, 0, 0)], Type="polar"), "ListenerView is polar, not spherical"),
+        (
+            _with("ReceiverPosition", [[0, 0.1, 0]] * 2, Type="cartesian", Units="degree"),
+            "is wrong",
+        ),
+        (_with("Data.Delay", [(0, 1.0)], Units="millisecond"), "Data.Delay is in millisecond"),
         (_with("ListenerUp", np.bytes_("up")), "does not hold numbers"),
         (lambda file: file.create_dataset("ListenerView", (1 << 24, 3), "f4"), "values; at most"),
     ],
@@ -169,6 +180,72 @@ def test_kind_of_places_by_their_units(tmp_path: Path) -> None:
     path = _file(tmp_path / "a.sofa", _with("SourcePosition", places, Type=None, Units="metre"))
     angles = sofa.read(path).angles
     np.testing.assert_allclose(angles[:, 0] % 360.0, [60.0 * i for i in range(6)], atol=1e-9)
+
+
+_DEGREES, _RADIANS = "degree, degree, metre", "radian, radian, metre"
+
+
+@pytest.mark.parametrize(
+    ("scale", "attributes"),
+    [
+        (1.0, {"Type": "spherical", "Units": _DEGREES}),
+        (1.0, {"Type": "spherical"}),
+        (1.0, {"Units": "degrees,degrees,meters"}),
+        (np.pi / 180.0, {"Type": "spherical", "Units": _RADIANS}),
+        (np.pi / 180.0, {"Units": _RADIANS}),
+    ],
+)
+def test_view_and_ears_in_angles(scale: float, attributes: dict[str, str], tmp_path: Path) -> None:
+    """A view to the left whose `ListenerUp` has no type, and the right ear first."""
+    angle_scale = np.array([scale, scale, 1.0])
+    up_row = np.array([(0.0, 90.0, 1.0)]) * angle_scale
+
+    def change(file: h5py.File) -> None:
+        _with("ListenerView", np.array([(90.0, 0.0, 1.0)]) * angle_scale, **attributes)(file)
+        _with("ListenerUp", up_row)(file)
+        ears = np.array([(270.0, 0.0, 0.09), (90.0, 0.0, 0.09)]) * angle_scale
+        _with("ReceiverPosition", ears[:, :, None], **attributes)(file)
+
+    path = _file(tmp_path / "a.sofa", change)
+    head = sofa.read(path)
+    expected_azimuths = np.array([60.0 * i - 90.0 for i in range(6)])
+    np.testing.assert_allclose((head.angles[:, 0] - expected_azimuths + 1.0) % 360.0, 1.0)
+    np.testing.assert_allclose(head.angles[:, 1], 10.0)
+    with h5py.File(path) as file:
+        np.testing.assert_array_equal(head.responses[:, ::-1], file["Data.IR"])
+
+
+def test_source_in_radians(tmp_path: Path) -> None:
+    rows = np.radians(_PLACES) * [1, 1, 0] + [0, 0, 1.4]
+    change = _with("SourcePosition", rows, Units=_RADIANS)
+    angles = sofa.read(_file(tmp_path / "a.sofa", change)).angles
+    np.testing.assert_allclose(angles, np.array(_PLACES)[:, :2], atol=1e-12)
+
+
+@pytest.mark.parametrize(("unit", "per_metre"), [("centimetre", 100), ("mm, mm, mm", 1000)])
+def test_source_in_smaller_units_than_its_listener(
+    unit: str, per_metre: float, tmp_path: Path
+) -> None:
+    def change(file: h5py.File) -> None:
+        rows = (_places(np.array(_PLACES)) + np.array([1.0, 0.0, 0.0])) * per_metre
+        _with("SourcePosition", rows, Type="cartesian", Units=unit)(file)
+        _with("ListenerPosition", [(1.0, 0.0, 0.0)], Type="cartesian", Units="metre")(file)
+
+    angles = sofa.read(_file(tmp_path / "a.sofa", change)).angles
+    np.testing.assert_allclose((angles - np.array(_PLACES)[:, :2] + 1.0) % 360.0, 1.0, atol=1e-9)
+
+
+def test_emitter_off_its_source_is_named(tmp_path: Path) -> None:
+    emitter = [[[0], [120], [0]]]
+    path = _file(tmp_path / "a.sofa", _with("EmitterPosition", emitter, Units="centimetre"))
+    assert sofa.read(path).passed_over[1:] == (
+        "EmitterPosition, 1.2 m off: sources are read at SourcePosition",
+    )
+
+
+def test_delays_in_seconds_are_read_as_seconds(tmp_path: Path) -> None:
+    path = _file(tmp_path / "a.sofa", _with("Data.Delay", [(0.0, 1e-3)], Units="second"))
+    np.testing.assert_allclose(sofa.read(path).delays, [(0.0, 1e-3)] * 6)
 
 
 def test_views_of_zeros_count_as_usual(tmp_path: Path) -> None:

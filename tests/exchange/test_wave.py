@@ -216,6 +216,22 @@ def test_wave_size_left_by_pipe_means_to_end(tmp_path: Path, riff: int, size: in
         assert len(read_take(path, "1").x) == 1000
 
 
+@pytest.mark.parametrize("size", [0, 0xFFFFFFFF])
+@pytest.mark.parametrize("late_sizes", [(26,), (5, 26), (604,)])
+def test_wave_of_a_pipe_ends_before_late_chunks(tmp_path: Path, size: int, late_sizes):
+    """As a program writes a LIST behind samples of which it does not say the size."""
+    data = bytearray(plain(struck(), subtype="PCM_16"))
+    data[4:8] = data[40:44] = size.to_bytes(4, "little")
+    for late_size in late_sizes:
+        data += b"LIST" + late_size.to_bytes(4, "little") + b"INFOI".ljust(late_size, b"\0")
+        data += bytes(late_size % 2)
+    path = tmp_path / "x.wav"
+    path.write_bytes(data)
+    info = read_info(path)
+    assert (info.n_frames, info.damage) == (1000, None)
+    assert info.others == tuple(("LIST", late_size) for late_size in late_sizes)
+
+
 def test_empty_wave_file_followed_by_chunk(tmp_path: Path):
     """What follows its samples is no sound."""
     head = plain(struck(0), subtype="PCM_16")[:44]

@@ -168,3 +168,61 @@ def test_obj_faces_with_separate_vertices_are_one_body() -> None:
 def test_obj_lines_with_points_at_one_place_stay_apart() -> None:
     mesh = _obj(b"v 0 0 0\nv 1 0 0\nv 1 0 0\nv 2 0 0\nl 1 2\nl 3 4\n")
     assert (len(mesh.points), len(mesh.edges)) == (4, 2)
+
+
+def _area_and_cover(mesh: Mesh) -> tuple[float, np.ndarray]:
+    """The sum of the areas of the triangles, and the normal of each."""
+    points = np.array(mesh.points)[np.array(mesh.faces)]
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]) / 2.0
+    return float(np.linalg.norm(normals, axis=1).sum()), normals
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("n", [4, 5, 9, 24])
+def test_obj_concave_faces_are_covered_once(seed: int, n: int) -> None:
+    """Stars with notches, turned in space, from any first corner, either way round."""
+    numbers = np.random.default_rng(seed)
+    phases = np.sort(numbers.uniform(0.0, 2.0 * np.pi / n, n) + np.arange(n) * 2.0 * np.pi / n)
+    radii = numbers.uniform(0.2, 1.0, n)
+    x, y = radii * np.cos(phases), radii * np.sin(phases)
+    gaps = np.diff([*phases, phases[0] + 2.0 * np.pi])
+    area = float((radii * np.roll(radii, -1) * np.sin(gaps)).sum() / 2.0)
+    turn = Rotation.random(random_state=seed).as_matrix()
+    points = np.stack([x, y, 0.0 * x], 1) @ turn.T + [3.0, 0.0, -2.0]
+    vertices = "".join(f"v {a!r} {b!r} {c!r}\n" for a, b, c in points.tolist())
+    order = np.roll(np.arange(1, n + 1), seed)[:: 1 if seed % 2 else -1]
+    mesh = _obj(f"{vertices}f {' '.join(map(str, order))}\n".encode())
+    covered, normals = _area_and_cover(mesh)
+    assert len(mesh.faces) == n - 2
+    assert covered == pytest.approx(area, rel=1e-9)
+    assert (normals @ normals.sum(axis=0) > -1e-12).all(), "a triangle is turned"
+
+
+def test_obj_chevron_leaves_its_notch_free() -> None:
+    mesh = _obj(b"v 1 2 0\nv 0 0 0\nv 1 1 0\nv 2 0 0\nf 2 3 4 1\n")
+    assert _area_and_cover(mesh)[0] == pytest.approx(1.0)
+
+
+def test_obj_face_with_notch_and_thousands_of_corners_is_refused() -> None:
+    corners = [(i, 1.0 if i % 2 else 0.0) for i in range(1_200)] + [(1_199, 9.0), (0, 9.0)]
+    text = "".join(f"v {x} {y} 0\n" for x, y in corners)
+    collector = Collector()
+    text += "f " + " ".join(str(i + 1) for i in range(len(corners))) + "\n"
+    document = Document("x.obj", str(decoded(text.encode(), "x.obj", collector)))
+    assert Reader(document, "m", collector).mesh(Place("x.obj", 1, 1)) is None
+    assert "write triangles instead" in collector.finish()[0].message
+
+
+def test_seam_far_from_the_origin_is_merged() -> None:
+    """Two panels whose common edge is rounded to single precision, in one of them beforehand."""
+    quad = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])
+    first = (quad + np.array([123.456, 0.0, 0.0])).astype("f4").astype(float).tolist()
+    second = (quad.astype("f4").astype(float) + np.array([123.556, 0.0, 0.0])).tolist()
+    vertices = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in [*first, *second])
+    mesh = _obj(f"{vertices}f 1 2 3 4\nf 5 6 7 8\n".encode())
+    assert (len(mesh.points), len(mesh.edges)) == (6, 7)
+
+
+def test_small_mesh_far_from_the_origin_keeps_its_corners() -> None:
+    vertices = "v 1000 0 0\nv 1000.00001 0 0\nv 1000.00001 0.00001 0\n"
+    assert len(_obj(f"{vertices}f 1 2 3\n".encode()).points) == 3

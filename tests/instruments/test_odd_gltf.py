@@ -162,3 +162,20 @@ def test_gltf_files_with_values_of_other_kinds(seed: int, tmp_path: Path) -> Non
         n_read += 1
         gltf_file.ignored_contents(root)
     assert n_read > 5
+
+
+def test_gltf_without_scenes_moves_children_by_their_parents() -> None:
+    """Roots are the nodes that are no child; a node without a parent counts, too."""
+    root = tetrahedron()
+    mesh_number = next(node["mesh"] for node in root["nodes"] if "mesh" in node)
+    root["nodes"] = [
+        {"translation": [10, 0, 0], "scale": [2, 2, 2], "children": [1]},
+        {"mesh": mesh_number, "translation": [1, 0, 0]},
+        {"mesh": mesh_number},
+    ]
+    root["scenes"], root["scene"] = [{"nodes": [0, 2]}], 0
+    expected = gltf_file.read(json.dumps(root))
+    del root["scenes"], root["scene"]
+    mesh = gltf_file.read(json.dumps(root))
+    assert set(mesh.points) == set(expected.points)
+    assert len(mesh.points) == 8

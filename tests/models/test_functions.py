@@ -7,6 +7,7 @@ import random
 
 import pytest
 
+from ergon.scores.reading.load import load
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims import functions
 from ergon.workshop.models.mims.reading import parse
@@ -50,6 +51,44 @@ def test_model_functions_equal_python() -> None:
             continue
         value = float(functions.evaluate_with_functions(text, {}, "a parameter").number)
         assert value == pytest.approx(number, rel=1e-12), text
+        compared += 1
+
+
+def _drawn_sum(chance: random.Random, depth: int, names: tuple[str, ...]) -> str:
+    """An expression of numbers, names, signs and parentheses, with spaces by chance."""
+    space = chance.choice(["", "", " "])
+    if not depth or chance.random() < 0.15:
+        number = chance.choice(["1", "20", "2.", ".5", "0.25", "1.75", "3e-1", "1/20", "0.2/4"])
+        return chance.choice([number, number, chance.choice(names or (number,))])
+    if chance.random() < 0.25:
+        return f"({_drawn_sum(chance, depth - 1, names)})"
+    a, b = (_drawn_sum(chance, depth - 1, names) for _ in range(2))
+    return f"{a}{space}{chance.choice('+-*///')}{space}{b}"
+
+
+def test_random_expressions_compile_to_values_of_python() -> None:
+    """Of parameters and values of both dialects; what is written is a score without mistakes."""
+    chance, compared = random.Random(11), 0
+    names_by_model = {"v1": (), "v2": ("k", "rate_2")}
+    while compared < 120:
+        dialect = chance.choice(["v1", "v2", "v2"])
+        text = _drawn_sum(chance, chance.choice([1, 1, 2, 3]), names_by_model[dialect])
+        try:
+            number = eval(text, {}, {"k": 0.1, "rate_2": 2.5})
+        except ZeroDivisionError:
+            continue
+        if not 1e-3 < number < 0.5 or len(text) > 120:
+            continue
+        written_text = text.replace(" ", "") if dialect == "v1" else f"[{text}]"
+        model = (
+            "@k param 0.1\n@rate_2 param 2.5\n@g ground 0.\n@m mass 2. 0. 0.\n"
+            f"@s springDamper @m @g {written_text} {written_text}\n@out1 posOutput @m\n"
+        )
+        loaded = load("model.yaml", text=written(parse(model, dialect)))
+        assert loaded.piece is not None, (text, [item.message for item in loaded.diagnostics])
+        spring = loaded.piece.instruments["model"].modules[-1]
+        values = [spring.fields["K"], spring.fields["Z"]]
+        assert values == pytest.approx([number, number], rel=1e-12), text
         compared += 1
 
 

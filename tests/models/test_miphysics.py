@@ -238,6 +238,17 @@ def test_miphysics_import_refuses_wrong_options(
     assert not Path("s.yaml").exists()
 
 
+@pytest.mark.parametrize("coding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_miphysics_of_utf16_imported_as_of_utf8(coding: str, tmp_path: Path) -> None:
+    """With a mark of the order of bytes or without; what it says of its encoding is left out."""
+    (tmp_path / "a.xml").write_text(BOTH, encoding="utf-8")
+    head = '<?xml version="1.0" encoding="UTF-16"?>\n'
+    bare = BOTH.partition("?>")[2].lstrip() if BOTH.startswith("<?xml") else BOTH
+    expected = import_model(tmp_path / "a.xml").text
+    (tmp_path / "a.xml").write_bytes((head + bare).encode(coding))
+    assert import_model(tmp_path / "a.xml").text == expected
+
+
 def test_is_model_recognises_miphysics() -> None:
     assert is_model(BOTH)
     assert not is_model("<html></html>")

@@ -108,10 +108,11 @@ def test_writing_models_without_equivalent_reports_the_line(
     ("data", "message"),
     [
         (b"@m mass 1 0 0\n\0\0\x7fELF", "null bytes"),
+        (b"\xff\xfe@", "no valid UTF-16"),
         (b"#" * (BYTES_MAX + 1), "larger than 16 MB"),
         (b"\n" * 300_000, "more than 200,000 lines"),
     ],
-    ids=["binary", "large", "lines"],
+    ids=["binary", "cut UTF-16", "large", "lines"],
 )
 def test_import_refuses_non_model_files(data: bytes, message: str, tmp_path: Path):
     path = tmp_path / "m.mdl"

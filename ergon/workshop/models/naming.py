@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from ergon.notation.tables.expressions import UNITS
+from ergon.notation.tables.expressions import UNITS, looks_like
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 _PLAIN_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+_RATIO = re.compile(r"[+-]?\d+/\d+")  # which a score reads as a number
 NAME_MAX = 64  # characters
 
 
@@ -43,6 +44,14 @@ class Params:
         """An expression of the model as one of the score."""
         text = _WORD.sub(lambda word: self.names_in_score.get(word[0], word[0]), expression)
         return " ".join(text.split())
+
+
+def is_read_alike(score_text: str) -> bool:
+    """Whether a score reads a text without names as a number or an expression, and not as a number
+    with a unit, as `0.2/4`.
+    """
+    is_number = _PLAIN_NUMBER.fullmatch(score_text) or _RATIO.fullmatch(score_text)
+    return is_number is not None or looks_like(score_text, {})
 
 
 def length_text(expression: str) -> str:

@@ -9,6 +9,7 @@ from ergon.workshop.models.mims.grammar import MESHES, STRINGS
 from ergon.workshop.models.mims.kicks import InitialMotion
 from ergon.workshop.models.mims.model import Statement
 from ergon.workshop.models.mims.points import targets_of_point
+from ergon.workshop.models.mims.proxies import signals_in
 from ergon.workshop.models.mims.signals import Value, add_imposed_point, follows_field, value_of
 from ergon.workshop.models.mims.writing import ScoreDraft
 from ergon.workshop.models.naming import length_text
@@ -162,11 +163,7 @@ def _gravity(draft: ScoreDraft, statement: Statement) -> float:
 def _positive_mass(draft: ScoreDraft, statement: Statement) -> Value:
     mass = value_of(draft, statement, "M")
     if mass.value_min <= 0.0:
-        refusal = (
-            "silent mass"
-            if mass.text != draft.params.translated(statement.values["M"])
-            else "no mass"
-        )
+        refusal = "silent mass" if signals_in(draft.model, statement.values["M"]) else "no mass"
         raise ModelError(REFUSED[refusal].format(value=mass.value_min), statement.line)
     return mass
 

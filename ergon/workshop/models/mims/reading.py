@@ -19,6 +19,14 @@ from ergon.workshop.models.mims.model import Model, Point, Statement, evaluate_n
 BYTES_MAX = 16 << 20
 LINES_MAX = 200_000
 CHARACTERS_MAX = 1_000  # longest line with content
+# Of a mark of the order of bytes, or of the first letter of XML.
+_WIDE_ENCODINGS = {
+    b"\xff\xfe": "utf-16-le",
+    b"\xfe\xff": "utf-16-be",
+    b"<\0": "utf-16-le",
+    b"\0<": "utf-16-be",
+}
+_XML_DECLARATION = re.compile(r"\A<\?xml[^>]*\?>")  # it names an encoding that the text has no more
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _NAME = re.compile(r"@[A-Za-z_]\w{0,63}")
 _V2_WORD = re.compile(r"[^\s\[\]]+|\[[^\[\]]*\]")
@@ -40,6 +48,13 @@ def _read_text(path: Path) -> str:
     model_bytes = read_bounded(path, BYTES_MAX)
     if len(model_bytes) > BYTES_MAX:
         raise ModelError(f"it is larger than {BYTES_MAX >> 20} MB")
+    wide_encoding = _WIDE_ENCODINGS.get(model_bytes[:2])
+    if wide_encoding is not None:
+        try:
+            model_text = model_bytes.decode(wide_encoding)
+        except UnicodeDecodeError:
+            raise ModelError("it begins as UTF-16 does, but is no valid UTF-16") from None
+        return _XML_DECLARATION.sub("", model_text.removeprefix("\ufeff"))
     if b"\0" in model_bytes:
         raise ModelError(
             "it is not text: it has null bytes",

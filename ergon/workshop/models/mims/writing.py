@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -13,9 +14,11 @@ from ergon.workshop.models.mims.kicks import InitialMotion
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.model import Model, Statement
 from ergon.workshop.models.mims.proxies import signals_in
-from ergon.workshop.models.naming import Names, Params
+from ergon.workshop.models.naming import Names, Params, is_read_alike
 from ergon.workshop.models.page import Input, Line, Output
 from ergon.workshop.models.refused import REFUSED
+
+_WORD = re.compile(r"[A-Za-z_]\w*")
 
 
 @dataclass(slots=True)
@@ -54,10 +57,12 @@ class ScoreDraft:
         for signal in signals_in(self.model, text):
             message = REFUSED["signal"].format(name=quote(signal), value=name)
             raise ModelError(message, statement.line)
-        if not is_score_expression(text, self.model.params):
+        score_text = self.params.translated(text)
+        has_names = any(word in self.model.params for word in _WORD.findall(text))
+        if not is_score_expression(text, self.model.params) or not (has_names or is_read_alike(score_text)):
             label = f"{name} of {quote(statement.name)}"
             return repr(self.model.number(text, label, statement.line))
-        return self.params.translated(text)
+        return score_text
 
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
         """A value as a number."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from ergon.notation.tables.expressions import Amount, evaluate
 from ergon.notation.text.errors import TextError
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.naming import Names, Params, length_text
+from ergon.workshop.models.naming import Names, Params, is_read_alike, length_text
 from ergon.workshop.models.page import Input, Line, Output, number_text
 from ergon.workshop.models.sam.expressions import is_plain, names_in, parse
 from ergon.workshop.models.sam.network import Link, Mass
@@ -119,6 +119,8 @@ def _expression(draft: ScoreDraft, text: str, number: float, line: int) -> str |
     if not all(_add_named(draft, name, line) for name in used_names):
         return None
     score_expression = draft.params.translated(text)
+    if not used_names and not is_read_alike(score_expression):
+        return None
     try:
         amount = evaluate(score_expression, draft.amounts)
     except TextError:
