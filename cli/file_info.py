@@ -112,7 +112,7 @@ def _obj(path: Path) -> Content:
     mesh = None
     if obj_text is not None:
         reader = Reader(Document(str(path), obj_text, None), "the mesh", collector)
-        mesh = reader.mesh(Place(str(path), 1, 1))
+        mesh = reader.read_mesh(Place(str(path), 1, 1))
     if mesh is None:
         raise Refused("; ".join(f"{path}: {mistake.message}" for mistake in collector.finish()))
     lines = [words for _, line in logical_lines(obj_text or "") if (words := line.split())]
@@ -312,7 +312,9 @@ def _gms(path: Path) -> Content:
     except NotIffError as error:
         raise Refused(f"{path}: {error}") from None
     figures_read = {
-        f"{chunk.depth}.{number} {chunk.name} {chunk.group}".rstrip(): plural(chunk.size, "byte")
+        f"{chunk.depth}.{number} {chunk.name} {chunk.group_type}".rstrip(): plural(
+            chunk.size, "byte"
+        )
         for number, chunk in enumerate(iff_chunks, 1)
     }
     unknown_reason = (

@@ -176,7 +176,7 @@ def _speakers_of_mask(info: WaveInfo) -> ChannelLayout | None:
     """The channels that the mask of the format names. Two are not read so: nearly every program
     writes that mask, whatever the channels are.
     """
-    labels = masked_labels(info.mask)
+    labels = masked_labels(info.speaker_mask)
     if len(labels) != info.format.n_channels or len(labels) < 3:
         return None
     return _speakers_of_channels([_Channel(label, None) for label in labels])

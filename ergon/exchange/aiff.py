@@ -83,8 +83,8 @@ def _sample_blocks(path: Path) -> Iterator[bytes]:
         info, byte_order = _parse(open_file)
         sample_bytes = BYTES_BY_FORM[info.format.bits]
         frame_size = info.format.frame_bytes
-        open_file.seek(info.offset)
-        bytes_left = info.size
+        open_file.seek(info.samples_offset)
+        bytes_left = info.samples_size
         while bytes_left:
             n_bytes = min(bytes_left, max(1, _BLOCK_BYTES // frame_size) * frame_size)
             octets = np.frombuffer(read_exactly(open_file, n_bytes, _CUT_SAMPLES_MESSAGE), np.uint8)
@@ -160,8 +160,8 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         sound_place,
         n_frames * frame_bytes,
         description=stated_title,
-        missing=(stated_frames - n_frames) * frame_bytes,
-        others=tuple(other_chunks),
+        missing_bytes=(stated_frames - n_frames) * frame_bytes,
+        unread_chunks=tuple(other_chunks),
         marks=tuple(named_marks),
     )
     return info, byte_order

@@ -137,7 +137,7 @@ def read_info(path: Path) -> WaveInfo:
                     channel_description.axml,
                     channel_description.chna,
                     mask,
-                    others=channel_description.others,
+                    unread_chunks=channel_description.others,
                 )
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is not FLAC: {error}") from None

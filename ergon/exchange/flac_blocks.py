@@ -70,8 +70,8 @@ def read_description(open_file: BinaryIO) -> ChannelDescription:
         info = parse(io.BytesIO(b"RIFF" + len(body).to_bytes(4, "little") + body))
     except NotWaveError:
         return ChannelDescription(mask=mask)
-    mask = info.mask if mask is None else mask
-    return ChannelDescription(info.axml, info.chna, mask, info.others)
+    mask = info.speaker_mask if mask is None else mask
+    return ChannelDescription(info.axml, info.chna, mask, info.unread_chunks)
 
 
 def _described_blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:

@@ -106,29 +106,31 @@ class WaveFormat:
 
 @dataclass(frozen=True, slots=True)
 class WaveInfo:
-    """What a sound file says it holds; `offset` and `size` [bytes] are those of its samples."""
+    """What a sound file says it holds; `samples_offset` and `samples_size` [bytes] are those of its
+    samples.
+    """
 
     container: _Container
     format: WaveFormat
     n_frames: int
-    offset: int
-    size: int
+    samples_offset: int
+    samples_size: int
     originator: str | None = None
     description: str = ""
     axml: bytes = b""
     chna: bytes = b""
-    mask: int = 0  # loudspeakers of the channels (WAVE_FORMAT_EXTENSIBLE); 0: not said
-    missing: int = 0  # bytes of samples that the header announces beyond the end of the file
-    others: tuple[tuple[str, int], ...] = ()  # chunks that are not read, with their sizes
+    speaker_mask: int = 0  # loudspeakers of the channels (WAVE_FORMAT_EXTENSIBLE); 0: not said
+    missing_bytes: int = 0  # bytes of samples that the header announces beyond the end of the file
+    unread_chunks: tuple[tuple[str, int], ...] = ()  # chunks that are not read, with their sizes
     marks: tuple[tuple[str, int], ...] = ()  # names and frames
     tracks: tuple[str, ...] = ()  # names of the channels; none where the file gives none
 
     @property
     def damage(self) -> str | None:
         """What is wrong with a file that can be read all the same; None if it is whole."""
-        if not self.missing:
+        if not self.missing_bytes:
             return None
-        stated_frames = (self.size + self.missing) // self.format.frame_bytes
+        stated_frames = (self.samples_size + self.missing_bytes) // self.format.frame_bytes
         frames = f"of {stated_frames:,} frames {self.n_frames:,} are there"
         return f"the file is shorter than its header says: {frames}"
 

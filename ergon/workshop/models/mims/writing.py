@@ -59,7 +59,9 @@ class ScoreDraft:
             raise ModelError(message, statement.line)
         score_text = self.params.translated(text)
         has_names = any(word in self.model.params for word in _WORD.findall(text))
-        if not is_score_expression(text, self.model.params) or not (has_names or is_read_alike(score_text)):
+        if not is_score_expression(text, self.model.params) or not (
+            has_names or is_read_alike(score_text)
+        ):
             label = f"{name} of {quote(statement.name)}"
             return repr(self.model.number(text, label, statement.line))
         return score_text
