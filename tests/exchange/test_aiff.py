@@ -104,8 +104,8 @@ def test_aiff_of_a_pipe_has_all_frames_of_its_sound(tmp_path: Path, n_frames: in
     later_chunks = chunk(b"ANNO", b"ffm"), chunk(b"NAME", b"Two")
     (tmp_path / "a.aiff").write_bytes(form(comm, sound_chunk, *later_chunks))
     info = sound.read_info(tmp_path / "a.aiff")
-    assert (info.n_frames, info.missing, info.damage) == (4, 0, None)
-    assert (info.title, info.others) == ("Two", (("ANNO", 3),))
+    assert (info.n_frames, info.missing_bytes, info.damage) == (4, 0, None)
+    assert (info.title, info.unread_chunks) == ("Two", (("ANNO", 3),))
     assert np.array_equal(read(tmp_path / "a.aiff")[:, 0] * 32768, [1, -2, 300, -32768])
 
 

@@ -229,7 +229,7 @@ def test_wave_of_a_pipe_ends_before_late_chunks(tmp_path: Path, size: int, late_
     path.write_bytes(data)
     info = read_info(path)
     assert (info.n_frames, info.damage) == (1000, None)
-    assert info.others == tuple(("LIST", late_size) for late_size in late_sizes)
+    assert info.unread_chunks == tuple(("LIST", late_size) for late_size in late_sizes)
 
 
 def test_empty_wave_file_followed_by_chunk(tmp_path: Path):

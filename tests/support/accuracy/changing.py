@@ -134,9 +134,9 @@ def _place(row, members, y, n):
     place, rate = row[4], 0.0
     if row[1] >= 0.0:
         guide = int(row[1])
-        way = (y[guide] + row[2]) / row[3]
-        place = min(1.0, max(0.0, way)) * last
-        rate = y[n + guide] / row[3] * last if 0.0 < way < 1.0 else 0.0
+        fraction = (y[guide] + row[2]) / row[3]
+        place = min(1.0, max(0.0, fraction)) * last
+        rate = y[n + guide] / row[3] * last if 0.0 < fraction < 1.0 else 0.0
     before = min(int(place), int(last) - 1)
     return begin + before, place - before, rate
 
