@@ -165,7 +165,7 @@ def log(console: Console, files: tuple[str, ...]) -> None:
     if not console.json:
         console.data(
             f"{'date':12}{'M [g]':>10}{'K [N/m]':>10}{'Z [Ns/m]':>10}{'dry [mN]':>10}"
-            f"{'replay_rms [um]':>12}{'modes [Hz]':>16}   file\n"
+            f"{'moves [um]':>12}{'modes [Hz]':>16}   file\n"
         )
     for calibration_read, calibration_path in calibrations:
         replay_rms = replay_difference(calibrations[0][0].parameters, calibration_read.parameters)

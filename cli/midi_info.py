@@ -78,8 +78,8 @@ def midi(console: Console, path: Path) -> None:
         name = f" {track.name}" if track.name else ""
         lines.append(f"  track {number}{name}: {_notes_text(track)}")
     tempo_texts = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in tempos]
-    lines.append(f"  tempo: {changes(tempo_texts, '120 bpm, for the midi_survey says none')}")
-    lines.append(f"  meter: {changes(meters, '4/4, for the midi_survey says none')}")
+    lines.append(f"  tempo: {changes(tempo_texts, '120 bpm, for the file says none')}")
+    lines.append(f"  meter: {changes(meters, '4/4, for the file says none')}")
     lines.append(f"  understood: {', '.join(understood) or 'nothing'}")
     lines.append(f"  passed over: {', '.join(left_out) or 'nothing'}")
     console.data("\n".join(printable(line[:_LINE_MAX]) for line in lines) + "\n")

@@ -219,7 +219,7 @@ proptest! {
         let LargestRitz { theta, residual, upper_bound, .. } = largest_eigenvalue(n, &mut operator(&springs));
         prop_assert!(close(theta, top, 1e-9) && residual <= 1e-9 * top, "{theta} {top}");
         prop_assert!(upper_bound >= top * (1.0 - 1e-12));
-        // The error of the dense values is some unit_vectors of rounding of the largest value.
+        // The error of the dense values is some units of rounding of the largest value.
         let rounding = 1e-13 * top;
         let low = lowest_mode(n, &mut operator(&springs), &null).expect("mode").lambda;
         prop_assert!((low - values[rigid]).abs() <= 1e-12 * low + rounding, "{low} {values:?}");
