@@ -149,3 +149,25 @@ def test_plan_choices_pinned_and_recalled_same_sound(family: str, seed: int, err
         assert store.n_found >= n_least
         assert row_values(built) == row_values(plan)
         assert built.choices() == plan.choices()
+
+
+def test_plan_of_block_struck_between_frames():
+    """At 48 kHz parts of the strike lie between frames, so that contacts computed there gain
+    nothing: eight steps a frame keep -60 dB at a tenth of their cost.
+    """
+    result = audit.look("dry-1", random_scenes.text("dry", 1), (-60.0,))
+    (plan,) = result.plans
+    assert plan.is_met, plan
+    assert not plan.warned, plan
+    spent = result.overspending(plan)
+    assert spent is not None, plan
+    assert spent <= SPENT, (plan, spent)
+
+
+@pytest.mark.parametrize("seed", few([2, 4], 1))
+def test_plan_of_springs_that_glide(seed: int):
+    """CA has order 1 there: a reference of it alone said -56 dB where -85 was real."""
+    result = audit.look(f"glide-{seed}", random_scenes.text("glide", seed), (-60.0,), plain=False)
+    (plan,) = result.plans
+    assert plan.is_met, plan
+    assert not plan.warned, plan
