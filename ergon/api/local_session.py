@@ -27,6 +27,7 @@ from .pages import pages_of, sees_all
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
+    from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
     from ergon.live.pointer_hands import PointerHands
     from ergon.repl.session.clock import Clock
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
+
+    from .midi import MidiPorts
 
 # Time that a change needs from the session to the physics thread, on a busy machine too [s].
 _CHANGE_LEAD_SECONDS = 0.006
@@ -56,8 +59,6 @@ def begin_session(path: str | None, options: SessionOptions, report: Report) -> 
     """
     from ergon.exchange.plan_store import user_store
     from ergon.repl.session.journal import Journal, JournalError, free_path
-    from ergon.repl.session.live import LiveEngine
-    from ergon.repl.session.osc import SessionOsc
     from ergon.repl.session.session import Session
 
     is_seen = sees_all(options)
@@ -84,15 +85,14 @@ def begin_session(path: str | None, options: SessionOptions, report: Report) -> 
         raise
     try:
         take_path = free_path(journal.path.with_suffix(".take")) if real_hands else None
-        recording_header = {"journal": journal.path.name}
         config = replace(
             config,
             record=take_path,
-            header=recording_header,
+            header={"journal": journal.path.name},
             pages=pages,
             boards=pointer_hands.boards,
+            driven_players=driven_names,
         )
-        config = replace(config, driven_players=driven_names)
         make_engine, make_session_start = _session_makers(
             version,
             beginning.clock,
@@ -126,14 +126,22 @@ def begin_session(path: str | None, options: SessionOptions, report: Report) -> 
         raise
     opening_fields = make_session_start(session.schedule.engine.tick_frames, take_path).fields()
     journal.append("session", **opening_fields, disk=session.disk.hashes_by_name(version.texts))
+    session.attach(_SummarisedHands(pointer_hands, report))
+    _attach_midi_and_osc(session, ports, osc)
+    _start_session(session)
+    return session
+
+
+def _attach_midi_and_osc(session: Session, ports: MidiPorts, osc: OscServer | None) -> None:
+    """Connect the ports and the server to a session on the sound card, until it ends."""
+    from ergon.repl.session.live import LiveEngine
+    from ergon.repl.session.osc import SessionOsc
+
     engine = session.schedule.engine
     assert isinstance(engine, LiveEngine)
-    session.attach(_SummarisedHands(pointer_hands, report))
     attach_midi(session, engine.performance, ports)
     if osc is not None:
         session.attach(SessionOsc(session, osc, engine.performance))
-    _start_session(session)
-    return session
 
 
 def _start_session(session: Session) -> None:

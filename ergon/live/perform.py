@@ -83,15 +83,8 @@ def perform(
     simulation = stage.simulation
     start_snapshot = simulation.snapshot()
     mixer = stage.mixer(highpass=config.highpass, reference=config.reference)
-    _warm_up(
-        simulation,
-        mixer,
-        stage.n_channels,
-        config,
-        config.start_frame // frames_per_tick * frames_per_tick,
-        progress,
-    )
-    hand_numbers = {hand.player: hand.index for hand in stage.live_hands}
+    first_frame = config.start_frame // frames_per_tick * frames_per_tick
+    _warm_up(simulation, mixer, stage.n_channels, config, first_frame, progress)
     board_players = {player for board in config.boards for _, player in board.axes}
     real_hands = [hand for hand in stage.live_hands if hand.player in board_players]
     hands = [
@@ -107,25 +100,11 @@ def perform(
         )
         for hand in stage.live_hands
     ]
-    boards = [
-        _core.LiveBoard(
-            board.url,
-            [(axis, hand_numbers[player]) for axis, player in board.axes],
-            config.force_max,
-            [axis.for_core(number) for number, axis in board.calibrations.items()],
-        )
-        for board in config.boards
-    ]
-    record_target = None
-    if config.record is not None:
-        axes = [(hand.player, hand.key) for hand in stage.live_hands]
-        header_json = json.dumps({**config.header, "sent": "wire"}, ensure_ascii=False)
-        record_target = _core.RecordTarget(config.record, axes, header_json)
+    boards = _live_boards(stage, config)
+    record_target = _record_target(stage, config)
     fades_from = None
     if stage.fade_start is not None and not config.is_endless and config.end_frame is None:
-        fades_from = max(
-            0, stage.fade_start - config.start_frame // frames_per_tick * frames_per_tick
-        )
+        fades_from = max(0, stage.fade_start - first_frame)
     try:
         window = config.pages and config.pages.make_window(stage, simulation)
         performance = _core.Performance(
@@ -156,6 +135,29 @@ def perform(
         return performance
     finally:
         simulation.restore(start_snapshot)
+
+
+def _live_boards(stage: Stage, config: PlaybackConfig) -> list[_core.LiveBoard]:
+    """The boards with the hands that their axes lead."""
+    hand_numbers = {hand.player: hand.index for hand in stage.live_hands}
+    return [
+        _core.LiveBoard(
+            board.url,
+            [(axis, hand_numbers[player]) for axis, player in board.axes],
+            config.force_max,
+            [axis.for_core(number) for number, axis in board.calibrations.items()],
+        )
+        for board in config.boards
+    ]
+
+
+def _record_target(stage: Stage, config: PlaybackConfig) -> _core.RecordTarget | None:
+    """The take into which the hands are recorded; None if they are not."""
+    if config.record is None:
+        return None
+    axes = [(hand.player, hand.key) for hand in stage.live_hands]
+    header_json = json.dumps({**config.header, "sent": "wire"}, ensure_ascii=False)
+    return _core.RecordTarget(config.record, axes, header_json)
 
 
 def bar_frames(stage: Stage, start_frame: int, stop_frame: int) -> list[int]:

@@ -237,11 +237,7 @@ def build_automation(
                 _field_node(fields, "to"), lambda text: parse_curve(text, read_amount)
             )
         elif fields["over"] is not None:
-            node = fields.nodes["to"]
-            value_text = (literal(node) if isinstance(node, Scalar) else None) or fields["to"]
-            curve_points = (
-                CurvePoint(Time(), _parse_final_amount(value_text, read_amount), fields["curve"]),
-            )
+            curve_points = (_glide_point(fields, read_amount),)
             if not fields["over"].is_some:
                 fields.error("E202", "automation: a glide takes a time above 0", "over")
                 return None
@@ -335,6 +331,13 @@ def _field_node(values: Values, name: str) -> Scalar:
     node = values.nodes[name]
     assert isinstance(node, Scalar)
     return node
+
+
+def _glide_point(fields: Values, read_amount: ReadAmount) -> CurvePoint:
+    """The point that a glide reaches. Raises TextError."""
+    node = fields.nodes["to"]
+    value_text = (literal(node) if isinstance(node, Scalar) else None) or fields["to"]
+    return CurvePoint(Time(), _parse_final_amount(value_text, read_amount), fields["curve"])
 
 
 def _parse_final_amount(glide_text: str, read_amount: ReadAmount) -> Amount:

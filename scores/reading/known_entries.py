@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple, TypeVar
 
-from ergon.common.changed import changed_part
+from ergon.common.changed import Changed, changed_part
 from ergon.instruments.names import PartNames
 from ergon.notation.tables.fields import Values
 from ergon.notation.text.memory import Memory
@@ -39,6 +39,27 @@ class _Section(NamedTuple):
     use_counts: Counter[_ModuleKey]
     states: dict[_ModuleKey, Any]
 
+    def meanings_after(
+        self, change: Changed[Any], changed_modules: set[_ModuleKey]
+    ) -> tuple[list[_Meaning | None], list[_Meaning | None]]:
+        """What each entry still means after a change of entries and of modules (None: that is
+        read again); and the meanings that no longer count.
+        """
+        removed_meanings = self.meanings[change.start : change.start + len(change.before)]
+        known_meanings: list[_Meaning | None] = change.put(self.meanings, [None] * len(change.now))
+        if not changed_modules:
+            return known_meanings, removed_meanings
+        stale_meanings: list[_Meaning | None] = [
+            meaning
+            for meaning in known_meanings
+            if meaning and not changed_modules.isdisjoint(meaning.modules or ())
+        ]
+        stale_ids = {*map(id, stale_meanings)}
+        known_meanings = [
+            None if id(meaning) in stale_ids else meaning for meaning in known_meanings
+        ]
+        return known_meanings, removed_meanings + stale_meanings
+
 
 class KnownEntries:
     """What entries of a section mean, kept in a memory while the modules that they name stay the
@@ -62,11 +83,7 @@ class KnownEntries:
         `find_modules` tells on which modules something depends; None: it is read each time.
         `find_part` gives the part of a name.
         """
-        known_section: _Section | None = None
-        if self._memory is not None:
-            known_section = self._memory.held(self._name, None)
-        if known_section is None:
-            known_section = _Section(None, (), (), [], Counter(), {})
+        known_section = self._known_section()
         new_states = {
             module: _module_state(module, names, find_part) for module in known_section.states
         }
@@ -84,21 +101,7 @@ class KnownEntries:
             return known_section.read_entries
         section_entries = tuple(section.values() if isinstance(section, Mapping) else section)
         change = changed_part(known_section.entries, section_entries)
-        removed_meanings = known_section.meanings[change.start : change.start + len(change.before)]
-        known_meanings: list[_Meaning | None] = change.put(
-            known_section.meanings, [None] * len(change.now)
-        )
-        if changed_modules:
-            stale_meanings: list[_Meaning | None] = [
-                meaning
-                for meaning in known_meanings
-                if meaning and not changed_modules.isdisjoint(meaning.modules or ())
-            ]
-            removed_meanings += stale_meanings
-            stale_ids = {*map(id, stale_meanings)}
-            known_meanings = [
-                None if id(meaning) in stale_ids else meaning for meaning in known_meanings
-            ]
+        known_meanings, removed_meanings = known_section.meanings_after(change, changed_modules)
         use_counts = known_section.use_counts.copy()
         use_counts.subtract(
             chain.from_iterable(meaning.modules or () for meaning in removed_meanings if meaning)
@@ -139,17 +142,33 @@ class KnownEntries:
                 [meaning.entry for meaning in known_meanings if meaning is not None]
             )
         if self._memory is not None:
-            remembered_meanings = [*known_meanings]
-            for entry_index in unknown_indices:
-                if (
-                    known_meaning := known_meanings[entry_index]
-                ) is not None and known_meaning.modules is None:
-                    remembered_meanings[entry_index] = None
+            remembered_meanings = _without_dependent(known_meanings, unknown_indices)
             new_section = _Section(
                 section, section_entries, read_entries, remembered_meanings, use_counts, states
             )
             self._memory.hold(self._name, None, new_section)
         return read_entries
+
+    def _known_section(self) -> _Section:
+        """The section as it was read before; without entries if it was not."""
+        known_section: _Section | None = None
+        if self._memory is not None:
+            known_section = self._memory.held(self._name, None)
+        if known_section is None:
+            return _Section(None, (), (), [], Counter(), {})
+        return known_section
+
+
+def _without_dependent(
+    meanings: Sequence[_Meaning | None], new_indices: Sequence[int]
+) -> list[_Meaning | None]:
+    """Meanings without those of `new_indices` that depend on more than modules."""
+    remembered_meanings = [*meanings]
+    for index in new_indices:
+        meaning = meanings[index]
+        if meaning is not None and meaning.modules is None:
+            remembered_meanings[index] = None
+    return remembered_meanings
 
 
 def _module_state(

@@ -88,32 +88,18 @@ def resolve_names(
     old_entries: Mapping[str, _KnownModule] = {}
     if old_part is not None and old_part.kinds == module_kinds:
         old_entries = _unchanged_entries(old_part, owning_part, parts_by_name)
-    reached_before, searched_before, module_rules = (
-        part_names.referenced_parts,
-        part_names.searched_parts,
-        make_rules(),
-    )
-    new_entries: dict[str, _KnownModule] = {}
-    for module_name, written_module in owning_part.modules.items():
-        known_entry = old_entries.get(module_name)
-        if known_entry is None:
-            part_names.referenced_parts, part_names.searched_parts = set(), set()
-            n_reports = part_names.collector.n_reports
-            resolved_module = module_rules.resolve(written_module)
-            reached_and_searched = (
-                frozenset(part_names.referenced_parts),
-                frozenset(part_names.searched_parts - {owning_part.name}),
-            )
-            known_entry = _KnownModule(written_module, resolved_module, *reached_and_searched)
-            is_known &= part_names.collector.n_reports == n_reports
-        new_entries[module_name] = known_entry
-    all_reached_parts = frozenset[str]().union(
-        *(entry.reached_parts for entry in new_entries.values())
-    )
-    part_names.referenced_parts, part_names.searched_parts = (
-        reached_before | all_reached_parts,
-        searched_before,
-    )
+    reached_before, searched_before = part_names.referenced_parts, part_names.searched_parts
+    module_rules = make_rules()
+    n_reports = part_names.collector.n_reports
+    new_entries = {
+        name: old_entries.get(name)
+        or _resolved_entry(written_module, owning_part, part_names, module_rules)
+        for name, written_module in owning_part.modules.items()
+    }
+    is_known &= part_names.collector.n_reports == n_reports
+    reached_parts = frozenset[str]().union(*(entry.reached_parts for entry in new_entries.values()))
+    part_names.referenced_parts = reached_before | reached_parts
+    part_names.searched_parts = searched_before
     resolved_modules = tuple(
         [
             entry.resolved_module
@@ -130,22 +116,31 @@ def resolve_names(
             for name, entry in new_entries.items()
             if entry.written_module.kind not in _DEPENDENT_KINDS
         }
-        needed_parts = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
-        independent_modules = (
-            resolved_modules if len(independent_entries) == len(new_entries) else None
+        known_part = _KnownPart(
+            module_kinds,
+            independent_entries,
+            {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)},
+            reached_parts,
+            resolved_modules if len(independent_entries) == len(new_entries) else None,
         )
-        memory.hold(
-            f"modules {owning_part.name}",
-            condition,
-            _KnownPart(
-                module_kinds,
-                independent_entries,
-                needed_parts,
-                all_reached_parts,
-                independent_modules,
-            ),
-        )
+        memory.hold(f"modules {owning_part.name}", condition, known_part)
     return resolved_modules
+
+
+def _resolved_entry(
+    written_module: Module,
+    owning_part: PartContents,
+    part_names: PartNames,
+    module_rules: ModuleRules,
+) -> _KnownModule:
+    """A module with its names looked up now; `part_names` then has the parts of this one alone."""
+    part_names.referenced_parts, part_names.searched_parts = set(), set()
+    return _KnownModule(
+        written_module,
+        module_rules.resolve(written_module),
+        frozenset(part_names.referenced_parts),
+        frozenset(part_names.searched_parts - {owning_part.name}),
+    )
 
 
 def _unchanged_entries(

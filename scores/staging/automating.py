@@ -74,32 +74,17 @@ def automation_points(
         else:
             points_by_module[module_key] = constant_points
     if begin > -math.inf:
-        begin -= point_margin(
-            piece,
-            (
-                parameter_entries
-                for track in tracks.values()
-                for parameter_entries in track.entries.values()
-            ),
-            begin,
-        )
+        all_entries = chain.from_iterable(track.entries.values() for track in tracks.values())
+        begin -= point_margin(piece, all_entries, begin)
         since_beat = min(since_beat, tempo.beats(begin))
     extent = Extent(since_beat, until_beat, begin)
-    moved_keys = {
-        module_key
-        for module_key in modules
-        if track_by_module[module_key].first_move_beat < start_beat
-    }
+    moved_keys = {key for key in modules if track_by_module[key].first_move_beat < start_beat}
     instrument_pitch_curves: dict[str, Curve] = {}
-    for module_key in [
-        module_key for module_key in tracks if modules[module_key].module.kind == "INSTRUMENT"
-    ]:
-        entries, written_value = (
-            tracks.pop(module_key).entries["f"],
-            modules[module_key].written_values["f"],
-        )
+    for module_key in [key for key in tracks if modules[key].module.kind == "INSTRUMENT"]:
+        entries = tracks.pop(module_key).entries["f"]
+        written_pitch = modules[module_key].written_values["f"]
         instrument_pitch_curves[module_key[0]] = _parameter_curve(
-            piece, entries, written_value, extent, collector
+            piece, entries, written_pitch, extent, collector
         )
         for module in transposed_modules(piece.instruments[module_key[0]]):
             member_key = module_key[0], module.name

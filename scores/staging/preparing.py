@@ -156,20 +156,16 @@ def prepare(
             piece, spans, n_frames, collector, takeover_instant, known_automation
         )
         if old_stage is not None:
-            takeover_arguments = (
+            paths = takeover_points(
                 old_stage.paths,
                 paths,
                 piece,
                 takeover_instant,
                 old_stage.paths_end,
+                permanent_modules,
+                known_automation,
             )
-            paths = takeover_points(*takeover_arguments, permanent_modules, known_automation)
-        for module_key, points in paths.items():
-            if automated_module := known_automation.automated_module(piece, module_key):
-                try:
-                    automated_module.put_points(timeline, assembly, module_key, points)
-                except _core.EngineError as error:
-                    report_refusals(piece, collector, error)
+        _put_paths(piece, paths, assembly, timeline, known_automation, collector)
     except _core.EngineError as error:
         raise stage_error(piece, collector, error) from error
     if collector.has_errors():
@@ -203,6 +199,23 @@ def _automation_of_spans(
     since, until, _ = piece_spans[-1].window
     points = automation_points(piece, since, until, collector, begin_instant, known_automation)
     return points, last_complete_instant(piece, until)
+
+
+def _put_paths(
+    piece: Piece,
+    paths: Mapping[ModuleKey, Points],
+    assembly: Assembly,
+    timeline: _core.Timeline,
+    known_automation: KnownAutomation,
+    collector: Collector,
+) -> None:
+    """Put the points of automated modules on the timeline, and report those that it refuses."""
+    for module_key, points in paths.items():
+        if automated_module := known_automation.automated_module(piece, module_key):
+            try:
+                automated_module.put_points(timeline, assembly, module_key, points)
+            except _core.EngineError as error:
+                report_refusals(piece, collector, error)
 
 
 def _hands_end(piece: Piece, live_hands: Sequence[LiveHand]) -> float:

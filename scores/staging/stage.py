@@ -336,39 +336,37 @@ def stage(
         piece = replace(piece, seed=seed)
     takeover = takeover or StageTakeover()
     old_stage = takeover.running_stage
-    prepared_piece = prepare(
-        piece, real_hands, silent, takeover.spans, old_stage, takeover.start_frame
-    )
-    native.speed_up(prepared_piece.network, prepared_piece.n_frames)
+    prepared = prepare(piece, real_hands, silent, takeover.spans, old_stage, takeover.start_frame)
+    native.speed_up(prepared.network, prepared.n_frames)
     if takeover.spans is not None:
-        prepared_piece.timeline.open()
-        put_trial_strikes(piece, prepared_piece.built_network.assembly, prepared_piece.timeline)
-    _add_glides(piece, prepared_piece, takeover)
-    _add_strike_points(piece, prepared_piece, takeover)
+        prepared.timeline.open()
+        put_trial_strikes(piece, prepared.built_network.assembly, prepared.timeline)
+    _add_glides(piece, prepared, takeover)
+    _add_strike_points(piece, prepared, takeover)
     plan, planning = None, None
     try:
         if planned:
             seen_parts = (*piece.keys, *piece.instruments) if is_seen else ()
             planning = make_plan(
-                prepared_piece.network,
-                prepared_piece.timeline,
+                prepared.network,
+                prepared.timeline,
                 piece.accuracy,
                 pins,
                 store,
-                prepared_piece.memory.plan,
+                prepared.memory.plan,
                 is_foreseen=takeover.spans is None and not real_hands,
                 correction=correction,
                 is_draft=is_draft,
                 recalls_sound=recalls_sound,
                 watched=Watched(seen=seen_parts, seen_every=piece.motion_step_frames),
             )
-            plan = prepared_piece.memory.plan = planning.plan
-            _report_planning(piece, planning, prepared_piece.collector, is_seen=is_seen)
+            plan = prepared.memory.plan = planning.plan
+            _report_planning(piece, planning, prepared.collector, is_seen=is_seen)
         elif fine_contacts:
-            plan = _core.Plan.with_fine_contacts(prepared_piece.network, prepared_piece.timeline)
+            plan = _core.Plan.with_fine_contacts(prepared.network, prepared.timeline)
         simulation = _core.Simulation(
-            prepared_piece.network,
-            prepared_piece.timeline,
+            prepared.network,
+            prepared.timeline,
             plan=plan,
             start=takeover.start_frame,
             ledger=ledger,
@@ -377,8 +375,8 @@ def stage(
             threads=threads,
         )
     except _core.EngineError as error:
-        raise stage_error(piece, prepared_piece.collector, error) from error
-    return _make_stage(piece, prepared_piece, simulation, plan, planning)
+        raise stage_error(piece, prepared.collector, error) from error
+    return _make_stage(piece, prepared, simulation, plan, planning)
 
 
 def _make_stage(

@@ -31,14 +31,6 @@ LONGER = {
     ("core-rs/live/src/perform/prepare.rs", "prepare"): 144,
     ("core-rs/live/src/safety/plausibility/playing_hands.rs", "play_cases"): 108,
     ("core-rs/engine/src/plan/make.rs", "plan_stepped"): 97,
-    ("ergon/api/local_session.py", "begin_session"): 85,
-    ("ergon/live/perform.py", "perform"): 87,
-    ("scores/reading/automation.py", "build_automation"): 82,
-    ("scores/reading/known_entries.py", "read"): 101,
-    ("scores/reading/known_modules.py", "resolve_names"): 98,
-    ("scores/staging/automating.py", "automation_points"): 88,
-    ("scores/staging/preparing.py", "prepare"): 82,
-    ("scores/staging/stage.py", "stage"): 82,
 }
 
 
