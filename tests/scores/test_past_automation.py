@@ -145,7 +145,7 @@ def _counted(monkeypatch, source: Piece, beat: float) -> dict[str, int]:
 
     with monkeypatch.context() as patched:
         patched.setattr(parameter_curves.Curve, "add_point", counted_to)
-        patched.setattr(AutomatedModule, "numbers", counted_numbers)
+        patched.setattr(AutomatedModule, "engine_values", counted_numbers)
         begins = source.tempo_map.seconds(beat) - AHEAD
         automation_points(source, beat, beat + 16, Collector(), begins)
     return counts
