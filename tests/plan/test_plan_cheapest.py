@@ -165,7 +165,7 @@ def test_plan_of_block_struck_between_frames():
 
 
 @pytest.mark.parametrize("seed", few([2, 4], 1))
-def test_plan_of_springs_that_glide(seed: int):
+def test_plan_of_gliding_springs(seed: int):
     """CA has order 1 there: a reference of it alone said -56 dB where -85 was real."""
     result = audit.look(f"glide-{seed}", random_scenes.text("glide", seed), (-60.0,), plain=False)
     (plan,) = result.plans
