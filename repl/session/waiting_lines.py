@@ -395,9 +395,12 @@ class WaitingLines:
 
 
 def _has_priority(earlier: WaitingLine, new_line: WaitingLine) -> bool:
-    """Whether an earlier line goes first, though a new one that follows it could act sooner."""
+    """Whether an earlier line goes first, though a new one that follows it could act sooner. What
+    restores a version replaces an earlier one that does.
+    """
     asks_for_less = new_line.is_named or earlier.is_named or new_line.is_now > earlier.is_now
-    return bool(earlier.n_slips or earlier.restores_version or not asks_for_less)
+    would_be_wiped = earlier.restores_version and not new_line.restores_version
+    return bool(earlier.n_slips or would_be_wiped or not asks_for_less)
 
 
 def _slipped_line(line: WaitingLine, slip_beat: float, start_frame: int) -> WaitingLine:

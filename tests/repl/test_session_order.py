@@ -164,6 +164,19 @@ def test_undo_replaces_a_waiting_undo(delayed: Delayed, first: str) -> None:
     check_beginning(delayed)
 
 
+def test_line_after_waiting_undo_is_not_wiped(delayed: Delayed) -> None:
+    """It acted before the undo, whose version has nothing of it."""
+    delayed.ok("play")
+    delayed.ok("ada plays knock every 1 now")
+    delayed.run(0.4)
+    delayed.ok("undo")
+    delayed.ok("set drum.m.t60 0.5s now")
+    delayed.run(6.0)
+    assert not delayed.session.schedule.waiting
+    assert "0.5s" in delayed.session.schedule.head.texts.text
+    assert "every 1" not in delayed.session.schedule.head.texts.text
+
+
 @pytest.mark.parametrize("line", ["mute drum now", "ada plays knock every 1 now"])
 def test_undo_replaces_a_waiting_redo(delayed: Delayed, line: str) -> None:
     """The redo acted after it."""
