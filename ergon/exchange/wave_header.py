@@ -414,7 +414,8 @@ def _parse_format(chunk_content: bytes, byte_order: _Order) -> WaveFormat:
     if tag in (_TAG_PCM, _TAG_FLOAT) and frame_bytes not in (0, n_channels * n_bytes):
         raise NotWaveError(
             f"a frame of {n_channels} × {n_bits} bits has {frame_bytes} bytes by its header, not "
-            f"{n_channels * n_bytes}; such samples are not supported"
+            f"{n_channels * n_bytes}; samples in longer words are not supported, because some "
+            "programs mean floats by them; save it as PCM of 16, 24 or 32 bits"
         )
     bits = forms.get((tag, 8 * n_bytes if tag == _TAG_PCM and frame_bytes else n_bits))
     if bits is None or not n_channels or not rate:
