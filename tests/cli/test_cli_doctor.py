@@ -214,7 +214,7 @@ def test_take_record_stores_hand_positions(capsys: Capture):
 @pytest.mark.parametrize(
     ("name", "asked"),
     [
-        ("_until_over", ["take", "record", "--live", "emul:", "-o", "c.take"]),
+        ("_wait_until_over", ["take", "record", "--live", "emul:", "-o", "c.take"]),
         ("doctor", ["doctor", "--no-audio", "--seconds", "3600"]),
         ("calibrate", ["devices", "calibrate", "BOARD", "--seconds", "60"]),
     ],

@@ -143,7 +143,7 @@ def test_chunks_of_aiff_by_libsndfile(tmp_path: Path):
     """An AIFF file is an IFF file, written here by another program."""
     soundfile.write(tmp_path / "a.aiff", np.zeros((100, 1)), 8000, "PCM_S8")
     walked = chunks((tmp_path / "a.aiff").read_bytes())
-    assert (walked[0].name, walked[0].group) == ("FORM", "AIFF")
+    assert (walked[0].name, walked[0].group_type) == ("FORM", "AIFF")
     sizes = {chunk.name: chunk.size for chunk in walked[1:]}
     assert sizes["COMM"] == 18
     assert sizes["SSND"] == 8 + 100
