@@ -209,7 +209,7 @@ def test_obj_face_with_notch_and_thousands_of_corners_is_refused() -> None:
     collector = Collector()
     text += "f " + " ".join(str(i + 1) for i in range(len(corners))) + "\n"
     document = Document("x.obj", str(decoded(text.encode(), "x.obj", collector)))
-    assert Reader(document, "m", collector).mesh(Place("x.obj", 1, 1)) is None
+    assert Reader(document, "m", collector).read_mesh(Place("x.obj", 1, 1)) is None
     assert "write triangles instead" in collector.finish()[0].message
 
 

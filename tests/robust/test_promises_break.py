@@ -94,7 +94,7 @@ BREAKS = {
     ),
     "exchange/test_adm.py::test_hostile_xml_is_refused": (
         "ergon/common/xml_text.py",
-        "if _DEFINES.search(xml_bytes):",
+        "if _DEFINITION_PATTERN.search(xml_bytes):",
         "if False:",
     ),
     "cli/test_terminal_text.py::test_messages_without_terminal_control_characters": (
@@ -104,7 +104,7 @@ BREAKS = {
     ),
     "robust/test_conditions.py::test_file_size_limit_refused_without_partial_files": (
         "ergon/exchange/safe.py",
-        "part.unlink(missing_ok=True)",
+        "path.unlink(missing_ok=True)",
         "pass",
     ),
     "robust/test_rights.py::test_file_modes_of_commands_under_umask": (

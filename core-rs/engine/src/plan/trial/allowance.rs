@@ -37,14 +37,21 @@ pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<
 pub(in crate::plan) struct SeriesWork {
     /// Work [s].
     pub(in crate::plan) spent_seconds: f64,
-    /// The least allowance that gives the same results [s].
-    pub(in crate::plan) needed_seconds: f64,
-    /// What was left when the series began, if its results depend on that.
-    pub(in crate::plan) left_at_start: Option<RemainingWork>,
+    /// What has to be left at the beginning of a series that gives the same results.
+    pub(in crate::plan) condition: ReplayCondition,
     /// The series ended because the allowance was spent.
     pub(in crate::plan) ended_early: bool,
     /// How far the longest trial of the series played [frames of the scene].
     pub(in crate::plan) frames_played: u64,
+}
+
+/// When a series of trials would go the same way again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::plan) enum ReplayCondition {
+    /// So much work is left when it begins, or more [s].
+    EnoughLeft(f64),
+    /// Just as much is left: a trial was refused or shortened.
+    SameLeft(RemainingWork),
 }
 
 /// What is left of an allowance.
@@ -139,11 +146,14 @@ impl Allowance {
     /// What the current series has taken, if so much was left when it began.
     pub(in crate::plan) fn series_work(&self, left: RemainingWork) -> SeriesWork {
         let is_refused = self.n_refused_trials.get() > 0;
-        let depends_on_rest = is_refused || !left.pays_for(self.series_needed_seconds.get());
+        let needed_seconds = self.series_needed_seconds.get();
         SeriesWork {
             spent_seconds: self.series_spent_seconds.get(),
-            needed_seconds: self.series_needed_seconds.get(),
-            left_at_start: depends_on_rest.then_some(left),
+            condition: if is_refused || !left.pays_for(needed_seconds) {
+                ReplayCondition::SameLeft(left)
+            } else {
+                ReplayCondition::EnoughLeft(needed_seconds)
+            },
             ended_early: is_refused,
             frames_played: self.series_frames.get(),
         }
@@ -152,9 +162,9 @@ impl Allowance {
     /// Whether a series of trials that was played before would go the same way if it began now.
     pub(in crate::plan) fn begin_replay_if_enough(&self, taken: &SeriesWork) -> bool {
         let work_left = self.begin_series();
-        match taken.left_at_start {
-            Some(recorded_left) => recorded_left == work_left,
-            None => work_left.pays_for(taken.needed_seconds),
+        match taken.condition {
+            ReplayCondition::SameLeft(recorded_left) => recorded_left == work_left,
+            ReplayCondition::EnoughLeft(needed_seconds) => work_left.pays_for(needed_seconds),
         }
     }
 
@@ -316,8 +326,8 @@ mod tests {
         first_allowance.check_affordable(0.5).unwrap();
         let taken = first_allowance.series_work(work_left);
         assert_eq!(
-            (taken.spent_seconds, taken.needed_seconds, taken.left_at_start),
-            (0.25, 0.75, None)
+            (taken.spent_seconds, taken.condition),
+            (0.25, ReplayCondition::EnoughLeft(0.75))
         );
         // First after trials that leave enough, then after trials that do not.
         for (other_work, is_same) in [(0.25, true), (0.375, false)] {
@@ -336,7 +346,8 @@ mod tests {
         first_allowance.spend(0.75).unwrap();
         assert!(first_allowance.spend(0.5).is_err());
         let taken = first_allowance.series_work(work_left);
-        assert!(taken.ended_early && taken.left_at_start == Some(RemainingWork::Seconds(1.0)));
+        assert!(taken.ended_early);
+        assert_eq!(taken.condition, ReplayCondition::SameLeft(RemainingWork::Seconds(1.0)));
         let replay_allowance = Allowance::with_seconds(1.0);
         assert!(replay_allowance.begin_replay_if_enough(&taken));
         replay_allowance.replay(&taken);

@@ -10,7 +10,7 @@ use crate::content::island::IslandContent;
 use crate::hearing::{Audible, JUST_NOTICEABLE};
 use crate::network::Error;
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::allowance::{Allowance, RemainingWork, SeriesWork};
+use crate::plan::trial::allowance::{Allowance, RemainingWork, ReplayCondition, SeriesWork};
 
 /// Most lengths that are remembered for one island.
 const LENGTHS_MAX: usize = 8;
@@ -55,11 +55,11 @@ impl TrialRecord {
 
     /// The record with `series_work` at its head.
     fn with_header(mut self, series_work: &SeriesWork) -> Self {
-        let header_numbers = [
-            Some(series_work.spent_seconds),
-            Some(series_work.needed_seconds),
-            series_work.left_at_start.map(RemainingWork::to_number),
-        ];
+        let (needed_seconds, left_at_start) = match series_work.condition {
+            ReplayCondition::EnoughLeft(seconds) => (Some(seconds), None),
+            ReplayCondition::SameLeft(work_left) => (None, Some(work_left.to_number())),
+        };
+        let header_numbers = [Some(series_work.spent_seconds), needed_seconds, left_at_start];
         self.numbers.splice(0..0, header_numbers);
         self.counts.insert(0, vec![u32::from(series_work.ended_early)]);
         self
@@ -75,8 +75,11 @@ impl TrialRecord {
         let header_numbers: Vec<Option<f64>> = self.numbers.drain(..3).collect();
         let series_work = SeriesWork {
             spent_seconds: header_numbers[0].filter(|seconds| *seconds >= 0.0)?,
-            needed_seconds: header_numbers[1]?,
-            left_at_start: header_numbers[2].map(RemainingWork::from_number),
+            condition: match (header_numbers[1], header_numbers[2]) {
+                (Some(seconds), None) => ReplayCondition::EnoughLeft(seconds),
+                (None, Some(number)) => ReplayCondition::SameLeft(RemainingWork::from_number(number)),
+                _ => return None,
+            },
             ended_early: match self.counts.remove(0)[..] {
                 [0] => false,
                 [1] => true,
@@ -234,13 +237,34 @@ pub(in crate::plan) fn store_record(
     record: TrialRecord,
 ) {
     let work_taken = allowance.series_work(work_left);
-    let bound_key = work_taken
-        .left_at_start
-        .map(|work_left| key_with_remaining_work(key, work_left));
-    store.put(bound_key.as_deref().unwrap_or(key), record.with_header(&work_taken));
+    let record_key = match work_taken.condition {
+        ReplayCondition::EnoughLeft(_) => key.to_owned(),
+        ReplayCondition::SameLeft(work_left) => key_with_remaining_work(key, work_left),
+    };
+    store.put(&record_key, record.with_header(&work_taken));
 }
 
 /// The key for trials whose results depend on what was left.
 fn key_with_remaining_work(key: &str, work_left: RemainingWork) -> String {
     hash_hex(format_args!("{key} {:016x}", work_left.to_number().to_bits()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn header_of_trials_whose_share_was_refused() {
+        let allowance = Allowance::with_seconds(1.0);
+        let work_left = allowance.begin_series();
+        let share = allowance.split_off(0.5);
+        assert!(share.spend(0.75).is_err());
+        allowance.spend_split(&share, 0.5);
+        let series_work = allowance.series_work(work_left);
+        assert_eq!(series_work.condition, ReplayCondition::SameLeft(work_left));
+        let record = TrialRecord::default().with_header(&series_work);
+        assert!(record.numbers.iter().flatten().all(|number| number.is_finite()));
+        let (read_work, rest) = record.split_header().unwrap();
+        assert_eq!((read_work, rest), (series_work, TrialRecord::default()));
+    }
 }
