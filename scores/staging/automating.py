@@ -18,6 +18,7 @@ from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Place
 from ergon.scores.reading.automatable import transposed_modules
 from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.grid_points import keep_means
 from ergon.scores.staging.known_automation import KnownAutomation, ModuleTracks
 from ergon.scores.staging.parameter_curves import (
     GLIDE_DURATION,
@@ -105,7 +106,7 @@ def automation_points(
             piece.instruments[module_key[0]]
         ):
             pitch_curve = None
-        points = _module_points(target, curves, pitch_curve)
+        points = _module_points(target, curves, pitch_curve, GRID_FRAMES / piece.rate)
         if target.cost * len(points) > MAX_POINTS:
             message = f"automation: a {target.module.kind} changes more than {MAX_POINTS:,} times"
             collector.error("E105", message, _automation_place(piece, module_key[0]))
@@ -157,10 +158,13 @@ def _automation_place(piece: Piece, instrument_name: str) -> Place:
 
 
 def _module_points(
-    automated_module: AutomatedModule, curves: Mapping[str, Curve], pitch_curve: Curve | None
+    automated_module: AutomatedModule,
+    curves: Mapping[str, Curve],
+    pitch_curve: Curve | None,
+    grid_step: float,
 ) -> Points:
     """The points of a module with automated parameters, which may also follow the pitch of its
-    instrument, `pitch_curve`.
+    instrument, `pitch_curve`. The grid of the engine has steps of `grid_step` [s].
     """
     all_curves = [*curves.values(), *([] if pitch_curve is None else [pitch_curve])]
     engine_values_by_curves: dict[tuple[float, ...], tuple[float, ...]] = {}
@@ -178,8 +182,12 @@ def _module_points(
                 )
             engine_values_by_curves[curve_values] = engine_values
         path_points.append((max(0.0, instant), *engine_values_by_curves[curve_values]))
-    corrected_instants = set().union(*(curve.corrected_instants for curve in all_curves))
-    return _with_chord_means(path_points, corrected_instants) if corrected_instants else path_points
+    return keep_means(
+        path_points,
+        set().union(*(curve.curved_instants for curve in all_curves)),
+        set().union(*(curve.corner_instants for curve in all_curves)),
+        grid_step,
+    )
 
 
 def _curve_values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]]:
@@ -189,38 +197,6 @@ def _curve_values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float,
         return ((t, (x,)) for t, x in dict(zip(curve.instants, curve.values, strict=True)).items())
     instants = sorted({t for curve in curves for t in curve.instants})
     return ((t, tuple(curve.evaluate(t) for curve in curves)) for t in instants)
-
-
-def _with_chord_means(path_points: Points, corrected_instants: Container[float]) -> Points:
-    """Points moved so that their chords have the same means as the curve through them, to fourth
-    order.
-
-    The engine interpolates linearly, and a pitch that is slightly too high all the way would end
-    with a wrong phase.
-    """
-    corrected_points = list(path_points)
-    for point_index in range(1, len(path_points) - 1):
-        ((instant_before, *values_before), (instant, *values), (instant_after, *values_after)) = (
-            path_points[point_index - 1 : point_index + 2]
-        )
-        if (
-            instant in corrected_instants
-            and abs((instant - instant_before) - (instant_after - instant)) < 1e-9
-        ):
-            corrections = (
-                value_before - 2.0 * value + value_after
-                for value_before, value, value_after in zip(
-                    values_before, values, values_after, strict=True
-                )
-            )
-            corrected_points[point_index] = (
-                instant,
-                *(
-                    value - correction / 12.0
-                    for value, correction in zip(values, corrections, strict=True)
-                ),
-            )
-    return corrected_points
 
 
 def value_on_beat(piece: Piece, module_key: ModuleKey, parameter_name: str, beat: float) -> float:

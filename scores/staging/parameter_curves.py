@@ -51,7 +51,8 @@ class Curve:
     initial_value: float
     instants: list[float] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
-    corrected_instants: set[float] = field(default_factory=set)  # instants inside glides
+    curved_instants: set[float] = field(default_factory=set)  # instants inside glides
+    corner_instants: set[float] = field(default_factory=set)  # at which glides begin, turn and end
 
     def add_point(self, instant: float, value: float) -> None:
         """Add a value, reached linearly from the last point."""
@@ -217,9 +218,11 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begin_instant: float = -
     if len(path) > 1 and not is_over:
         times, grid_spacing = _glide_instants(piece, curve, start_instant, stop_instant)
         times = times[max(0, bisect_right(times, begin_instant) - 1) :]
+        curve.corner_instants.update(instant for instant in instants if instant < stop_instant)
+        curve.corner_instants.add(stop_instant)
         # Points near a corner are not corrected for curvature.
         corner_reach = grid_spacing * (1.0 + SAME)
-        curve.corrected_instants.update(
+        curve.curved_instants.update(
             grid_instant
             for grid_instant in times
             if all(abs(grid_instant - corner) > corner_reach for corner in instants)
@@ -240,7 +243,9 @@ def _glide_instants(
         math.floor(first_instant / grid_step) + 1, math.ceil(stop_instant / grid_step)
     )
     stride = max(1, -(-len(grid_indices) // GLIDE_POINTS_MAX))
-    return [index * grid_step for index in grid_indices[::stride]], stride * grid_step
+    # The end of the glide lies behind the last point, by less than a step of the grid.
+    point_indices = sorted({*grid_indices[::stride], *grid_indices[-1:]})
+    return [index * grid_step for index in point_indices], stride * grid_step
 
 
 def _identity(value: float) -> float:

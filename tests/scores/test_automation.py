@@ -184,6 +184,29 @@ def test_set_over_length_glides_evenly_in_pitch():
     assert position == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.parametrize("grid_steps", [345.0, 345.25, 345.5, 345.9])
+def test_glide_between_grid_instants_ends_in_phase(grid_steps: float):
+    """The phase of an undamped cell is the integral of its frequency."""
+    begin, length, first, last = grid_steps * 64 / 44_100, 0.3007, 2_000.0, 3_000.0
+    lines = f"{{set: bell.m.f, to: {last}Hz, at: {begin!r}s, over: {length}s}}"
+    text = SCORE.replace("f: 220Hz", f"f: {first}Hz")
+    loaded = load("s.yaml", text=text.format(lines=lines, seed=5, tail=1.0))
+    assert loaded.piece is not None, loaded.diagnostics
+    played = stage(loaded.piece)
+    sound = np.zeros((played.n_frames, played.simulation.n_out))
+    played.simulation.process(sound)
+    frames = np.arange(round((begin + length + 0.01) * 44_100), len(sound))
+    cycles = (
+        first * begin
+        + (last - first) / math.log(last / first) * length
+        + last * (frames / 44_100 - begin - length)
+    )
+    waves = np.exp(-2j * np.pi * cycles)
+    # Of x = a·cos(φ + δ), the mean of x·exp(-iφ) has the angle δ.
+    phase_error = np.angle(np.sum(sound[frames, 0] * waves))
+    assert abs(phase_error) < 5e-4
+
+
 def test_set_curve_passes_its_points():
     line = "{set: bell.m.f, to: A3@0 smooth A4@1 line A3@2 hold A3@250ms, at: 1|2, until: 2|3}"
     collector = Collector()
