@@ -17,7 +17,7 @@ from ergon.common.sound_files import (
 
 from . import aiff, flac, wave
 from .safe import FileRefusedError
-from .wave_header import NotWaveError, Stamp, WaveFormat, WaveInfo
+from .wave_header import CHANNELS_MAX, NotWaveError, Stamp, WaveFormat, WaveInfo
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,6 +44,9 @@ def check_ending(target: str) -> None:
 def check_format(target_path: str, format: WaveFormat) -> None:
     """Raise FileRefusedError if the kind of file that a name asks for cannot hold the samples."""
     check_ending(target_path)
+    if format.n_channels > CHANNELS_MAX:
+        message = f"a sound file has at most {CHANNELS_MAX} channels, not {format.n_channels}"
+        raise FileRefusedError(f"{target_path}: {message}; write `mix: {{channels: 2}}`")
     if _is_flac(Path(target_path)) and (reason := flac.refusal(format)):
         raise FileRefusedError(f"{target_path}: {reason}")
 

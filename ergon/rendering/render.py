@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from ergon import _core
 from ergon.exchange import sound
-from ergon.exchange.safe import FileGroup, check_target, file_group
+from ergon.exchange.safe import FileGroup, FileRefusedError, check_target, file_group
 
 from . import stretches
 from .ahead import computed_ahead
@@ -335,10 +335,16 @@ def _fill_with_master(
 
 
 def _job_with_end(job: RenderJob, piece_end: int) -> RenderJob:
-    """The job of a piece that ends at frame `piece_end`."""
+    """The job of a piece that ends at frame `piece_end`. Raises FileRefusedError if the part to
+    render begins later.
+    """
     if not job.has_open_end:
         return job
-    return replace(job, stop=min(max(piece_end, job.start), job.stop))
+    if piece_end <= job.start:
+        begin, end = (f"{frame / job.format.rate:.3g} s" for frame in (job.start, piece_end))
+        message = f"the part to render begins at {begin}, and the sound ends at {end}"
+        raise FileRefusedError(f"{job.target}: {message}")
+    return replace(job, stop=min(piece_end, job.stop))
 
 
 def _finished_files(

@@ -15,6 +15,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading import mixing, tones
 from ergon.scores.reading.build import has_single
 from ergon.scores.reading.measured_tables import LAYOUT_RECORD
+from ergon.scores.reading.mix_tables import MAX_CHANNELS
 from ergon.scores.reading.outputs import Accuracy, Master, Mix, RenderSpec, Route
 from ergon.space import directions
 
@@ -84,6 +85,9 @@ def mix(section_values: Values | None, files: Files) -> Mix:
     highest_channel = max(map(max, route_channels), default=0)
     n_outputs = speaker_layout.n_channels if speaker_layout else 0
     n_channels = section_values["channels"] or max(highest_channel, n_outputs)
+    if n_outputs > MAX_CHANNELS:
+        message = f"the layout has output {n_outputs}; a mix has at most {MAX_CHANNELS} channels"
+        section_values.error("E202", message, "layout")
     for route in routes:
         if route.to == "nearest":
             if speaker_layout is None:

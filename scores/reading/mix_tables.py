@@ -13,7 +13,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.scores.reading import mixing, tones
 from ergon.scores.reading.foreign_words import ADVICE_BY_WORD, FIELD_SYNONYMS
 
-MAX_CHANNELS = 1024
+MAX_CHANNELS = 64  # of sound files, of the ring of a sound card and of the loudness of a mix
 
 
 def _parse_channels(channels_text: str) -> Any:

@@ -294,6 +294,26 @@ def test_silent_render_exits_1_with_strict(folder: Path, capsys: Capture) -> Non
     assert app.run(["render", "bell.yaml", "--strict"]) == 0
 
 
+def test_render_of_more_outputs_than_channels_is_refused(capsys: Capture) -> None:
+    """Without a mix every output has a channel of its own."""
+    out = ", ".join(f"o{number}: {{SOX: m}}" for number in range(65))
+    text = f"{{modules: {{m: {{CEL: {{M: 2g, f: A4, X0: 1mm}}}}}}, out: {{{out}}}}}"
+    Path("many.yaml").write_text(
+        f"ergon: 1\ninstruments: {{bell: {text}}}\nrender: {{tail: 1ms}}\n"
+    )
+    assert app.run(["render", "many.yaml"]) == 2
+    assert "a sound file has at most 64 channels, not 65" in capsys.readouterr().err
+    assert not Path("many.wav").exists()
+
+
+def test_render_of_a_part_behind_the_end_is_refused(capsys: Capture) -> None:
+    text = Path("bell.yaml").read_text(encoding="utf-8")
+    Path("bell.yaml").write_text(re.sub("tail: [^,}]*", "tail: auto", text), encoding="utf-8")
+    assert app.run(["render", "bell.yaml", "--from", "59s", "-o", "part.wav"]) == 2
+    assert "the part to render begins at 59 s, and the sound ends at" in capsys.readouterr().err
+    assert not Path("part.wav").exists()
+
+
 def test_render_with_all_samples_rounded_to_zero_warns(folder: Path, capsys: Capture) -> None:
     score = "ergon: 1\ninstruments: {m: {CEL: {M: 1g, f: A4, t60: 1s}, out: {SOX: m}}}\n"
     score += "strikes: {s: {to: m, at: 0, impulse: IMPULSE}}\nrender: {tail: 100ms, bits: BITS}\n"

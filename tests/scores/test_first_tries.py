@@ -415,6 +415,14 @@ def test_masses_of_discrete_networks_are_numbers():
     assert [d.code for d in load("s.yaml", text=in_si).diagnostics] == ["E203"]
 
 
+@pytest.mark.parametrize("rest", ["ply 2", "G4"])
+def test_value_cut_by_a_comma_is_quoted(rest: str):
+    cut = read("every: 1, times: 2", f"every: 1, notes: C4 E4, {rest}")
+    (mistake,) = (one for one in cut.diagnostics if one.code == "E101")
+    advice = "a comma ends a value between braces; write it in quotes: "
+    assert mistake.help == f'{advice}notes: "C4 E4, {rest}"'
+
+
 @pytest.mark.parametrize(
     ("text", "help"),
     [

@@ -159,6 +159,7 @@ def test_digest_of_pan_room_and_master_values():
         (PLAIN, "rooms: {hall: {size: 8m}}", "E103", "t60"),
         (PLAIN, "rooms: {hall: {t60: {1Hz: 1s, 2Hz: 1s, 3Hz: 1s}}}", "E106", "two frequencies"),
         (PLAIN, "rooms: {hall: {t60: 2s, to: 3}}", "E202", "channel 3 does not exist"),
+        (PLAIN, "rooms: {hall: {t60: 2s, to: 65}}", "E202", "the range from 1 to 64"),
     ],
 )
 def test_mix_mistakes_codes_and_lines(treated, rooms, code, words):

@@ -263,6 +263,11 @@ class Record(Shape):
             if entry_word in self.elsewhere:
                 context.error("E101", message, key_node.place, help=self.elsewhere[entry_word])
                 return
+            cut_value = _cut_value(record_values, entry_word, key_node, child_node)
+            if cut_value is not None:
+                advice = f"a comma ends a value between braces; write it in quotes: {cut_value}"
+                context.error("E101", message, key_node.place, help=advice)
+                return
             if suggestion := nearest(entry_word, known_names):
                 record_values.misspelt.add(suggestion)
             if (help_text := name_help(entry_word)) is not None:  # name and value in one word
@@ -346,3 +351,19 @@ class Record(Shape):
         if name in self.by_name:
             return self.by_name[str(name)].shape
         return self.kinds.get(str(name), self.free)
+
+
+def _cut_value(
+    record_values: Values, entry_word: str, key_node: Scalar, child_node: Node
+) -> str | None:
+    """The field in quotes of which an entry without a value is the rest, behind a comma."""
+    field_name, field_node = next(reversed(record_values.nodes.items()), ("", child_node))
+    if not (isinstance(field_node, Scalar) and isinstance(child_node, Scalar)):
+        return None
+    value = f"{field_node.text}, {entry_word}"
+    is_rest = (
+        child_node.is_empty
+        and " " in value.replace(", ", ",")
+        and field_node.place.line == key_node.place.line
+    )
+    return f'{field_name}: "{value}"' if is_rest else None

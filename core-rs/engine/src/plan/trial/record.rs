@@ -254,7 +254,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn header_of_trials_whose_share_was_refused() {
+    fn header_of_trials_with_a_refused_share() {
         let allowance = Allowance::with_seconds(1.0);
         let work_left = allowance.begin_series();
         let share = allowance.split_off(0.5);
