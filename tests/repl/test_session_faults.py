@@ -252,7 +252,7 @@ def test_save_of_a_tempo_at_a_later_bar(delayed: Delayed, tmp_path: Path) -> Non
 
 
 def test_lines_before_play_singly_equal_a_block(tmp_path: Path) -> None:
-    lines = ["kick = skins/kick", "route kick 1 2", "gain kick -3dB"]
+    lines = ["vib = bars/vibraphone", "route vib 1 2", "gain vib -3dB"]
     heads = []
     for number, typed in enumerate((lines, ["\n".join(lines)])):
         folder = tmp_path / str(number)

@@ -13,12 +13,12 @@ def test_gain_of_an_instrument_under_way(delayed: Delayed) -> None:
     """It acted before the instrument was there, and the journal could not be rendered."""
     delayed.delay = lambda: 0.1
     delayed.ok("tempo 110")
-    delayed.ok("kick = skins/kick\nroute kick 1 2")
+    delayed.ok("vib = bars/vibraphone\nroute vib 1 2")
     assert delayed.session.schedule.changes.pending
-    delayed.ok("gain kick -3dB")
+    delayed.ok("gain vib -3dB")
     delayed.delay = lambda: 0.0
     delayed.ok("play")
-    delayed.ok("rain strikes kick.hammer every 1 impulse 20mNs now")
+    delayed.ok("rain strikes vib.hammer every 1 impulse 20mNs now")
     delayed.run(2.0)
     assert np.abs(delayed.sound).max() > 1e-6
     check_render(delayed)
@@ -61,14 +61,14 @@ def test_gain_of_a_withdrawn_instrument(delayed: Delayed) -> None:
     delayed.ok("play")
     delayed.ok("ada plays knock every 1/4 now")
     delayed.run(1.75)
-    delayed.ok("kick = skins/kick\nroute kick 1 2")
-    delayed.ok("gain kick -3dB")
+    delayed.ok("vib = bars/vibraphone\nroute vib 1 2")
+    delayed.ok("gain vib -3dB")
     delayed.ok("gain bell -6dB")
     assert len(delayed.session.schedule.changes.pending) == 3
     delayed.ok("hush now")
     delayed.run(3.0)
     assert delayed.session.schedule.head.faders.gains == pytest.approx(
-        {"kick": 0.708, "bell": 0.501}, abs=1e-3
+        {"vib": 0.708, "bell": 0.501}, abs=1e-3
     )
     assert not events(delayed, "dropped")
     check_render(delayed)
