@@ -24,6 +24,7 @@ from ergon.instruments.starts import Start
 from ergon.instruments.stiff import Stretched
 from ergon.notation.tables import quantities
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.octaves import octaves_of_ratio
 from ergon.notation.tables.shapes import MISSING, Text
 from ergon.notation.text.errors import TextError, quote
 
@@ -51,7 +52,7 @@ class Interval:
         """The interval in semitones; an integer counts keys of a scale."""
         if self.scale_steps is not None:
             return self.scale_steps
-        return 12.0 * math.log2(self.ratio) if self.cents is None else self.cents / 100.0
+        return 12.0 * octaves_of_ratio(self.ratio) if self.cents is None else self.cents / 100.0
 
     def plus(self, next_interval: Interval) -> Interval:
         """The sum of this interval and another."""
@@ -119,7 +120,7 @@ INTERVAL_SHAPE = Text(
 
 def _parse_cents(text: str) -> float:
     interval = parse_interval(text)
-    return 1200.0 * math.log2(interval.ratio) if interval.cents is None else interval.cents
+    return 1200.0 * octaves_of_ratio(interval.ratio) if interval.cents is None else interval.cents
 
 
 CENTS_SHAPE = Text(_parse_cents, "an interval, such as 2st", is_value=True)  # in cents
@@ -164,7 +165,7 @@ def _cents_above_a4(frequency: float) -> int | None:
     """The cents above A4 of a frequency that belongs to a note exactly; None for any other."""
     if frequency <= 0.0:
         return None
-    cents = round(1200.0 * math.log2(frequency / _A4_FREQUENCY))
+    cents = round(1200.0 * octaves_of_ratio(frequency / _A4_FREQUENCY))
     return cents if _note_frequency(cents) == frequency else None
 
 

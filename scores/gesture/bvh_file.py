@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ergon import _core
 from ergon.scores.gesture.motion import BLOCK_NUMBERS_MAX, Motion, check_size, unique_names
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
@@ -262,7 +263,8 @@ def _rotation_matrices(axis: int, degrees: Floats) -> Floats:
     j, k = (axis + 1) % 3, (axis + 2) % 3
     matrices = np.zeros((len(angles), 3, 3))
     matrices[:, axis, axis] = 1.0
-    matrices[:, j, j] = matrices[:, k, k] = np.cos(angles)
-    matrices[:, k, j] = np.sin(angles)
+    # Sine and cosine of numpy differ by their last bit from one processor to another.
+    matrices[:, j, j] = matrices[:, k, k] = [_core.cos(angle) for angle in angles]
+    matrices[:, k, j] = [_core.sin(angle) for angle in angles]
     matrices[:, j, k] = -matrices[:, k, j]
     return matrices

@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from math import log2
 
+from ergon.notation.tables.octaves import octaves_of_ratio
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern.cycle_operations import filter_values
@@ -111,7 +111,9 @@ def _read_semitones(typed_word: str) -> float | None:
         )
         if not factor:
             return None
-        semitones = 12.0 * (log2(factor.numerator) - log2(factor.denominator))
+        semitones = 12.0 * (
+            octaves_of_ratio(factor.numerator) - octaves_of_ratio(factor.denominator)
+        )
     return semitones if abs(semitones) <= MAX_SEMITONES else None
 
 

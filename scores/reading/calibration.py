@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from math import log, pi
+from math import pi
 
+from ergon.common.decay import LN_1000
 from ergon.instruments.model import Module
 from ergon.instruments.read import with_ground_point
 from ergon.notation.tables.fields import Values
@@ -14,7 +15,6 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.reading.measured_tables import CALIBRATION_RECORD
 
-_SIGMA_TIMES_T60 = 3.0 * log(10.0)  # σ·T60
 # The end of travel under a key that no spring carries: its least stiffness [N/m], and the largest
 # distance by which the weight may press it in [m].
 _TRAVEL_END_STIFFNESS, _TRAVEL_END_YIELD_MAX = 20e3, 20e-6
@@ -140,7 +140,7 @@ def key_constants(measured: Values) -> tuple[float, float, float | None] | None:
 
 
 def _mode_modules(mode_name: str, mode_values: Values, key_cel: Module) -> tuple[Module, Module]:
-    omega, sigma = 2.0 * pi * mode_values["f"], _SIGMA_TIMES_T60 / mode_values["t60"]
+    omega, sigma = 2.0 * pi * mode_values["f"], LN_1000 / mode_values["t60"]
     mass = mode_values["M"]
     point_fields = {"M": mass, "X0": key_cel.fields["X0"], "V0": key_cel.fields["V0"]}
     spring_fields = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}

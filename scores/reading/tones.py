@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import log10
 from typing import Any, Literal
 
+from ergon import _core
 from ergon.notation.tables import value_kinds
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
@@ -14,6 +14,7 @@ from ergon.notation.tables.shapes import MISSING
 
 FilterKind = Literal["lowpass", "lowshelf", "highshelf"]
 DELAY_MAX = 10.0  # [s]
+_LN_10 = 2.302585092994046
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,7 @@ def _shelf_point(shelf_values: Values) -> Any:
     if shelf_values["gain"] <= 0.0:
         shelf_values.error("E202", f"{shelf_values.context.label('gain')} must be above x0", "gain")
         return MISSING
-    return shelf_values["f"], 20.0 * log10(shelf_values["gain"])
+    return shelf_values["f"], 20.0 * _core.ln(shelf_values["gain"]) / _LN_10
 
 
 def _echo_of_values(echo_values: Values) -> Any:

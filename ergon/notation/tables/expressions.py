@@ -18,6 +18,7 @@ from fractions import Fraction
 from ergon import _core
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import tuning
+from ergon.notation.tables.octaves import octaves_of_ratio
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
@@ -207,7 +208,7 @@ class _Reader:
             tuning_written = tuning.written()
             hertz = None if tuning_written is None else tuning_written.hertz(text_match[0])
             if hertz is not None:
-                return Amount(Fraction(12.0 * math.log2(hertz / 440.0)), "note")
+                return Amount(Fraction(12.0 * octaves_of_ratio(hertz / 440.0)), "note")
             steps = _LETTERS[letter] + _SIGNS[accidental_sign] + 12 * (int(octave) - 4)
             return Amount(Fraction(steps), "note")
         if word_match is not None and word_match[0] in self.later_names:

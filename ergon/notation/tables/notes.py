@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 from ergon import _core
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import tuning
+from ergon.notation.tables.octaves import octaves_of_ratio
 from ergon.notation.tables.shapes import MISSING, Context, Shape, wrong_shape
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
@@ -78,7 +78,7 @@ def name(note_number: int, *, flat: bool = False) -> str:
 def nearest_note(frequency: float) -> tuple[str, float]:
     """The note of equal temperament (A4 = 440 Hz) next to a frequency [Hz], and how far above it
     the frequency lies [cents]."""
-    semitones = 69 + 12 * math.log2(frequency / 440)
+    semitones = 69 + 12 * octaves_of_ratio(frequency / 440)
     key = round(semitones)
     octave, step = divmod(key, 12)
     return f"{_NOTE_NAMES[step]}{octave - 1}", 100 * (semitones - key)

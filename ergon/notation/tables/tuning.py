@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from ergon import _core
+from ergon.notation.tables.octaves import octaves_of_ratio
 from ergon.notation.tables.scala import KeyMap, Scale
 from ergon.notation.text.errors import TextError, quote
 
@@ -148,7 +149,7 @@ class Tuning:
                 message = f"{quote(word)}: the key {key} has no pitch in the keyboard map"
                 raise TextError(message, length=len(word), code="E201")
             return hertz * _core.pow(2.0, cents / 1200.0) if cents else hertz
-        steps_per_fifth = round(self.edo * math.log2(1.5))
+        steps_per_fifth = round(self.edo * octaves_of_ratio(1.5))
         octaves, step = divmod(steps_per_fifth * fifths + self.edo * octaves, self.edo)
         if self.edo == 12:  # the cents are part of the exponent: every A is exact
             semitones = step + cents / 100
@@ -198,7 +199,7 @@ class Tuning:
             raise TextError(message, length=len(word), code="E201")
         fifths, octaves = _FIFTHS_AND_OCTAVES[match[1]]
         accidentals = _SIGNS[match[2]]
-        steps_per_fifth = round(self.edo * math.log2(1.5))
+        steps_per_fifth = round(self.edo * octaves_of_ratio(1.5))
         octave = int(match[3]) - 4 + octaves + accidentals * _SHARP_FIFTHS_AND_OCTAVES[1]
         return (
             steps_per_fifth * (fifths + accidentals * _SHARP_FIFTHS_AND_OCTAVES[0])
@@ -245,7 +246,7 @@ def _frequency_of_step(hertz: float, step: int, n_steps: int) -> float:
 
 def semitones(hertz: float) -> float:
     """How high a frequency [Hz] is in semitones, 69 at 440 Hz, to 0.001 cents."""
-    return round(69.0 + 12.0 * math.log2(hertz / 440.0), 5)
+    return round(69.0 + 12.0 * octaves_of_ratio(hertz / 440.0), 5)
 
 
 def hertz_word(hertz: float) -> str:
