@@ -1,7 +1,7 @@
 # One list of tasks; CI calls them by the same names.
 #   make demo       build, render a bundled score to a WAV, say where and how fast, play it if it can
 #   make test       everything that must hold (random cases by a fixed seed: no luck in a landing); installs the programs that tests
-#                   start, or skips these tests and names them. SKIPS=fail: a skipped test is a failed one, as in CI
+#                   start, or skips these tests and names them. SKIPS=fail: a skipped test is a failed one, as in .ci/run
 #   make test-terminal  the quick half of what is printed, in the plainest locale and a terminal of 80 columns
 #   make check      format, lint, types, Rust documentation, workflows; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)

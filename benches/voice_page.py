@@ -13,7 +13,7 @@ _HEAD = """\
 # Voices in real time
 
 How many voices of each instrument that ships does one core play at once? `python -m benches voices`
-prints this table and `--page` writes this page; do not edit it. `--instruments guitar,viol`
+prints this table and `--page` writes this page anew. `--instruments guitar,viol`
 measures some.
 
 * Machine: {cpu}, {cores} cores, {system}; Python {python}; {peers}; load before the run {load}.

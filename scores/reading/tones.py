@@ -6,15 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from ergon import _core
-from ergon.notation.tables import value_kinds
+from ergon.notation.tables import quantities, value_kinds
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING
 
 FilterKind = Literal["lowpass", "lowshelf", "highshelf"]
 DELAY_MAX = 10.0  # [s]
-_LN_10 = 2.302585092994046
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +42,7 @@ def _shelf_point(shelf_values: Values) -> Any:
     if shelf_values["gain"] <= 0.0:
         shelf_values.error("E202", f"{shelf_values.context.label('gain')} must be above x0", "gain")
         return MISSING
-    return shelf_values["f"], 20.0 * _core.ln(shelf_values["gain"]) / _LN_10
+    return shelf_values["f"], quantities.decibels_of(shelf_values["gain"])
 
 
 def _echo_of_values(echo_values: Values) -> Any:

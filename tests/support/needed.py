@@ -1,8 +1,8 @@
 """What a test needs and a machine may lack: without it the test is skipped, with the command that
 brings it.
 
-`pytest --no-skips`, as CI runs it, makes every skipped test a failure. Otherwise the last lines of
-a run name the skipped tests and what would bring them.
+`pytest --no-skips`, as `.ci/run` runs it, makes every skipped test a failure. Otherwise the last
+lines of a run name the skipped tests and what would bring them.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.notation.text.typeset import plain, typeset_character
 
 MAX_TEXT = 64  # characters of one quantity
+_LN_10 = 2.302585092994046
 MAX_SIZE = 1e18  # beyond every quantity of a key, a gong or a rate; far from overflow when squared
 
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eE]([+-]?\d{1,4}))?")
@@ -506,6 +507,11 @@ def _unit_of(word: str) -> str:
 def ratio_of(decibels: float) -> float:
     """The ratio of amplitudes of a level [dB]."""
     return _core.decibels(decibels)
+
+
+def decibels_of(ratio: float) -> float:
+    """The level of an amplitude ratio above 0 [dB]."""
+    return 20.0 * _core.ln(ratio) / _LN_10
 
 
 def gain(gain_text: str) -> float:
