@@ -73,9 +73,12 @@ def prepare(
     options: FreezeOptions,
     report: Report,
 ) -> PreparedFreeze:
-    """Stage a score of which only these parts are heard."""
+    """Stage a score of which only these parts are heard; an instrument with `notes` names all of
+    its notes.
+    """
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
+    parts = [part for name in parts for part in piece.families.get(name, (name,))]
     _check_instruments(piece, parts)
     live_players = [player.name for player in piece.players.values() if player.hand == "live"]
     _check_untouched(piece, parts, live_players, "freeze")
@@ -141,11 +144,13 @@ def _check_instruments(piece: Piece, part_names: Iterable[str]) -> None:
                 "this instrument has no route to a channel; add a route to the mix",
                 value=part,
             )
-        nearest_part = nearest(part, audible_names)
+        families = piece.note_families()
+        instrument_names = list(dict.fromkeys(families.get(name, name) for name in audible_names))
+        nearest_name = nearest(part, [*instrument_names, *audible_names])
         hint = (
-            f"; did you mean '{nearest_part}'?"
-            if nearest_part
-            else f"; there are {', '.join(audible_names)}"
+            f"; did you mean '{nearest_name}'?"
+            if nearest_name
+            else f"; there are {', '.join(instrument_names)}"
         )
         raise OptionError("freeze", f"the score has no instrument '{part}'{hint}")
 

@@ -271,6 +271,19 @@ def test_freeze_of_output_on_live_module_is_refused():
     assert str(tie) == "gong cannot be frozen without bell: both listen to one module"
 
 
+def test_freeze_of_an_instrument_with_notes(folder: Path, capsys: Capture):
+    Path("n.yaml").write_text(
+        "ergon: 1\ninstruments: {vib: {from: bars/vibraphone, notes: C4..D4}}\n"
+        "strikes: {a: {to: vib, notes: C4 D4, at: 1|1, every: 1/2, times: 2}}\n"
+        "render: {tail: 0.2s}\n"
+    )
+    assert app.run(["render", "n.yaml", "--freeze", "vib", "-q", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["parts"] == ["vib.C4", "vib.C#4", "vib.D4"]
+    assert app.run(["play", "n.yaml", "--frozen", "n.frozen", "--audio", "null", "-q"]) == 0
+    assert app.run(["render", "n.yaml", "--freeze", "xylo", "-q"]) == 2
+    assert "no instrument 'xylo'; there are vib" in capsys.readouterr().err
+
+
 def test_freeze_and_frozen_options_refusals(folder: Path, capsys: Capture):
     def refused(*asked: str) -> str:
         assert app.run(list(asked)) == 2
