@@ -27,7 +27,7 @@ JUST_NOTICEABLE: tuple[float, float, float, float, float, float]
 MAX_MODAL: int  # most modes of a MODES
 MAX_PLACES: int  # most places of a MODES
 # Mean difference of third octaves that rounding alone causes in a chaotic motion [dB].
-SPECTRUM_NOISE: float
+SPECTRUM_NOISE_DB: float
 
 _Floats = NDArray[np.float64]
 _LinkFactor = tuple[int, float]  # (LIA, factor of its force)

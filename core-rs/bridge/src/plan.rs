@@ -253,7 +253,7 @@ impl PlanRow {
 }
 
 impl PlanRow {
-    fn from_row(row: &plan::Row) -> Self {
+    fn from_row(row: &plan::PlanRow) -> Self {
         let (what, modes, left_out_db) = match row.computation {
             Computation::Stepped => ("stepped", None, None),
             Computation::Mesh(method, _) => (method, None, None),
@@ -324,7 +324,7 @@ impl PlanRow {
             cut_short: row.trials_cut_short,
             drafted: row.is_drafted,
             diverges: row.has_diverged,
-            harder_at: row.harder_event_seconds,
+            harder_at: row.harder_event_time,
             unchecked_from: row.unchecked_from_seconds,
         }
     }

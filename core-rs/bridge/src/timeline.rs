@@ -210,7 +210,7 @@ impl Timeline {
     #[pyo3(signature = (link, before, after, start, stop, *, n=1))]
     fn fade(&mut self, link: usize, before: f64, after: f64, start: f64, stop: f64, n: usize) -> PyResult<()> {
         self.inner
-            .fade(&self.network, (link, n), (before, after), (start, stop))
+            .glide_force(&self.network, (link, n), (before, after), (start, stop))
             .map_err(from_engine)
     }
 

@@ -63,8 +63,8 @@ pub(crate) fn oscillator_banks(
             Oscillator {
                 a: 2.0 - scheme.kappa[i] - scheme.zeta[i],
                 b: 1.0 - scheme.zeta[i],
-                now: offset,
-                before: offset - steps_before[i],
+                position: offset,
+                previous_position: offset - steps_before[i],
                 outputs: Vec::new(),
                 blows: Vec::new(),
             }

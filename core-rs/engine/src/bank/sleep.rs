@@ -65,8 +65,13 @@ pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], ra
             Kick::Displacement(x) => x.abs(),
             Kick::Ergon { .. } => 0.0,
         });
-        let start_amplitude =
-            Some(amplitude(oscillator.a, oscillator.b, oscillator.now, oscillator.before)).filter(|x| x.is_finite());
+        let start_amplitude = Some(amplitude(
+            oscillator.a,
+            oscillator.b,
+            oscillator.position,
+            oscillator.previous_position,
+        ))
+        .filter(|x| x.is_finite());
         blow_sizes.fold(start_amplitude.unwrap_or(0.0), f64::max) * output_scale(oscillator)
     });
     let shared_sizes = strikes.iter().flat_map(|strikes| {

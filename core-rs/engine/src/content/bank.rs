@@ -24,7 +24,12 @@ impl BankContent {
         hash_sink.add(rate.hertz().to_le_bytes());
         hash_sink.add([u8::from(bank.is_open)]);
         for oscillator in &bank.oscillators {
-            for number in [oscillator.a, oscillator.b, oscillator.now, oscillator.before] {
+            for number in [
+                oscillator.a,
+                oscillator.b,
+                oscillator.position,
+                oscillator.previous_position,
+            ] {
                 hash_sink.add(number.to_le_bytes());
             }
             hash_sink.add((oscillator.outputs.len() as u64).to_le_bytes());

@@ -70,24 +70,34 @@ pub(crate) fn compute_link_forces(
                     }
                 }
             }
-            LinkRunKind::Followed { law, rate, slot } => {
+            LinkRunKind::Followed {
+                law,
+                velocity_factor,
+                slot,
+            } => {
                 let current_law = &mut laws.following_laws[*slot];
                 law.update_law(current_law, |mat| modules.x[mat]);
                 let EndMotions { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
-                    link_force[i] = current_law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
+                    link_force[i] = current_law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * velocity_factor);
                 }
             }
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.
             LinkRunKind::Dry { .. } | LinkRunKind::Space(_) | LinkRunKind::Pairwise { .. } => link_force.fill(0.0),
-            LinkRunKind::Lnl { law, rate, slot } => match law.hardening_spring() {
-                Some(hardening_law) => set_hardening_forces(hardening_law, *rate, run.rest, &run_ends, link_force),
+            LinkRunKind::Lnl {
+                law,
+                velocity_factor,
+                slot,
+            } => match law.hardening_spring() {
+                Some(hardening_law) => {
+                    set_hardening_forces(hardening_law, *velocity_factor, run.rest, &run_ends, link_force)
+                }
                 None => {
                     let EndMotions { xa, xb, da, db } = run_ends;
                     let (e, v) = (&mut laws.elongations[..run.len], &mut laws.elongation_rates[..run.len]);
                     for i in 0..run.len {
                         e[i] = xb[i] - xa[i] - run.rest;
-                        v[i] = (db[i] - da[i]) * rate;
+                        v[i] = (db[i] - da[i]) * velocity_factor;
                     }
                     law.eval_in(e, v, link_force, &mut laws.law_scratch[*slot], &mut laws.native_scratch);
                 }
@@ -160,7 +170,7 @@ wide! {
 wide! {
     /// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
     /// bits are the same.
-    pub(super) fn set_hardening_forces(law: Hardening, rate: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
+    pub(super) fn set_hardening_forces(law: Hardening, velocity_factor: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
         let n = f.len();
         let [xa, xb, da, db] = ends.equal_slices(n);
         let Hardening { k, q, z } = law;
@@ -170,7 +180,7 @@ wide! {
         }
         if let Some(z) = z {
             for i in 0..n {
-                f[i] += z * ((db[i] - da[i]) * rate);
+                f[i] += z * ((db[i] - da[i]) * velocity_factor);
             }
         }
     }

@@ -4,10 +4,10 @@ use crate::assembly::audible::ModeKind;
 use crate::assembly::choice::Choice;
 use crate::content::{Sink, hex};
 use crate::island::ContactOrder;
-use crate::plan::row::{Computation, LeftOutReason, Row};
+use crate::plan::row::{Computation, LeftOutReason, PlanRow};
 
 /// A hash of decisions, and of the rows that they concern.
-pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
+pub(in crate::plan) fn hash(choices: &[Choice], rows: &[PlanRow]) -> String {
     let mut hash_sink = Sink::new();
     for row in rows {
         for part in &row.parts {

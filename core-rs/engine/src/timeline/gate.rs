@@ -99,9 +99,9 @@ impl Gate {
         self.first_link..self.first_link + self.n_links
     }
 
-    /// Whether the gate only glides: its links act all the time.
-    pub(crate) fn is_ramp(&self) -> bool {
-        (self.start, self.stop) == (None, None)
+    /// Whether its links act for a limited time; else the gate only glides.
+    pub(crate) fn has_schedule(&self) -> bool {
+        self.start.is_some() || self.stop.is_some()
     }
 
     /// Whether the force of the links glides.
@@ -221,7 +221,7 @@ impl Timeline {
             Some(_) => {}
         }
         let gate_index = self.gates.iter().position(|gate| gate.first_link == link);
-        if gate_index.is_some_and(|index| !self.gates[index].is_ramp()) {
+        if gate_index.is_some_and(|index| self.gates[index].has_schedule()) {
             return refusal("the link already has a schedule");
         }
         if !(fade > 0.0 && fade.is_finite()) {
@@ -257,7 +257,7 @@ impl Timeline {
     ///
     /// # Errors
     /// If the LIAs are not whole runs or glide already, or `stop` does not come after `start`.
-    pub fn fade(
+    pub fn glide_force(
         &mut self,
         network: &Network,
         (link, n): (usize, usize),

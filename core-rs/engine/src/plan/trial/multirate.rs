@@ -18,8 +18,8 @@ use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
 use crate::plan::constants::KEY_PHASE_MAX;
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::horizon;
+use crate::plan::trial::allowance::{Allowance, none_if_spent};
+use crate::plan::trial::horizon::{self, PlannedRun};
 use crate::plan::trial::pilot_run::{is_affordable, pilot_excerpt, play};
 use crate::plan::trial::record::{TrialSeries, TrialStore, measured_error};
 use crate::plan::trial::waveform_error::{ComparedSpans, difference_db};
@@ -263,9 +263,12 @@ pub(in crate::plan) fn slow_error(
     let Some(slow_error) = slow_error else {
         return Ok(None);
     };
-    let played_pair = [&slow_island, &every_frame_island].map(|island| (&island.island_plan, contact_substeps));
+    let played_pair = [&slow_island, &every_frame_island].map(|island| PlannedRun {
+        island_plan: &island.island_plan,
+        contact_substeps,
+    });
     let allowance_and_store = (allowance, store);
-    unless_spent(horizon::extend_error(
+    none_if_spent(horizon::extend_error(
         slow_error,
         budget,
         played_pair,
@@ -280,7 +283,7 @@ fn compare_with_every_frame(
     contact_substeps: usize,
     (budget, allowance): (&Budget, &Allowance),
 ) -> Result<Option<MeasuredError>, Error> {
-    let excerpt = unless_spent(pilot_excerpt(&slow_island.island_plan, allowance))?;
+    let excerpt = none_if_spent(pilot_excerpt(&slow_island.island_plan, allowance))?;
     let excerpt = excerpt
         .filter(|excerpt| excerpt.n_frames > 0 && is_affordable(&every_frame_island.island_plan, excerpt.n_frames));
     let Some(excerpt) = excerpt else {
@@ -289,7 +292,7 @@ fn compare_with_every_frame(
     let spans = ComparedSpans::new(&slow_island.island_plan, excerpt.n_frames);
     let play_island = |island: &Assembled| {
         let played_run = play(&island.island_plan, contact_substeps, excerpt, allowance);
-        unless_spent(played_run)
+        none_if_spent(played_run)
     };
     let (Some(slow_run), Some(every_frame_run)) = (play_island(slow_island)?, play_island(every_frame_island)?) else {
         return Ok(None);
