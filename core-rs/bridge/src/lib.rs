@@ -67,7 +67,7 @@ mod _core {
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError, UnsureError};
     #[pymodule_export]
-    use super::excitation::{Excited, emulated_device, excite};
+    use super::excitation::{ExcitationRecord, emulated_device, excite};
     #[pymodule_export]
     use super::faults::{FaultMeasurement, measure_faults};
     #[pymodule_export]
