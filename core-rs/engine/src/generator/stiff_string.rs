@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use super::fit::{least_squares, polynomial};
 use super::string::{Ends, Row, string};
-use super::{GeneratorError, Links, Topology, count};
+use super::{GeneratorError, Links, Topology, check_count};
 use crate::maths::{log, sin};
 
 /// Number of partials that are in tune.
@@ -32,7 +32,7 @@ const MAX_BENT: usize = 5_000;
 /// Numbers out of range, or too few masses for the first 20 partials within 1 cent.
 pub fn stiff_string(masses: usize, ends: Ends, inharmonicity: f64) -> Result<Topology, GeneratorError> {
     let masses_label = "`masses` of a string with inharmonicity";
-    count(masses_label, masses, 1, MAX_BENT)?;
+    check_count(masses_label, masses, 1, MAX_BENT)?;
     if !(0.0..=0.1).contains(&inharmonicity) {
         return Err(GeneratorError::Range {
             what: "`inharmonicity`",

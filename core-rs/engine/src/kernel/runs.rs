@@ -2,7 +2,7 @@
 //! three passes (forces, ends a, ends b), so that each pass vectorises although the two ends of a run may overlap.
 
 use super::KernelScratch;
-use super::pull::pull;
+use super::pull::add_link_forces_wide;
 use super::springs::ForcePart;
 use super::thread_team::ThreadTeam;
 use super::{pairwise, space};
@@ -170,7 +170,13 @@ wide! {
 wide! {
     /// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
     /// bits are the same.
-    pub(super) fn set_hardening_forces(law: Hardening, velocity_factor: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
+    pub(super) fn set_hardening_forces(
+        law: Hardening,
+        velocity_factor: f64,
+        rest: f64,
+        ends: &EndMotions<'_>,
+        f: &mut [f64],
+    ) {
         let n = f.len();
         let [xa, xb, da, db] = ends.equal_slices(n);
         let Hardening { k, q, z } = law;
@@ -189,5 +195,5 @@ wide! {
 /// Add a run's forces to its two ends: F_a += f, F_b −= f.
 pub(super) fn scatter(run: &LinkRun, modules: &mut ModuleState) {
     let link_force = &modules.link_forces[run.first_link..run.first_link + run.len];
-    pull(link_force, &mut modules.force, run.a, run.b);
+    add_link_forces_wide(link_force, &mut modules.force, run.a, run.b);
 }

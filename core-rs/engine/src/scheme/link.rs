@@ -181,7 +181,7 @@ impl LinkRun {
     }
 }
 
-/// The part of the energy of a shared `tension` that one link at elongation `e` [m] stores [J].
-pub(crate) fn tension_energy(tension: f64, e: f64) -> f64 {
-    0.25 * tension * e * e
+/// The part of the energy of a shared stiffness that one link at elongation `e` [m] stores [J].
+pub(crate) fn tension_energy(shared_stiffness: f64, e: f64) -> f64 {
+    0.25 * shared_stiffness * e * e
 }

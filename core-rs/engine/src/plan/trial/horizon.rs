@@ -158,7 +158,7 @@ pub(in crate::plan) fn extend_error(
 /// A hash of all that the result of [`extend_error_over`] depends on.
 fn horizon_key(measured: MeasuredError, budget: &Budget, played: [PlannedRun<'_>; 2], end_frame: usize) -> String {
     let [run_key, other_key] = played.map(|run| {
-        let content = Content::new(run.island_plan).key(run.island_plan, (0, end_frame as u64), "");
+        let content = Content::new(run.island_plan).hash_of_span(run.island_plan, (0, end_frame as u64), "");
         (content, run.contact_substeps)
     });
     hash_hex(format_args!(

@@ -99,7 +99,7 @@ impl Voice {
         }
         let last_time = gesture.last_frame() as f64 / scene.scheme.rate;
         let t = (knot_now.t + gesture.gesture.manner.join_seconds)
-            .min(path.stop_time())
+            .min(path.end_time())
             .min(last_time);
         let (x, v, a) = path.evaluate(t);
         (t > knot_now.t).then(|| JoiningCurve::new(knot_now, Knot { t, x, v, a }))
