@@ -11,7 +11,7 @@ use ergon_live::recording::{self, Header, Recorder};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use crate::device::{AxisTuple, Device, axis};
+use crate::device::{AxisTuple, Device, parse_axis};
 use crate::emulator::PROTOCOLS;
 use crate::error::{module_error, parse_choice, plain_error};
 use crate::perform::RecordTuple;
@@ -78,7 +78,7 @@ pub(crate) fn excite(
         Recorder::start(&path, &take_header).map_err(crate::recording::from_recording)
     });
     let (mut record_sink, record_handle) = recorder.transpose()?.unzip();
-    let excitation_result = device.with(py, |port, stop| {
+    let excitation_result = device.with_taken_device(py, |port, stop| {
         let excited_axis = AxisCalibration {
             sign: f64::from(sign),
             range: port.range(axis),
@@ -223,7 +223,7 @@ pub(crate) fn emulated_device(
         seconds,
         ends_with_host: false,
     };
-    let calibrated_axes = calibration.into_iter().map(axis).collect::<PyResult<Vec<_>>>()?;
+    let calibrated_axes = calibration.into_iter().map(parse_axis).collect::<PyResult<Vec<_>>>()?;
     let open_device = || live::open_board(&options).map(|device| calibrate::with_calibration(device, &calibrated_axes));
     Ok(Device::from_device(py.detach(open_device).map_err(plain_error)?))
 }

@@ -109,7 +109,7 @@ pub(in crate::plan) const RESERVE_USABLE_SHARE: f64 = 0.9;
 pub(in crate::plan) const SLOW_COST_RATIO_MAX: f64 = 0.95;
 /// Largest turn of the modes of a key from kick to kick for which it is made slow [rad]: R·√λ ≤ 1, with R half the
 /// stability limit. No such key grew in scans without damping.
-pub(in crate::plan) const KEY_PHASE_MAX: f64 = 1.0;
+pub(in crate::plan) const KEY_KICK_PHASE_MAX: f64 = 1.0;
 
 /// Most attempts to leave modes out.
 pub(in crate::plan) const PRUNE_TRIALS_MAX: usize = 4;

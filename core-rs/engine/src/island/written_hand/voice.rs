@@ -338,7 +338,7 @@ impl Voice {
 
     /// Position, velocity and acceleration of the key that the gesture acts on: the free copy, or the scene's key if it
     /// is tracked.
-    fn key_motion(&self, script: &VoiceScript, scene: &VoiceScene<'_>, touch: Touch, n: u64) -> Knot {
+    fn key_knot(&self, script: &VoiceScript, scene: &VoiceScene<'_>, touch: Touch, n: u64) -> Knot {
         let (scheme, modules, mat_index) = match touch {
             Touch::Open => (
                 &*script.free_key.scheme,
