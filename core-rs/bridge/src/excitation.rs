@@ -24,8 +24,8 @@ type GuideTuple = (f64, f64, (f64, f64), (f64, f64), f64);
 /// Push an axis of a device by forces (n_ticks,) [N], then let go of it.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
-#[pyo3(signature = (device, axis, force, rate, frames_per_tick, guide, *, sign=1, unguided_ticks=0, force_step=0.0, tells_touch=true,
-    is_gated=true, record=None))]
+#[pyo3(signature = (device, axis, force, rate, frames_per_tick, guide, *, sign=1, unguided_ticks=0, force_step=0.0,
+    tells_touch=true, is_gated=true, record=None))]
 pub(crate) fn excite(
     py: Python<'_>,
     device: &Device,

@@ -82,7 +82,8 @@ impl Turned {
         by_bound: 0.0,
     };
 
-    /// The velocity after a step in which `v` changes by `increment` by other forces, and friction changes it by at most `bound`.
+    /// The velocity after a step in which other forces change `v` by `increment`, and friction changes it by at most
+    /// `bound`.
     pub(crate) fn after_step(v: f64, increment: f64, bound: f64) -> Self {
         let slide_sign = if v != 0.0 {
             v.signum()

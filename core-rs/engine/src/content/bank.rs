@@ -52,8 +52,8 @@ impl BankContent {
         }
     }
 
-    /// A hash of all that the bank depends on up to frame `end_frame` (64 hex digits); `previous_hash` is that hash up to
-    /// frame `start_frame`, empty at 0.
+    /// A hash of all that the bank depends on up to frame `end_frame` (64 hex digits); `previous_hash` is that hash up
+    /// to frame `start_frame`, empty at 0.
     pub(crate) fn hash_of_span(
         &self,
         bank: &BankPlan,

@@ -127,8 +127,8 @@ impl Content {
         ))
     }
 
-    /// A hash of all that the island depends on up to frame `end_frame` of the scene (64 hex digits); `previous_hash` is
-    /// that hash up to frame `start_frame`, empty at 0.
+    /// A hash of all that the island depends on up to frame `end_frame` of the scene (64 hex digits); `previous_hash`
+    /// is that hash up to frame `start_frame`, empty at 0.
     pub(crate) fn hash_of_span(
         &self,
         island: &IslandPlan,

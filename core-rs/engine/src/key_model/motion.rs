@@ -166,7 +166,8 @@ impl<const N: usize> Motion<N> {
         self.ticks += 1;
         let (previous_force, newest_force) = (self.sent_forces[0], self.sent_forces[1]);
         for step_index in 0..self.steps {
-            let steps_left = self.previous_force_steps - step_index as f64; // steps in which the previous force still acts
+            // Steps in which the previous force still acts.
+            let steps_left = self.previous_force_steps - step_index as f64;
             if steps_left >= 1.0 {
                 self.advance_step(previous_force + immediate_force, 0.0, 1.0);
             } else if steps_left < 0.0 {
@@ -233,8 +234,8 @@ impl<const N: usize> Motion<N> {
         }
     }
 
-    /// One step with `force`; `force_slope` is its derivative with respect to the delay, and `previous_force_share` that
-    /// of the earlier of the two forces of this tick.
+    /// One step with `force`; `force_slope` is its derivative with respect to the delay, and `previous_force_share` the
+    /// share of the earlier of the two forces of this tick.
     fn advance_step(&mut self, force: f64, force_slope: f64, previous_force_share: f64) {
         let (h, x, v) = (self.step_seconds, self.x, self.v);
         let mut mode_pull = 0.0;

@@ -149,7 +149,8 @@ wide! {
             for frame in 0..SPAN_FRAMES {
                 let is_forward_larger = forward[frame].abs() > backward[frame].abs();
                 let larger = if is_forward_larger { forward[frame] } else { backward[frame] };
-                frame_maxima[frame] = if larger.abs() > frame_maxima[frame] { larger.abs() } else { frame_maxima[frame] };
+                let largest = frame_maxima[frame];
+                frame_maxima[frame] = if larger.abs() > largest { larger.abs() } else { largest };
             }
         }
         let mut peak = 0.0;

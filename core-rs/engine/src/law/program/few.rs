@@ -31,7 +31,10 @@ fn unary(operation: Unary, a: Values) -> Values {
         Unary::Exp => lanes::exp_lanes(a),
         Unary::Tanh | Unary::Noise => by_lane(a, a, |a, _| operation.apply(a)),
         _ => {
-            for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh Noise; operation, |OPERATION| a.map(|a| OPERATION.apply(a)))
+            for_each_of!(
+                Unary: Negate Abs Sqrt Sign Exp Tanh Noise;
+                operation, |OPERATION| a.map(|a| OPERATION.apply(a))
+            )
         }
     }
 }
