@@ -8,6 +8,7 @@ use super::thread_team::ThreadTeam;
 use super::{pairwise, space};
 use crate::law::Hardening;
 use crate::maths::wide::wide;
+use crate::network::But;
 use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::ModuleState;
 
@@ -54,22 +55,8 @@ pub(crate) fn compute_link_forces(
                 };
                 set_hardening_forces(hardening_law, 1.0, run.rest, &run_ends, link_force);
             }
-            LinkRunKind::But(but) => {
-                let EndMotions { xa, xb, da, db } = run_ends;
-                for i in 0..run.len {
-                    let (e, step) = (xb[i] - xa[i] - run.rest, db[i] - da[i]);
-                    link_force[i] = but.force(run.k, run.z, e, step);
-                }
-            }
-            LinkRunKind::Bristle { .. } => {
-                if let Some((bristle_law, step)) = run.bristle() {
-                    let bristle_bends = &modules.link_memories[run.first_link..run.first_link + run.len];
-                    let EndMotions { da, db, .. } = run_ends;
-                    for i in 0..run.len {
-                        link_force[i] = bristle_law.force(bristle_bends[i], (db[i] - da[i]) / step);
-                    }
-                }
-            }
+            LinkRunKind::But(but) => set_contact_forces(run, but, &run_ends, link_force),
+            LinkRunKind::Bristle { .. } => set_bristle_forces(run, &run_ends, &modules.link_memories, link_force),
             LinkRunKind::Followed {
                 law,
                 velocity_factor,
@@ -111,6 +98,27 @@ pub(crate) fn compute_link_forces(
     }
     for (force, pair_force) in modules.force.iter_mut().zip(&modules.pair_forces) {
         *force += pair_force;
+    }
+}
+
+#[inline(always)]
+fn set_contact_forces(run: &LinkRun, but: &But, run_ends: &EndMotions<'_>, link_force: &mut [f64]) {
+    let EndMotions { xa, xb, da, db } = run_ends;
+    for i in 0..run.len {
+        let (e, step) = (xb[i] - xa[i] - run.rest, db[i] - da[i]);
+        link_force[i] = but.force(run.k, run.z, e, step);
+    }
+}
+
+#[inline(always)]
+fn set_bristle_forces(run: &LinkRun, run_ends: &EndMotions<'_>, link_memories: &[f64], link_force: &mut [f64]) {
+    let Some((bristle_law, step)) = run.bristle() else {
+        return;
+    };
+    let bristle_bends = &link_memories[run.first_link..run.first_link + run.len];
+    let EndMotions { da, db, .. } = run_ends;
+    for i in 0..run.len {
+        link_force[i] = bristle_law.force(bristle_bends[i], (db[i] - da[i]) / step);
     }
 }
 

@@ -358,8 +358,7 @@ impl<'a> PlanBuilder<'a> {
         let is_discrete_reference = island.is_discrete_reference();
         let first_row = self.plan.rows.len();
         let (plan, timeline) = (&island.island_plan, &island_timeline.timeline);
-        let harder_event_time =
-            error.and_then(|error| horizon::harder_event_time(plan, timeline, error.duration_seconds));
+        let harder_time = error.and_then(|error| horizon::harder_event_time(plan, timeline, error.duration_seconds));
         let unchecked_from_seconds = error.and_then(|error| horizon::unchecked_from(&island.island_plan, error));
         let Assembled {
             island_plan,
@@ -410,7 +409,7 @@ impl<'a> PlanBuilder<'a> {
             report_row.is_discrete_reference = is_discrete_reference;
             report_row.trials_cut_short = is_cut_short;
             report_row.has_diverged = has_diverged;
-            report_row.harder_event_time = harder_event_time;
+            report_row.harder_event_time = harder_time;
             report_row.unchecked_from_seconds = unchecked_from_seconds;
             report_row.rate_refusal = rate_refusals(&refused_slow, report_row);
         }

@@ -187,11 +187,8 @@ fn extend_error_over(
             return Err(TrialError::AllowanceSpent);
         }
         let shorter = Excerpt { n_frames, ..longest };
-        Ok((
-            coarse_run,
-            play(finer.island_plan, finer.contact_substeps, shorter, reserve)?,
-            n_frames,
-        ))
+        let finer_run = play(finer.island_plan, finer.contact_substeps, shorter, reserve)?;
+        Ok((coarse_run, finer_run, n_frames))
     });
     let (coarse_run, finer_run, n_frames) = match played_runs {
         Ok(played_runs) => played_runs,
