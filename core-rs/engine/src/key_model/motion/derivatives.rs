@@ -109,8 +109,8 @@ impl<const N: usize> Motion<N> {
                 force: self.force_share(tick, step.previous_force_share),
                 ..no_effect
             },
-            Parameter::Dry => level_terms(1.0 - step.friction.share),
-            Parameter::StaticDry => level_terms(step.friction.share),
+            Parameter::Dry => level_terms(1.0 - step.friction.static_share),
+            Parameter::StaticDry => level_terms(step.friction.static_share),
             Parameter::StaticSpeed if key.static_speed == 0.0 => no_effect,
             Parameter::StaticSpeed => level_terms(-step.friction.slope * self.v / key.static_speed),
             Parameter::Presliding => DirectTerms {
