@@ -2531,7 +2531,7 @@ def excite(
     is_gated: bool = True,
     record: RecordTarget | None = None,
 ) -> ExcitationRecord:
-    """Push an axis by forces (n_ticks,) [N], in ticks of `frames_per_tick` at `rate`, then let go of it.
+    """Push an axis by forces (n_ticks,) [N], then let go of it; a tick is `frames_per_tick`.
 
     `guide`: (centre, where the key is kept [m]; distance from there to the nearer end [m];
     stiffness [N/m] and damping [N·s/m] of the guide; the same of the brake; deceleration [m/s²]
@@ -2554,7 +2554,7 @@ class ExcitationRecord:
     """done, touched, gate closed, not finite, unplugged, silent, shared, stopped, or a trip."""
     def requested_forces(self) -> _Floats:
         """Forces that were asked for, with those of guide and brake (n,) [N]."""
-    def sent_forces(self) -> _Floats:
+    def sent(self) -> _Floats:
         """Forces as they went over the wire, after all safety stages (n,) [N]."""
     def positions(self) -> _Floats:
         """Positions of the replies to the forces (n,) [m]; without a reply the position before."""

@@ -128,7 +128,7 @@ impl ExcitationRecord {
     }
 
     /// Forces as they went over the wire, after all safety stages (n,) [N].
-    fn sent_forces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+    fn sent<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |row| row.sent_force)
     }
 

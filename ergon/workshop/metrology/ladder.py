@@ -228,10 +228,10 @@ def settle(axis: Axis, guide: Guide) -> None:
 
 def gesture_of_take(excited: ExcitationRecord) -> Gesture:
     """A take as a gesture for the fit."""
-    n_ticks = excited.sent_forces().size
+    n_ticks = excited.sent().size
     return gesture_from_rows(
         np.arange(n_ticks),
-        excited.sent_forces(),
+        excited.sent(),
         excited.positions(),
         excited.are_fresh(),
         excited.clocks(),
