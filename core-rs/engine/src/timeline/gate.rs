@@ -190,8 +190,7 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// If the LIA is not a single link, has times already, or `stop_instant` does not come after
-    /// `start_instant`.
+    /// If the LIA is not a single link, has times already, or `stop_instant` does not come after `start_instant`.
     pub fn couple(
         &mut self,
         network: &Network,
@@ -258,13 +257,13 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let the force of `n` LIAs, which are whole runs, be multiplied by a factor: `start_factor` until `start_instant`,
-    /// `end_factor` from `stop_instant` on [s], and linear between, on the grid. For springs this is a glide of K and Z.
-    /// One law turns into another with two links in one place, of which one glides to 0 while the other glides from 0.
+    /// Let the force of `n` LIAs, which are whole runs, be multiplied by a factor: `start_factor` until
+    /// `start_instant`, `end_factor` from `stop_instant` on [s], and linear between, on the grid. For springs this is a
+    /// glide of K and Z. One law turns into another with two links in one place, of which one glides to 0 while the
+    /// other glides from 0.
     ///
     /// # Errors
-    /// If the LIAs are not whole runs or glide already, or `stop_instant` does not come after
-    /// `start_instant`.
+    /// If the LIAs are not whole runs or glide already, or `stop_instant` does not come after `start_instant`.
     pub fn glide_force(
         &mut self,
         network: &Network,
