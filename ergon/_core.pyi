@@ -27,7 +27,7 @@ JUST_NOTICEABLE: tuple[float, float, float, float, float, float]
 MAX_MODAL: int  # most modes of a MODES
 MAX_PLACES: int  # most places of a MODES
 # Mean difference of third octaves that rounding alone causes in a chaotic motion [dB].
-SPECTRUM_NOISE: float
+SPECTRUM_NOISE_DB: float
 
 _Floats = NDArray[np.float64]
 _LinkFactor = tuple[int, float]  # (LIA, factor of its force)
@@ -2521,21 +2521,21 @@ def excite(
     axis: int,
     force: _Floats,
     rate: float,
-    frames: int,
+    frames_per_tick: int,
     guide: tuple[float, float, tuple[float, float], tuple[float, float], float],
     *,
     sign: int = 1,
-    still: int = 0,
+    unguided_ticks: int = 0,
     force_step: float = 0.0,
     tells_touch: bool = True,
     is_gated: bool = True,
     record: RecordTarget | None = None,
-) -> Excited:
-    """Push an axis by forces (n_ticks,) [N], in ticks of `frames` at `rate`, then let go of it.
+) -> ExcitationRecord:
+    """Push an axis by forces (n_ticks,) [N], then let go of it; a tick is `frames_per_tick`.
 
     `guide`: (centre, where the key is kept [m]; distance from there to the nearer end [m];
     stiffness [N/m] and damping [N·s/m] of the guide; the same of the brake; deceleration [m/s²]
-    that the brake surely reaches). The guide pulls after the first `still` ticks; the brake
+    that the brake surely reaches). The guide pulls after the first `unguided_ticks`; the brake
     replaces the forces beyond 0.6 of the way to an end. `sign` is -1 for a motor that pushes the
     other way round. `force_step` [N] is the step of the motor's force, if the wire does not tell
     it. With `tells_touch` a touch ends the take; with `is_gated` a device that lets no force
@@ -2547,18 +2547,18 @@ def excite(
     """
 
 @final
-class Excited:
+class ExcitationRecord:
     """The record of a key that `excite` pushed: its ticks as columns, and why they ended."""
 
     end: str
     """done, touched, gate closed, not finite, unplugged, silent, shared, stopped, or a trip."""
-    def asked(self) -> _Floats:
+    def requested_forces(self) -> _Floats:
         """Forces that were asked for, with those of guide and brake (n,) [N]."""
     def sent(self) -> _Floats:
         """Forces as they went over the wire, after all safety stages (n,) [N]."""
     def positions(self) -> _Floats:
         """Positions of the replies to the forces (n,) [m]; without a reply the position before."""
-    def fresh(self) -> NDArray[np.bool_]:
+    def are_fresh(self) -> NDArray[np.bool_]:
         """Whether there was a reply to each force (n,)."""
     def clocks(self) -> NDArray[np.uint32]:
         """The device's clock in each reply (n,) [µs]; 0 if it has none."""

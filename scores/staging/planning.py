@@ -415,8 +415,8 @@ def _audible_misses(plan: _core.Plan, cents: float | None) -> list[str]:
                 f"ms at the first stroke, {1e3 * allowed_error.later_stroke_s:.2g} ms at others "
                 f"and {allowed_error.stroke_db:.2g} dB"
             )
-        elif spectral is not None and spectral > _core.SPECTRUM_NOISE:
-            noise = _core.SPECTRUM_NOISE
+        elif spectral is not None and spectral > _core.SPECTRUM_NOISE_DB:
+            noise = _core.SPECTRUM_NOISE_DB
             error_sentence = (
                 f"after the first {trial_duration:.2g} s the motion is chaotic, and third octaves "
                 f"of a more exact run differ by {spectral:.1f} dB on average, above the "

@@ -56,7 +56,7 @@ def climbed(seed: int, monkeypatch: pytest.MonkeyPatch, rain: bool = False) -> f
         EngineError = _core.EngineError
 
         @staticmethod
-        def excite(*arguments: object, **options: object) -> _core.Excited:
+        def excite(*arguments: object, **options: object) -> _core.ExcitationRecord:
             nonlocal farthest
             excited = _core.excite(*arguments, **options)  # type: ignore[arg-type]
             went = np.abs(excited.positions()).max(initial=0.0)

@@ -8,7 +8,7 @@ use std::time::Duration;
 use ergon_live::device::calibrate::{self, AxisCalibration, DirectionError, TestPulse};
 use ergon_live::device::ports;
 use ergon_live::device::{self as live, Device as _, DeviceLoss, DeviceUrl, Unit, WireStats};
-use ergon_live::doctor::{self, TimingCheck as Measured};
+use ergon_live::doctor::{self, TimingCheck};
 use ergon_live::realtime::GrantedScheduling;
 use ergon_live::safety::{GuardedDevice, SafetyLimits};
 use numpy::{PyArray1, PyArray2};
@@ -28,7 +28,7 @@ pub(crate) type AxisTuple = (usize, f64, f64, f64, (f64, f64), f64);
 pub(crate) type BoxedDevice = Box<dyn live::Device>;
 
 /// The calibration of an axis; EngineError if its values are impossible.
-pub(crate) fn axis(calibration: AxisTuple) -> PyResult<(usize, AxisCalibration)> {
+pub(crate) fn parse_axis(calibration: AxisTuple) -> PyResult<(usize, AxisCalibration)> {
     let (axis_number, sign, offset, gain, (range_low, range_high), force_max) = calibration;
     let is_possible = sign.abs() == 1.0
         && [offset, gain, range_low, range_high, force_max]
@@ -149,7 +149,7 @@ impl Device {
     fn new(py: Python<'_>, url: &str, calibration: Vec<AxisTuple>) -> PyResult<Self> {
         let url = DeviceUrl::parse(url).map_err(plain_error)?;
         guardian::register_guardian(py);
-        let calibrated_axes = calibration.into_iter().map(axis).collect::<PyResult<Vec<_>>>()?;
+        let calibrated_axes = calibration.into_iter().map(parse_axis).collect::<PyResult<Vec<_>>>()?;
         let opened_device = py
             .detach(|| {
                 live::open(&url).map(|opened_device| calibrate::with_calibration(opened_device, &calibrated_axes))
@@ -225,7 +225,7 @@ impl Device {
     fn ends<'py>(&self, py: Python<'py>, seconds: f64, period: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         tick_count(seconds, period)?;
         let axis_ends = self
-            .with(py, |device, stop| calibrate::travel_ends(device, seconds, period, stop))?
+            .with_taken_device(py, |device, stop| calibrate::travel_ends(device, seconds, period, stop))?
             .map_err(plain_error)?;
         let end_rows: Vec<_> = axis_ends[..self.spec.dof].iter().map(|row| row.to_vec()).collect();
         PyArray2::from_vec2(py, &end_rows).map_err(plain_error)
@@ -234,12 +234,13 @@ impl Device {
     /// Send zero forces every `period` [s] for `seconds` [s], and time the replies.
     fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
         let ticks = tick_count(seconds, period)?;
-        let (checkup, device_stats) = self.with(py, |device, stop| -> (Result<_, DeviceLoss>, WireStats) {
-            let device_limits = SafetyLimits::from_spec(device.spec());
-            let mut guarded_device = GuardedDevice::new(device, device_limits, period);
-            let checkup = doctor::check_timing(Some(&mut guarded_device), period, ticks, stop);
-            (checkup, guarded_device.device().stats())
-        })?;
+        let (checkup, device_stats) =
+            self.with_taken_device(py, |device, stop| -> (Result<_, DeviceLoss>, WireStats) {
+                let device_limits = SafetyLimits::from_spec(device.spec());
+                let mut guarded_device = GuardedDevice::new(device, device_limits, period);
+                let checkup = doctor::check_timing(Some(&mut guarded_device), period, ticks, stop);
+                (checkup, guarded_device.device().stats())
+            })?;
         Ok(Checkup::new(checkup.map_err(plain_error)?, device_stats))
     }
 
@@ -278,13 +279,13 @@ impl Device {
             self.check_axis(axis)?;
         }
         let test_pulse = TestPulse::from_spec(&self.spec);
-        self.with(py, |device, stop| {
+        self.with_taken_device(py, |device, stop| {
             calibrate::find_directions(device, axes, test_pulse, period, stop)
         })?
         .map_err(plain_error)
     }
 
-    pub(crate) fn with<T: Send>(
+    pub(crate) fn with_taken_device<T: Send>(
         &self,
         py: Python<'_>,
         work: impl FnOnce(&mut BoxedDevice, &AtomicBool) -> T + Send,
@@ -302,7 +303,7 @@ impl Device {
 /// Timings that `check_timing` measured.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Checkup {
-    timing: Measured,
+    timing: TimingCheck,
     stats: WireStats,
 }
 
@@ -360,7 +361,7 @@ impl Checkup {
 }
 
 impl Checkup {
-    fn new(timing: Measured, stats: WireStats) -> Self {
+    fn new(timing: TimingCheck, stats: WireStats) -> Self {
         Self { timing, stats }
     }
 }

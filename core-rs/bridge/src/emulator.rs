@@ -11,7 +11,7 @@ use ergon_live::emulate::{
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::error::{module_error, word};
+use crate::error::{module_error, parse_choice};
 use crate::network::Network;
 use crate::words::WordTable;
 
@@ -71,7 +71,7 @@ pub(crate) fn emulate(
     };
     let options = EmulationOptions {
         board: BoardConfig {
-            protocol: word("protocol", protocol, PROTOCOLS)?,
+            protocol: parse_choice("protocol", protocol, PROTOCOLS)?,
             lockstep,
             touch_gate,
             force_max,
@@ -83,7 +83,7 @@ pub(crate) fn emulate(
             reported_constants: [mass, damping],
             range: key.range,
         },
-        transport: word("transport", transport, TRANSPORTS)?(port),
+        transport: parse_choice("transport", transport, TRANSPORTS)?(port),
         axes,
         key,
         model,

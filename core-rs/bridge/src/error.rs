@@ -132,7 +132,7 @@ pub(crate) fn unwritten(sentence: impl Display) -> PyErr {
 }
 
 /// The value of a word in the table `words`; EngineError that lists the known words.
-pub(crate) fn word<T: Copy>(argument: &str, word_text: &str, words: &[(&str, T)]) -> PyResult<T> {
+pub(crate) fn parse_choice<T: Copy>(argument: &str, word_text: &str, words: &[(&str, T)]) -> PyResult<T> {
     let matched = words
         .iter()
         .find(|(word, _)| *word == word_text)

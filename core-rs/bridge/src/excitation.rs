@@ -11,9 +11,9 @@ use ergon_live::recording::{self, Header, Recorder};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use crate::device::{AxisTuple, Device, axis};
+use crate::device::{AxisTuple, Device, parse_axis};
 use crate::emulator::PROTOCOLS;
-use crate::error::{module_error, plain_error, word};
+use crate::error::{module_error, parse_choice, plain_error};
 use crate::perform::RecordTuple;
 use crate::status::trip_text;
 
@@ -24,27 +24,27 @@ type GuideTuple = (f64, f64, (f64, f64), (f64, f64), f64);
 /// Push an axis of a device by forces (n_ticks,) [N], then let go of it.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
-#[pyo3(signature = (device, axis, force, rate, frames, guide, *, sign=1, still=0, force_step=0.0, tells_touch=true,
-    is_gated=true, record=None))]
+#[pyo3(signature = (device, axis, force, rate, frames_per_tick, guide, *, sign=1, unguided_ticks=0, force_step=0.0,
+    tells_touch=true, is_gated=true, record=None))]
 pub(crate) fn excite(
     py: Python<'_>,
     device: &Device,
     axis: usize,
     force: PyReadonlyArray1<'_, f64>,
     rate: f64,
-    frames: u32,
+    frames_per_tick: u32,
     guide: GuideTuple,
     sign: i32,
-    still: usize,
+    unguided_ticks: usize,
     force_step: f64,
     tells_touch: bool,
     is_gated: bool,
     record: Option<RecordTuple>,
-) -> PyResult<Excited> {
+) -> PyResult<ExcitationRecord> {
     let (centre, half_travel, guide_spring, brake_spring, deceleration) = guide;
     let spring_damper = |(stiffness, damping)| SpringDamper { stiffness, damping };
     let is_positive = |x: f64| x.is_finite() && x > 0.0;
-    if !(is_positive(half_travel) && is_positive(deceleration) && is_positive(rate) && frames > 0) {
+    if !(is_positive(half_travel) && is_positive(deceleration) && is_positive(rate) && frames_per_tick > 0) {
         return Err(module_error(
             "excite",
             "rate, frames, half the travel and the deceleration must be above zero",
@@ -53,8 +53,8 @@ pub(crate) fn excite(
     let excitation = Excitation {
         axis,
         forces: force.as_slice()?,
-        unguided_ticks: still,
-        period: f64::from(frames) / rate,
+        unguided_ticks,
+        period: f64::from(frames_per_tick) / rate,
         guide: Guide {
             centre,
             half_travel,
@@ -71,14 +71,14 @@ pub(crate) fn excite(
         let recorded_axis = |(player, key)| recording::RecordedAxis { player, key };
         let take_header = Header {
             rate,
-            frames,
+            frames: frames_per_tick,
             axes: axes.into_iter().map(recorded_axis).collect(),
             about,
         };
         Recorder::start(&path, &take_header).map_err(crate::recording::from_recording)
     });
     let (mut record_sink, record_handle) = recorder.transpose()?.unzip();
-    let excitation_result = device.with(py, |port, stop| {
+    let excitation_result = device.with_taken_device(py, |port, stop| {
         let excited_axis = AxisCalibration {
             sign: f64::from(sign),
             range: port.range(axis),
@@ -97,15 +97,15 @@ pub(crate) fn excite(
     let stop_result = record_handle.map(|record_handle| py.detach(|| record_handle.stop()));
     let excitation_result = excitation_result?;
     stop_result.transpose().map_err(crate::recording::from_recording)?;
-    Ok(Excited(excitation_result))
+    Ok(ExcitationRecord(excitation_result))
 }
 
 /// The record of a key that `excite` pushed: its ticks as columns, and why they ended.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Excited(metrology::ExcitationResult);
+pub(crate) struct ExcitationRecord(metrology::ExcitationResult);
 
 #[pymethods]
-impl Excited {
+impl ExcitationRecord {
     /// Why the ticks ended: done, touched, gate closed, not finite, unplugged, silent, shared, stopped or a trip.
     #[getter]
     fn end(&self) -> &'static str {
@@ -123,7 +123,7 @@ impl Excited {
     }
 
     /// Forces that were asked for, with those of guide and brake (n,) [N].
-    fn asked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+    fn requested_forces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |row| row.requested_force)
     }
 
@@ -138,7 +138,7 @@ impl Excited {
     }
 
     /// Whether there was a reply to each force (n,).
-    fn fresh<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+    fn are_fresh<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.column(py, |row| row.is_fresh)
     }
 
@@ -153,7 +153,7 @@ impl Excited {
     }
 }
 
-impl Excited {
+impl ExcitationRecord {
     fn column<'py, T: Element>(&self, py: Python<'py>, row_value: fn(&ExcitationRow) -> T) -> Bound<'py, PyArray1<T>> {
         PyArray1::from_iter(py, self.0.rows.iter().map(row_value))
     }
@@ -183,7 +183,7 @@ pub(crate) fn emulated_device(
 ) -> PyResult<Device> {
     let model = KeyModel::from_row(model.as_slice()?);
     let model = model.map_err(|error| module_error("emulated_device", error))?;
-    let protocol = word("protocol", protocol, PROTOCOLS)?;
+    let protocol = parse_choice("protocol", protocol, PROTOCOLS)?;
     let half_travel = 0.5 * travel;
     let key = KeyConstants {
         mass: model.mass,
@@ -223,7 +223,7 @@ pub(crate) fn emulated_device(
         seconds,
         ends_with_host: false,
     };
-    let calibrated_axes = calibration.into_iter().map(axis).collect::<PyResult<Vec<_>>>()?;
+    let calibrated_axes = calibration.into_iter().map(parse_axis).collect::<PyResult<Vec<_>>>()?;
     let open_device = || live::open_board(&options).map(|device| calibrate::with_calibration(device, &calibrated_axes));
     Ok(Device::from_device(py.detach(open_device).map_err(plain_error)?))
 }

@@ -67,7 +67,7 @@ mod _core {
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError, UnsureError};
     #[pymodule_export]
-    use super::excitation::{Excited, emulated_device, excite};
+    use super::excitation::{ExcitationRecord, emulated_device, excite};
     #[pymodule_export]
     use super::faults::{FaultMeasurement, measure_faults};
     #[pymodule_export]
@@ -143,7 +143,7 @@ mod _core {
     #[pymodule_export]
     const MAX_PLACES: usize = ergon_engine::generator::MAX_PLACES;
     #[pymodule_export]
-    const SPECTRUM_NOISE: f64 = ergon_engine::plan::SPECTRUM_NOISE;
+    const SPECTRUM_NOISE_DB: f64 = ergon_engine::plan::SPECTRUM_NOISE_DB;
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

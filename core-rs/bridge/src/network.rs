@@ -234,7 +234,7 @@ impl Network {
             n_held: elements.n_held,
             ca_rate: elements.ca_rate.map(Rate::hertz),
             mats: elements.mats,
-            masses: NumberArray(elements.m),
+            masses: NumberArray(elements.masses),
         })
     }
 

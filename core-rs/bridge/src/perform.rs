@@ -425,7 +425,10 @@ fn scale_bounds(bound_tuples: Vec<BoundTuple>) -> Vec<ScaleBound> {
 fn open_keyboard((url, axes, force_limit, calibration): BoardTuple, period: f64) -> PyResult<Keyboard> {
     let device_config = DeviceConfig {
         url: DeviceUrl::parse(&url).map_err(plain_error)?,
-        calibration: calibration.into_iter().map(device::axis).collect::<PyResult<_>>()?,
+        calibration: calibration
+            .into_iter()
+            .map(device::parse_axis)
+            .collect::<PyResult<_>>()?,
         force_limit,
         period,
         canceller: WaitCanceller::default(),

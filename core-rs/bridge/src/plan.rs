@@ -9,7 +9,7 @@ use ergon_engine::plan::{
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
-use crate::error::{from_engine, module_error, word};
+use crate::error::{from_engine, module_error, parse_choice};
 use crate::named::{AudibleError, FullRatePart, IslandChoice, ModeCount, TrialRecord, TrialWork};
 use crate::network::Network;
 use crate::timeline::Timeline;
@@ -182,7 +182,7 @@ fn budget(method: Option<&str>, error: Option<f64>, cents: Option<f64>, upto: Op
     };
     match (method, error, cents, upto) {
         (None, None, None, None) => Ok(Budget::default()),
-        (Some(method), None, None, None) => Ok(Budget::Method(word("method", method, words::PLAN_METHODS)?)),
+        (Some(method), None, None, None) => Ok(Budget::Method(parse_choice("method", method, words::PLAN_METHODS)?)),
         (None, Some(db), None, None) => Ok(Budget::Error(check_number("error_db", db, db < 0.0)?)),
         (None, None, Some(cents), upto) => {
             let cents = check_number("cents", cents, cents > 0.0)?;
@@ -253,7 +253,7 @@ impl PlanRow {
 }
 
 impl PlanRow {
-    fn from_row(row: &plan::Row) -> Self {
+    fn from_row(row: &plan::PlanRow) -> Self {
         let (what, modes, left_out_db) = match row.computation {
             Computation::Stepped => ("stepped", None, None),
             Computation::Mesh(method, _) => (method, None, None),
@@ -324,7 +324,7 @@ impl PlanRow {
             cut_short: row.trials_cut_short,
             drafted: row.is_drafted,
             diverges: row.has_diverged,
-            harder_at: row.harder_event_seconds,
+            harder_at: row.harder_event_time,
             unchecked_from: row.unchecked_from_seconds,
         }
     }

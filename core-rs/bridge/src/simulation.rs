@@ -5,7 +5,7 @@ use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwri
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::error::{from_engine, from_fault, module_error, word};
+use crate::error::{from_engine, from_fault, module_error, parse_choice};
 use crate::frames::rows_mut;
 use crate::named::{EnergyGain, FinerPart, MutedPart};
 use crate::network::Network;
@@ -44,7 +44,7 @@ impl Simulation {
         start: u64,
     ) -> PyResult<Self> {
         timeline.check_network(network)?;
-        let on_fault = word("on_fault", on_fault, words::FAULT_RESPONSES)?;
+        let on_fault = parse_choice("on_fault", on_fault, words::FAULT_RESPONSES)?;
         let options = simulation::SimulationOptions {
             keeps_ledger: ledger,
             records_ergons: record,

@@ -10,7 +10,7 @@ use ergon_engine::timeline::{self, DriveSource, InputSource, Rain, SoundInSettin
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::error::{from_engine, from_gesture, hertz, module_error, word};
+use crate::error::{from_engine, from_gesture, hertz, module_error, parse_choice};
 use crate::named::{Impulse, Range};
 use crate::network::Network;
 use crate::take::Take;
@@ -72,7 +72,7 @@ impl Timeline {
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let approaches = curve
             .iter()
-            .map(|curve| word("curve", curve, words::APPROACHES))
+            .map(|curve| parse_choice("curve", curve, words::APPROACHES))
             .collect::<PyResult<Vec<Approach>>>()?;
         let written_points = WrittenPoints {
             t: &t,
@@ -210,7 +210,7 @@ impl Timeline {
     #[pyo3(signature = (link, before, after, start, stop, *, n=1))]
     fn fade(&mut self, link: usize, before: f64, after: f64, start: f64, stop: f64, n: usize) -> PyResult<()> {
         self.inner
-            .fade(&self.network, (link, n), (before, after), (start, stop))
+            .glide_force(&self.network, (link, n), (before, after), (start, stop))
             .map_err(from_engine)
     }
 
@@ -305,7 +305,7 @@ impl Timeline {
         acts_on_free_key: bool,
     ) -> PyResult<()> {
         self.check_mat("drive", mat)?;
-        let kind = word("kind", kind, words::DRIVE_KINDS)?;
+        let kind = parse_choice("kind", kind, words::DRIVE_KINDS)?;
         let drive_source = match (constant, take, sound) {
             (None, None, Some(sound)) => {
                 let drive_outcome = self.inner.drive_by_sound(mat, kind, sound, scale);
@@ -380,7 +380,7 @@ impl Timeline {
         positions: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<usize> {
         self.check_mat("hand", mat)?;
-        let interpolation = word("interpolation", interpolation, words::HAND_INTERPOLATIONS)?;
+        let interpolation = parse_choice("interpolation", interpolation, words::HAND_INTERPOLATIONS)?;
         let positions = positions.as_ref().map(|x| x.as_slice()).transpose()?;
         self.inner
             .add_hand(
@@ -437,8 +437,8 @@ fn manner(
     limit: Option<f64>,
     is_layer: bool,
 ) -> PyResult<Manner> {
-    let touch = word("touch", touch, words::GESTURE_TOUCHES)?;
-    let ergon_kind = word("ergons", ergons, words::ERGON_KINDS)?;
+    let touch = parse_choice("touch", touch, words::GESTURE_TOUCHES)?;
+    let ergon_kind = parse_choice("ergons", ergons, words::ERGON_KINDS)?;
     Ok(Manner {
         touch,
         ergon_kind,

@@ -27,8 +27,8 @@ pub(crate) struct Oscillator {
     pub(crate) a: f64,
     pub(crate) b: f64,
     /// x[0] and x[−1] [m]
-    pub(crate) now: f64,
-    pub(crate) before: f64,
+    pub(crate) position: f64,
+    pub(crate) previous_position: f64,
     /// Outputs with their weights, by rising index; no weight is 0.
     pub(crate) outputs: Vec<(u32, f64)>,
     /// Its blows, by rising frame.
@@ -183,7 +183,7 @@ impl Bank {
             if segment_end > segment_start {
                 let segment_end =
                     segment_end.min(segment_start + (REST_TEST_FRAMES - current_frame % REST_TEST_FRAMES) as usize);
-                self.run(script, group, n_outputs, segment_start..segment_end);
+                self.advance_segment(script, group, n_outputs, segment_start..segment_end);
                 segment_start = segment_end;
                 if (self.frame + segment_start as u64).is_multiple_of(REST_TEST_FRAMES) {
                     self.rest_if_decayed(script, group);
@@ -200,7 +200,7 @@ impl Bank {
                 script.add_event(group, group_motion, next_event, &mut displacement);
                 self.next_events[group] += 1;
             }
-            self.run(script, group, n_outputs, segment_start..segment_start + 1);
+            self.advance_segment(script, group, n_outputs, segment_start..segment_start + 1);
             for (x, displacement) in self.motions[group].positions.0.iter_mut().zip(&displacement.0) {
                 *x += displacement;
             }
@@ -208,7 +208,7 @@ impl Bank {
         }
     }
 
-    fn run(&mut self, script: &BankScript, group: usize, n_outputs: usize, frames: Range<usize>) {
+    fn advance_segment(&mut self, script: &BankScript, group: usize, n_outputs: usize, frames: Range<usize>) {
         if self.is_at_rest[group] {
             return;
         }

@@ -350,15 +350,15 @@ impl Cell {
         }
     }
 
-    /// Weights of two successive samples, relative to the rest position, that give the free motion at the fraction
-    /// `part` of the step between them.
-    pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
+    /// Weights of two successive samples, relative to the rest position, that give the free motion at
+    /// `frame_fraction` of the step between them.
+    pub(crate) fn interpolation(&self, frame_fraction: f64, rate: Rate) -> (f64, f64) {
         let time_step = rate.step();
         let full_step = self.response(time_step);
-        let remaining_response = self.response((1.0 - part) * time_step) / full_step;
-        let elapsed_response = self.response(part * time_step) / full_step;
+        let remaining_response = self.response((1.0 - frame_fraction) * time_step) / full_step;
+        let elapsed_response = self.response(frame_fraction * time_step) / full_step;
         (
-            remaining_response * exp(-2.0 * self.sigma * part * time_step),
+            remaining_response * exp(-2.0 * self.sigma * frame_fraction * time_step),
             elapsed_response,
         )
     }
@@ -375,15 +375,15 @@ impl Cell {
     /// assert!(now > next && next > 0.0);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
-        self.split_at(alpha, rate).forces(impulse)
+    pub fn split(&self, impulse: f64, frame_fraction: f64, rate: Rate) -> [f64; 2] {
+        self.split_at(frame_fraction, rate).forces(impulse)
     }
 
     /// [`Self::interpolation`] at a fraction of a step, and [`Self::split`] of an impulse of 1 N·s there;
     /// `step_response` is the response after a step.
-    pub(crate) fn within_step(&self, part: f64, rate: Rate, step_response: f64) -> ((f64, f64), [f64; 2]) {
-        let impulse_split = self.split_at(part, rate);
-        let decay_factor = exp(-2.0 * self.sigma * part * rate.step());
+    pub(crate) fn within_step(&self, frame_fraction: f64, rate: Rate, step_response: f64) -> ((f64, f64), [f64; 2]) {
+        let impulse_split = self.split_at(frame_fraction, rate);
+        let decay_factor = exp(-2.0 * self.sigma * frame_fraction * rate.step());
         let weights = (
             impulse_split.now / step_response * decay_factor,
             impulse_split.past / step_response,
@@ -392,14 +392,14 @@ impl Cell {
     }
 
     /// The part of [`Self::split`] that depends on the instant only, for many impulses at this instant.
-    pub(crate) fn split_at(&self, alpha: f64, rate: Rate) -> ForceSplit {
+    pub(crate) fn split_at(&self, frame_fraction: f64, rate: Rate) -> ForceSplit {
         let time_step = rate.step();
-        let (time_left, time_past) = ((1.0 - alpha) * time_step, alpha * time_step);
+        let (time_left, time_since_sample) = ((1.0 - frame_fraction) * time_step, frame_fraction * time_step);
         ForceSplit {
             square: time_step * time_step,
             now: self.response(time_left),
             decay: exp(-2.0 * self.sigma * time_left),
-            past: self.response(time_past),
+            past: self.response(time_since_sample),
         }
     }
 }

@@ -10,9 +10,9 @@ use sha2::{Digest, Sha256};
 use crate::network::{Network, PartOrder};
 
 /// A writer that hashes what is written.
-pub(crate) struct Sink(Sha256);
+pub(crate) struct Hasher(Sha256);
 
-impl Sink {
+impl Hasher {
     pub(crate) fn new() -> Self {
         Self(Sha256::new())
     }
@@ -26,7 +26,7 @@ impl Sink {
     }
 }
 
-impl Write for Sink {
+impl Write for Hasher {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         self.0.update(text);
         Ok(())
@@ -50,8 +50,8 @@ pub(crate) fn hex(digest: &[u8]) -> String {
 }
 
 fn digest(text: Arguments<'_>) -> [u8; 32] {
-    let mut hash_sink = Sink::new();
+    let mut hasher = Hasher::new();
     // Writing into a hash cannot fail.
-    let _ = hash_sink.write_fmt(text);
-    hash_sink.finish()
+    let _ = hasher.write_fmt(text);
+    hasher.finish()
 }

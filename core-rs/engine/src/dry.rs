@@ -65,12 +65,12 @@ impl Dry {
     }
 }
 
-/// The velocity after a step, and its derivatives with respect to the velocity before, the gain, and the bound of
+/// The velocity after a step, and its derivatives with respect to the velocity before, the increment, and the bound of
 /// friction.
 pub(crate) struct Turned {
     pub(crate) v: f64,
     pub(crate) by_v: f64,
-    pub(crate) by_gain: f64,
+    pub(crate) by_increment: f64,
     pub(crate) by_bound: f64,
 }
 
@@ -78,39 +78,40 @@ impl Turned {
     const HELD: Self = Self {
         v: 0.0,
         by_v: 0.0,
-        by_gain: 0.0,
+        by_increment: 0.0,
         by_bound: 0.0,
     };
 
-    /// The velocity after a step in which `v` gains `gain` by other forces, and friction changes it by at most `bound`.
-    pub(crate) fn after_step(v: f64, gain: f64, bound: f64) -> Self {
+    /// The velocity after a step in which other forces change `v` by `increment`, and friction changes it by at most
+    /// `bound`.
+    pub(crate) fn after_step(v: f64, increment: f64, bound: f64) -> Self {
         let slide_sign = if v != 0.0 {
             v.signum()
-        } else if gain.abs() > bound || bound == 0.0 {
-            gain.signum()
+        } else if increment.abs() > bound || bound == 0.0 {
+            increment.signum()
         } else {
             return Self::HELD;
         };
-        let slid_velocity = v + gain - slide_sign * bound;
+        let slid_velocity = v + increment - slide_sign * bound;
         if slide_sign * slid_velocity >= 0.0 || bound == 0.0 {
             return Self {
                 v: slid_velocity,
                 by_v: 1.0,
-                by_gain: 1.0,
+                by_increment: 1.0,
                 by_bound: -slide_sign,
             };
         }
-        let (gain_before, gain_after) = (gain - slide_sign * bound, gain + slide_sign * bound);
-        if slide_sign * gain_after >= 0.0 {
+        let (increment_before, increment_after) = (increment - slide_sign * bound, increment + slide_sign * bound);
+        if slide_sign * increment_after >= 0.0 {
             return Self::HELD; // it comes to rest, and friction holds it
         }
-        let gain_ratio = gain_after / gain_before;
-        let spread = slid_velocity / (gain_before * gain_before);
+        let gain_ratio = increment_after / increment_before;
+        let spread = slid_velocity / (increment_before * increment_before);
         Self {
             v: slid_velocity * gain_ratio,
             by_v: gain_ratio,
-            by_gain: gain_ratio + spread * (gain_before - gain_after),
-            by_bound: slide_sign * (spread * (gain_before + gain_after) - gain_ratio),
+            by_increment: gain_ratio + spread * (increment_before - increment_after),
+            by_bound: slide_sign * (spread * (increment_before + increment_after) - gain_ratio),
         }
     }
 }

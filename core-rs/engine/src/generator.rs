@@ -146,7 +146,7 @@ pub enum GeneratorError {
     },
 }
 
-fn count(what: &'static str, got: usize, least: usize, greatest: usize) -> Result<(), GeneratorError> {
+fn check_count(what: &'static str, got: usize, least: usize, greatest: usize) -> Result<(), GeneratorError> {
     if (least..=greatest).contains(&got) {
         return Ok(());
     }

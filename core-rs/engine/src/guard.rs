@@ -69,14 +69,14 @@ pub(crate) struct FinerFrames {
     /// How often the forces of all links were computed for them.
     pub(crate) evaluations: u64,
     /// The MAT whose links had stiffened most when the last series of finer frames began.
-    pub(crate) mat: usize,
+    pub(crate) stiffest_mat: usize,
 }
 
 crate::archive::state!(FinerFrames {
     frames,
     steps_max,
     evaluations,
-    mat
+    stiffest_mat
 });
 
 impl FinerFrames {
@@ -183,18 +183,18 @@ impl Guard {
             return Ok(None);
         }
         let target_lambda = 0.5 * limit.trusted_lambda;
-        let lambda_at_rest = largest_eigenvalue(scheme, network, limit.damping_weight, target_lambda)?.lambda;
-        if lambda_at_rest >= limit.accepted_lambda {
+        let rest_lambda = largest_eigenvalue(scheme, network, limit.damping_weight, target_lambda)?.lambda;
+        if rest_lambda >= limit.accepted_lambda {
             return Ok(None); // unstable at rest: the certificate refuses it
         }
         // If λ at rest is near or above `trusted_lambda`, links may still use a quarter of the distance from it to
         // `accepted_lambda`.
         let has_poles = limit.has_poles;
-        let limit = f64::max(
+        let lambda_limit = f64::max(
             limit.trusted_lambda,
-            lambda_at_rest + 0.25 * (limit.accepted_lambda - lambda_at_rest),
+            rest_lambda + 0.25 * (limit.accepted_lambda - rest_lambda),
         );
-        set_reaches(&mut runs, limit - lambda_at_rest, w);
+        set_reaches(&mut runs, lambda_limit - rest_lambda, w);
         if runs.is_empty() {
             return Ok(None);
         }
@@ -210,8 +210,8 @@ impl Guard {
             ports: ports.to_vec(),
             unrelated_mats: unrelated_mats(network, scheme, &runs),
             tie_factors,
-            rest_lambda: lambda_at_rest,
-            lambda_limit: limit,
+            rest_lambda,
+            lambda_limit,
             elongation_margin: f64::NEG_INFINITY,
             frame_steps: 1,
             previous_frame_steps: 1,
@@ -278,7 +278,7 @@ impl Guard {
     pub(crate) fn unwatch(&mut self, is_muted: impl Fn(usize) -> bool) {
         let touches_muted = |first: usize, len| (first..first + len).any(&is_muted);
         self.watched_runs
-            .retain(|watch| !touches_muted(watch.a, watch.len) && !touches_muted(watch.b, watch.len));
+            .retain(|run| !touches_muted(run.a, run.len) && !touches_muted(run.b, run.len));
         self.reset();
     }
 
@@ -295,7 +295,7 @@ impl Guard {
         let (lambda_rise, worst_mat) = self.lambda_rise(x, w);
         let needs_steps = self.steps_needed(lambda_rise) > 1;
         if needs_steps {
-            self.finer_frames.mat = worst_mat;
+            self.finer_frames.stiffest_mat = worst_mat;
         }
         needs_steps
     }

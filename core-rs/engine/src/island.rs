@@ -378,7 +378,7 @@ impl Island {
         let network_parts = self.network.parts();
         let guard_frames = self.state.monitors.guard.iter().filter_map(|guard| {
             let finer_frames = guard.finer_frames()?;
-            let part_name = self.script.scheme.part[finer_frames.mat] as usize;
+            let part_name = self.script.scheme.part[finer_frames.stiffest_mat] as usize;
             Some((&*network_parts[part_name].name, finer_frames))
         });
         let bodies = self

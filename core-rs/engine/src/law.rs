@@ -368,7 +368,7 @@ impl Law {
     /// there is no stiffer tangent.
     ///
     /// It is exact for points; other laws are sampled at 16 places an octave, from 1 nm on.
-    pub(crate) fn stiffens_beyond(&self, stiffness: f64) -> f64 {
+    pub(crate) fn elongation_at_slope(&self, stiffness: f64) -> f64 {
         const OCTAVE: i32 = 16;
         const OCTAVES: i32 = 44; // to 17 km
         if let Elastic::Points(points) = &self.elastic {

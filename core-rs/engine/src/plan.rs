@@ -13,8 +13,8 @@ pub use crate::assembly::audible::ModeKind;
 pub use crate::assembly::budget::{Budget, Method};
 pub use crate::assembly::choice::{Choice, ChoiceNumbers};
 pub use crate::assembly::constants::{INAUDIBLE_ERROR_DB, PITCH_HERTZ_MAX};
-pub use constants::SPECTRUM_NOISE;
-pub use row::{Computation, LeftOutReason, MeasuredError, Row};
+pub use constants::SPECTRUM_NOISE_DB;
+pub use row::{Computation, LeftOutReason, MeasuredError, PlanRow};
 pub use trial::record::{TrialRecord, TrialStore};
 
 use std::ops::Range;
@@ -105,9 +105,9 @@ pub struct Plan {
     pub(crate) motionless_mats: Vec<u32>,
     /// The constant part of each output: from modules that never move, and from the rest positions of others   (n_out)
     pub(crate) output_offsets: Vec<f64>,
-    rows: Vec<Row>,
+    rows: Vec<PlanRow>,
     /// Rows of what is only seen.
-    displayed_rows: Vec<Row>,
+    displayed_rows: Vec<PlanRow>,
     choices: Vec<Choice>,
     /// Parts that ask for a rate of their own but are computed at every frame, and why.
     refused_rates: Vec<(String, String)>,
@@ -133,7 +133,7 @@ impl Plan {
                 scheme.drop_softening_laws();
             }
             let certificate = scheme.certify(&network)?;
-            plain_plan.rows.push(Row::stepped(&island_plan, certificate));
+            plain_plan.rows.push(PlanRow::stepped(&island_plan, certificate));
         }
         plain_plan
             .units
@@ -154,7 +154,7 @@ impl Plan {
             crate::assembly::assemble::certified_hub(&network, timeline, &budget, steps_max, RefusalDetail::Full)?;
         let mut fine_plan = Self::empty(network, timeline);
         let island_plan = fine_plan.stepped_island_plan(timeline, contact_substeps);
-        fine_plan.rows.push(Row::stepped(&island_plan, certificate));
+        fine_plan.rows.push(PlanRow::stepped(&island_plan, certificate));
         fine_plan.units.push(ComputationUnit::IslandPlan(Box::new(island_plan)));
         fine_plan.n_heard_units = fine_plan.units.len();
         Ok(fine_plan)
@@ -293,12 +293,12 @@ impl Plan {
     }
 
     /// How each part is computed.
-    pub fn rows(&self) -> &[Row] {
+    pub fn rows(&self) -> &[PlanRow] {
         &self.rows
     }
 
     /// How what is only seen is computed; [`Plan::rows`] and [`Plan::hash`] do not include it.
-    pub fn displayed_rows(&self) -> &[Row] {
+    pub fn displayed_rows(&self) -> &[PlanRow] {
         &self.displayed_rows
     }
 

@@ -44,7 +44,7 @@ pub(crate) enum LinkRunKind {
     Lnl {
         law: Arc<Law>,
         /// Per-sample velocity times this is the law's v: 1/T, or T_ca/T under `ca`.
-        rate: f64,
+        velocity_factor: f64,
         /// Index of the law in the scratch memory; runs with the same law share it.
         slot: usize,
     },
@@ -52,7 +52,7 @@ pub(crate) enum LinkRunKind {
     Followed {
         law: Followed,
         /// As for `Lnl`.
-        rate: f64,
+        velocity_factor: f64,
         /// Index of the law with the current values of its constants.
         slot: usize,
     },
@@ -60,13 +60,13 @@ pub(crate) enum LinkRunKind {
     Bristle {
         law: Bristle,
         /// As for `Lnl`.
-        rate: f64,
+        velocity_factor: f64,
     },
     /// Dry friction, solved after all other forces are known; Z of the run is F [N].
     Dry {
         law: Dry,
         /// As for `Lnl`.
-        rate: f64,
+        velocity_factor: f64,
     },
     /// Spring or contact between points in space.
     Space(SpaceLink),
@@ -96,10 +96,12 @@ pub(crate) struct LinkRun {
 impl LinkRun {
     /// Turn a hardening law into numbers K and Z of this run, which can then change.
     pub(crate) fn make_adjustable(&mut self) {
-        if let LinkRunKind::Lnl { law, rate, .. } = &self.kind
+        if let LinkRunKind::Lnl {
+            law, velocity_factor, ..
+        } = &self.kind
             && let Some(Hardening { k, q, z }) = law.hardening_spring()
         {
-            (self.k, self.z) = (k, z.unwrap_or(0.0) * rate);
+            (self.k, self.z) = (k, z.unwrap_or(0.0) * velocity_factor);
             self.kind = LinkRunKind::Hardening(q);
         }
     }
@@ -198,7 +200,9 @@ impl LinkRun {
     /// The bristle law with K and Z of the run, and the time step [s]; `None` for other links.
     pub(crate) fn bristle(&self) -> Option<(Bristle, f64)> {
         match &self.kind {
-            LinkRunKind::Bristle { law, rate } => Some((law.with_stiffness_and_level(self.k, self.z), 1.0 / rate)),
+            LinkRunKind::Bristle { law, velocity_factor } => {
+                Some((law.with_stiffness_and_level(self.k, self.z), 1.0 / velocity_factor))
+            }
             _ => None,
         }
     }

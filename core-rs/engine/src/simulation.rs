@@ -328,10 +328,10 @@ impl Simulation {
     ///
     /// `step`: the movement in the last frame of the tick [m], from a device that knows it exactly; `None`: the
     /// difference between the two ticks.
-    pub fn set_hand_position(&mut self, hand: usize, x: f64, step: Option<f64>) {
+    pub fn set_hand_position(&mut self, hand: usize, x: f64, last_step: Option<f64>) {
         for running_unit in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running_unit {
-                island.set_hand_position(hand, x, step);
+                island.set_hand_position(hand, x, last_step);
             }
         }
     }

@@ -17,9 +17,9 @@ use crate::safety::{GuardedDevice, SafetyLimits, TripCause};
 const VELOCITY_WINDOW: f64 = 5e-3;
 /// As parts of `Guide::half_travel`: the position at which the brake takes over, the predicted stopping position at
 /// which it takes over, and the position at which it lets go.
-const BRAKE_POSITION: f64 = 0.6;
-const BRAKE_STOP_POSITION: f64 = 0.75;
-const RELEASE_POSITION: f64 = 0.3;
+const BRAKE_TRAVEL_SHARE: f64 = 0.6;
+const BRAKE_STOP_TRAVEL_SHARE: f64 = 0.75;
+const RELEASE_TRAVEL_SHARE: f64 = 0.3;
 /// Replies that come more than this many ticks after their forces count as lost.
 const LATE_TICKS_MAX: usize = 8;
 /// Time without a new position after which a device counts as gone [s].
@@ -237,9 +237,9 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
         let outwards = (velocity * centre_offset.signum()).max(0.0);
         let stopping_offset = centre_offset.abs() + 0.5 * outwards * outwards / deceleration;
         self.is_braking = if self.is_braking {
-            centre_offset.abs() > RELEASE_POSITION * half || stopping_offset > BRAKE_POSITION * half
+            centre_offset.abs() > RELEASE_TRAVEL_SHARE * half || stopping_offset > BRAKE_TRAVEL_SHARE * half
         } else {
-            centre_offset.abs() > BRAKE_POSITION * half || stopping_offset > BRAKE_STOP_POSITION * half
+            centre_offset.abs() > BRAKE_TRAVEL_SHARE * half || stopping_offset > BRAKE_STOP_TRAVEL_SHARE * half
         };
         if self.is_braking {
             return -brake.stiffness * centre_offset - brake.damping * velocity;
@@ -258,7 +258,7 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
     }
 
     /// Take the reply of this tick: enter it in its row, update the motion, and check whether the take must end.
-    fn apply_reply(&mut self, pushes: bool) -> Result<(), ExcitationEnd> {
+    fn apply_reply(&mut self, is_force_requested: bool) -> Result<(), ExcitationEnd> {
         let (pushed_axis, sample) = (self.excitation.axis, &self.sample);
         let (key_position, tick_period) = (sample.position[pushed_axis], self.excitation.period);
         self.motion.age += tick_period;
@@ -281,9 +281,9 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
         let blend_weight = (motion_age / VELOCITY_WINDOW).min(1.0);
         self.motion.v += ((key_position - self.motion.x) / motion_age - self.motion.v) * blend_weight;
         (self.motion.x, self.motion.age) = (key_position, 0.0);
-        let row = (self.rows.len() - 1).checked_sub(usize::from(sample.requests_behind));
-        if let Some(row) = row.filter(|&row| row >= self.n_written)
-            && let Some(row) = self.rows.get_mut(row)
+        let row_index = (self.rows.len() - 1).checked_sub(usize::from(sample.requests_behind));
+        if let Some(row_index) = row_index.filter(|&index| index >= self.n_written)
+            && let Some(row) = self.rows.get_mut(row_index)
         {
             (row.position, row.is_fresh) = (key_position, true);
             row.clock = sample.t_dev_us.unwrap_or(0);
@@ -291,7 +291,11 @@ impl<D: Device> ExcitationRun<'_, '_, D> {
         if self.excitation.reports_touch && sample.is_touched[pushed_axis] {
             return Err(ExcitationEnd::Touched);
         }
-        if self.excitation.is_gated && pushes && sample.requests_behind == 0 && !sample.is_force_enabled[pushed_axis] {
+        if self.excitation.is_gated
+            && is_force_requested
+            && sample.requests_behind == 0
+            && !sample.is_force_enabled[pushed_axis]
+        {
             return Err(ExcitationEnd::GateClosed);
         }
         Ok(())

@@ -271,7 +271,7 @@ pub(crate) fn unpack(payload: &[u8], n_frames: usize, n_points: usize) -> Option
         }
         second_before = std::mem::replace(&mut before, decoded_frames);
     }
-    reader.is_ended().then_some(all_rows)
+    reader.is_exhausted().then_some(all_rows)
 }
 
 fn value_range<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {

@@ -48,7 +48,7 @@ impl BitWriter {
         }
     }
 
-    fn shift(&mut self) {
+    fn shift_low(&mut self) {
         let overflow = (self.low >> 32) as u8;
         if overflow != 0 || self.low < 0xff00_0000 {
             let mut pending_byte = self.pending_byte;
@@ -66,7 +66,7 @@ impl BitWriter {
     /// All bytes.
     pub(crate) fn finish(mut self) -> Vec<u8> {
         for _ in 0..5 {
-            self.shift();
+            self.shift_low();
         }
         self.bytes
     }
@@ -83,7 +83,7 @@ impl Coder for BitWriter {
         }
         while self.range < RANGE_MIN {
             self.range <<= 8;
-            self.shift();
+            self.shift_low();
         }
         bit
     }
@@ -94,7 +94,7 @@ pub(crate) struct BitReader<'a> {
     bytes: &'a [u8],
     position: usize,
     range: u32,
-    code: u32,
+    code_value: u32,
 }
 
 impl<'a> BitReader<'a> {
@@ -103,7 +103,7 @@ impl<'a> BitReader<'a> {
             bytes,
             position: 0,
             range: u32::MAX,
-            code: 0,
+            code_value: 0,
         };
         for _ in 0..5 {
             reader.next_byte();
@@ -113,12 +113,12 @@ impl<'a> BitReader<'a> {
 
     fn next_byte(&mut self) {
         let next_byte = self.bytes.get(self.position).copied().unwrap_or(0);
-        self.code = (self.code << 8) | u32::from(next_byte);
+        self.code_value = (self.code_value << 8) | u32::from(next_byte);
         self.position += 1;
     }
 
     /// Whether exactly all bytes were read.
-    pub(crate) fn is_ended(&self) -> bool {
+    pub(crate) fn is_exhausted(&self) -> bool {
         self.position == self.bytes.len()
     }
 }
@@ -126,9 +126,9 @@ impl<'a> BitReader<'a> {
 impl Coder for BitReader<'_> {
     fn code(&mut self, probability: u16, _: bool) -> bool {
         let split_point = (self.range >> PROBABILITY_BITS) * u32::from(probability);
-        let bit = self.code >= split_point;
+        let bit = self.code_value >= split_point;
         if bit {
-            self.code -= split_point;
+            self.code_value -= split_point;
             self.range -= split_point;
         } else {
             self.range = split_point;
@@ -206,7 +206,7 @@ mod tests {
             for (context, value) in &values {
                 prop_assert_eq!(probabilities.code(&mut reader, *context, 0), Some(*value));
             }
-            prop_assert!(reader.is_ended());
+            prop_assert!(reader.is_exhausted());
         }
     }
 

@@ -70,9 +70,12 @@ struct MotionPart {
 enum PartMotion {
     Free,
     Sampled,
-    /// Index of the first mode, number of modes, and the displacement of each point per unit of each mode   (n,
-    /// n_modes)
-    Modal(usize, usize, Vec<f64>),
+    Modal {
+        first_mode: usize,
+        n_modes: usize,
+        /// Displacement of each point per unit of each mode   (n, n_modes)
+        shapes: Vec<f64>,
+    },
     NotComputed,
 }
 
@@ -165,7 +168,11 @@ impl MotionFile {
                     if first_mode + mode_count > self.n_modes || mode_count * n_points > 8 * COUNT_MAX {
                         return None;
                     }
-                    PartMotion::Modal(first_mode, mode_count, vec![0.0; mode_count * n_points])
+                    PartMotion::Modal {
+                        first_mode,
+                        n_modes: mode_count,
+                        shapes: vec![0.0; mode_count * n_points],
+                    }
                 }
                 "none" => PartMotion::NotComputed,
                 _ => return None,
@@ -221,7 +228,12 @@ impl MotionFile {
             let (first_mode, mode_count, point_count) =
                 (reader.u32()? as usize, reader.u32()? as usize, reader.u32()? as usize);
             let part = self.parts.get_mut(part)?;
-            let PartMotion::Modal(part_first_mode, part_modes, mode_shapes) = &mut part.kind else {
+            let PartMotion::Modal {
+                first_mode: part_first_mode,
+                n_modes: part_modes,
+                shapes: mode_shapes,
+            } = &mut part.kind
+            else {
                 return None;
             };
             let mode_offset = first_mode.checked_sub(*part_first_mode)?;
@@ -310,14 +322,16 @@ impl MotionFile {
                 if flight_chunk.kind == kind::STATE {
                     flights_now.fill((0.0, 0.0, 0.0));
                 }
-                for (number, a, b) in self.read_flights(self.payload(flight_chunk)).unwrap_or_default() {
-                    flights_now[number] = (a, b, flight_chunk.seconds);
+                for (oscillation, cosine_part, sine_part) in
+                    self.read_flights(self.payload(flight_chunk)).unwrap_or_default()
+                {
+                    flights_now[oscillation] = (cosine_part, sine_part, flight_chunk.seconds);
                 }
             }
-            let displacement_of = |number: usize| {
-                let (a, b, flight_start) = flights_now[number];
-                self.oscillations[number]
-                    .coefficients_after((a, b), instant - flight_start)
+            let displacement_of = |oscillation: usize| {
+                let (cosine_part, sine_part, flight_start) = flights_now[oscillation];
+                self.oscillations[oscillation]
+                    .coefficients_after((cosine_part, sine_part), instant - flight_start)
                     .0
             };
             for part in &self.parts {
@@ -327,14 +341,22 @@ impl MotionFile {
                         part_displacements
                             .iter_mut()
                             .zip(part.first_point..)
-                            .for_each(|(x, number)| *x = displacement_of(number));
+                            .for_each(|(x, point)| *x = displacement_of(point));
                     }
-                    PartMotion::Modal(first_mode, m, shapes) => {
-                        let mode_displacements: Vec<f64> = (0..*m)
+                    PartMotion::Modal {
+                        first_mode,
+                        n_modes,
+                        shapes,
+                    } => {
+                        let mode_displacements: Vec<f64> = (0..*n_modes)
                             .map(|mode| displacement_of(point_count + first_mode + mode))
                             .collect();
-                        for (x, shape) in part_displacements.iter_mut().zip(shapes.chunks((*m).max(1))) {
-                            *x = shape.iter().zip(&mode_displacements).map(|(share, q)| share * q).sum();
+                        for (x, shape) in part_displacements.iter_mut().zip(shapes.chunks((*n_modes).max(1))) {
+                            *x = shape
+                                .iter()
+                                .zip(&mode_displacements)
+                                .map(|(share, mode_displacement)| share * mode_displacement)
+                                .sum();
                         }
                     }
                     PartMotion::Sampled | PartMotion::NotComputed => {}
@@ -346,13 +368,13 @@ impl MotionFile {
     /// Sampled points, between frames as in [`interpolate_cubic`].
     fn interpolate(&self, instants: &[f64], rows: &mut [f64]) -> Result<(), ReadError> {
         let point_count = self.n_points;
-        for (number, part) in self.parts.iter().enumerate() {
+        for (part_index, part) in self.parts.iter().enumerate() {
             if !matches!(part.kind, PartMotion::Sampled) {
                 continue;
             }
             let is_of_part = |chunk: &&ChunkRef| {
                 let chunk_part = ByteReader(self.payload(chunk)).u16();
-                chunk.kind == kind::FRAMES && chunk_part == Some(number as u16)
+                chunk.kind == kind::FRAMES && chunk_part == Some(part_index as u16)
             };
             let (mut frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
             let mut frame_chunks = self.chunks().iter().filter(is_of_part);
@@ -378,19 +400,20 @@ impl MotionFile {
                 let Some((frame_time, x)) = frames.get(frame_index).filter(|frame| frame.0 <= instant) else {
                     continue;
                 };
-                let neighbour = |number: Option<usize>, point: usize| {
-                    let x = frames.get(number?)?.1[point];
+                let neighbour = |index: Option<usize>, point: usize| {
+                    let x = frames.get(index?)?.1[point];
                     x.is_finite().then_some(x)
                 };
-                let Some((next_time, y)) = frames.get(frame_index + 1) else {
+                let Some((next_time, next_x)) = frames.get(frame_index + 1) else {
                     part_displacements.copy_from_slice(x);
                     continue;
                 };
                 let time_share = (instant - frame_time) / (next_time - frame_time);
-                for (point, (displacement, ends)) in part_displacements.iter_mut().zip(x.iter().zip(y)).enumerate() {
-                    let before = neighbour(frame_index.checked_sub(1), point);
-                    let after = neighbour(Some(frame_index + 2), point);
-                    *displacement = interpolate_cubic(time_share, (*ends.0, *ends.1), before, after);
+                for (point, (displacement, ends)) in part_displacements.iter_mut().zip(x.iter().zip(next_x)).enumerate()
+                {
+                    let x_before = neighbour(frame_index.checked_sub(1), point);
+                    let x_after = neighbour(Some(frame_index + 2), point);
+                    *displacement = interpolate_cubic(time_share, (*ends.0, *ends.1), x_before, x_after);
                 }
             }
         }

@@ -24,7 +24,7 @@ from .parameters import INDEX
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ergon._core import Device, Excited
+    from ergon._core import Device, ExcitationRecord
 
     from .gesture import Floats, Gesture
 
@@ -80,7 +80,7 @@ class TakeEnded(MeasurementError):
     """A take that ended early; the message says why and what to do."""
 
     def __init__(self, end_reason: str) -> None:
-        """`end_reason` is that of `_core.Excited`."""
+        """`end_reason` is that of `_core.ExcitationRecord`."""
         super().__init__(_END_MESSAGES.get(end_reason, end_reason))
         self.end_reason = end_reason
 
@@ -188,7 +188,7 @@ def push(
     record: _core.RecordTarget | None = None,
     *,
     accepts_safety_ends: bool = False,
-) -> Excited:
+) -> ExcitationRecord:
     """Push a key by forces (n,) [N]. Raises TakeEnded if that ends early.
 
     With `accepts_safety_ends` it does not raise if a safety stage stopped the axis because force
@@ -202,7 +202,7 @@ def push(
         FRAMES,
         guide.core_arguments(),
         sign=axis.sign,
-        still=n_still,
+        unguided_ticks=n_still,
         force_step=axis.force_step,
         tells_touch=axis.tells_touch,
         is_gated=axis.is_gated,
@@ -210,7 +210,7 @@ def push(
     )
     if excited.end != "done" and not (accepts_safety_ends and excited.end in SAFETY_ENDS):
         raise TakeEnded(excited.end)
-    if excited.fresh().size >= TICK_RATE / 4 and excited.fresh().mean() < _TIMELY_SHARE_MIN:
+    if excited.are_fresh().size >= TICK_RATE / 4 and excited.are_fresh().mean() < _TIMELY_SHARE_MIN:
         raise TakeEnded("late")
     return excited
 
@@ -226,14 +226,14 @@ def settle(axis: Axis, guide: Guide) -> None:
     push(axis, np.zeros(n_ticks // 3), guide, n_ticks, accepts_safety_ends=True)
 
 
-def gesture_of_take(excited: Excited) -> Gesture:
+def gesture_of_take(excited: ExcitationRecord) -> Gesture:
     """A take as a gesture for the fit."""
     n_ticks = excited.sent().size
     return gesture_from_rows(
         np.arange(n_ticks),
         excited.sent(),
         excited.positions(),
-        excited.fresh(),
+        excited.are_fresh(),
         excited.clocks(),
         TICK_RATE,
     )

@@ -4,7 +4,7 @@ use ergon_engine::generator::{self, Angles, BankForm, Decay, GeneratorError, Pla
 use pyo3::prelude::*;
 
 use super::Network;
-use crate::error::{from_engine, module_error, word};
+use crate::error::{from_engine, module_error, parse_choice};
 use crate::words;
 use crate::work::computing;
 
@@ -36,8 +36,8 @@ impl MeshLinks {
 
 /// The arrangement of the members of a bank by its word; `hole` and `angles` are used for a galaxy.
 fn member_arrangement(place: &str, hole: f64, angles: &str) -> PyResult<Arrangement> {
-    let angles: Angles = word("angles", angles, words::BANK_ANGLES)?;
-    Ok(match word("place", place, words::BANK_PLACES)? {
+    let angles: Angles = parse_choice("angles", angles, words::BANK_ANGLES)?;
+    Ok(match parse_choice("place", place, words::BANK_PLACES)? {
         Arrangement::Galaxy { .. } => Arrangement::Galaxy { hole, angles },
         other_arrangement => other_arrangement,
     })
@@ -64,7 +64,7 @@ impl Network {
         hardening: f64,
         stretching: f64,
     ) -> PyResult<usize> {
-        let ends = word("ends", ends, words::STRING_ENDS)?;
+        let ends = parse_choice("ends", ends, words::STRING_ENDS)?;
         let topology = computing(py, || match inharmonicity {
             None => generator::string(masses, ends, stiffness),
             Some(b) => generator::stiff_string(masses, ends, b),
@@ -95,9 +95,9 @@ impl Network {
     ) -> PyResult<usize> {
         let shape = match sides {
             Some((across, up)) => Shape::Rectangle { across, up },
-            None => word("shape", shape, words::PLATE_SHAPES)?,
+            None => parse_choice("shape", shape, words::PLATE_SHAPES)?,
         };
-        let rim = word("rim", rim, words::PLATE_RIMS)?;
+        let rim = parse_choice("rim", rim, words::PLATE_RIMS)?;
         let topology = computing(py, || match bending {
             None if shape == Shape::Disc => generator::round_membrane(radius, rim),
             None => generator::plate(shape, radius, rim),
@@ -124,7 +124,7 @@ impl Network {
         angles: &str,
         seed: i128,
     ) -> PyResult<usize> {
-        let spread = word("spread", spread, words::BANK_SPREADS)?;
+        let spread = parse_choice("spread", spread, words::BANK_SPREADS)?;
         let place = member_arrangement(place, hole, angles)?;
         computing(py, || {
             self.0.bank(

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 use super::Network;
 use super::masses::{FollowingValue, to_following};
-use crate::error::{from_engine, word};
+use crate::error::{from_engine, parse_choice};
 use crate::law::{Law, entry, named_row};
 use crate::named::LawUse;
 use crate::words;
@@ -42,8 +42,8 @@ impl Network {
         clamp: bool,
         steps: u32,
     ) -> PyResult<usize> {
-        let side = word("side", side, words::CONTACT_SIDES)?;
-        let contact = word("contact", contact, words::CONTACT_METHODS)?;
+        let side = parse_choice("side", side, words::CONTACT_SIDES)?;
+        let contact = parse_choice("contact", contact, words::CONTACT_METHODS)?;
         let but_link = But {
             k: K,
             z: Z,

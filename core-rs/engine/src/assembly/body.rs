@@ -184,8 +184,8 @@ fn oscillator_bank(
         bank_plan.oscillators.push(Oscillator {
             a: 2.0 - mode_ratios.kappa - mode_ratios.zeta,
             b: 1.0 - mode_ratios.zeta,
-            now: modes.x0[mode] - modes.rest[mode],
-            before: modes.position_before(mode, rate),
+            position: modes.x0[mode] - modes.rest[mode],
+            previous_position: modes.position_before(mode, rate),
             outputs: weights,
             blows: Vec::new(),
         });

@@ -56,15 +56,15 @@ pub(crate) fn oscillator_banks(
     let network = &subset.network;
     let (mats, rate) = (network.mats(), timeline.rate);
     let scheme = Scheme::new(network, rate)?;
-    let steps_before = backward_steps(network, timeline, &scheme, &mats.x0, &[], &|_| true);
+    let backward_steps = backward_steps(network, timeline, &scheme, &mats.x0, &[], &|_| true);
     let mut cell_oscillators: Vec<Oscillator> = (0..network.n_mat())
         .map(|i| {
             let offset = mats.x0[i] - mats.rest[i];
             Oscillator {
                 a: 2.0 - scheme.kappa[i] - scheme.zeta[i],
                 b: 1.0 - scheme.zeta[i],
-                now: offset,
-                before: offset - steps_before[i],
+                position: offset,
+                previous_position: offset - backward_steps[i],
                 outputs: Vec::new(),
                 blows: Vec::new(),
             }
@@ -72,15 +72,15 @@ pub(crate) fn oscillator_banks(
         .collect();
     for (output, &index) in network.outputs().iter().zip(&subset.outputs) {
         for term in &output.terms {
-            let (first, len, weight, is_force) = match *term {
+            let (first, len, weight, is_ground_force) = match *term {
                 Term::Position { first, len, weight } => (first, len, weight, false),
                 Term::Ground { first, len, weight } => (first, len, weight, true),
                 Term::Force { .. } | Term::Length { .. } => continue,
             };
             for i in interrupt::steps(first..first + len) {
                 let cell = &mut cell_oscillators[i];
-                let weight = weight * if is_force { mats.k[i] } else { 1.0 };
-                if !is_force {
+                let weight = weight * if is_ground_force { mats.k[i] } else { 1.0 };
+                if !is_ground_force {
                     output_offsets[index as usize] += weight * mats.rest[i];
                 }
                 add_weight(&mut cell.outputs, index, weight);

@@ -286,8 +286,8 @@ impl ModalBody for ComplexModeBody<'_> {
             bank_plan.oscillators.push(Oscillator {
                 a,
                 b,
-                now: part.now,
-                before: part.before,
+                position: part.now,
+                previous_position: part.before,
                 outputs: weights,
                 blows: Vec::new(),
             });

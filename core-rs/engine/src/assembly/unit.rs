@@ -90,7 +90,7 @@ pub(crate) struct BankPlan {
 impl BankPlan {
     /// The frame up to which it gives 0, if nothing comes from outside: that of its first blow.
     pub(crate) fn silent_until_frame(&self) -> u64 {
-        let is_resting = |oscillator: &Oscillator| oscillator.now == 0.0 && oscillator.before == 0.0;
+        let is_resting = |oscillator: &Oscillator| oscillator.position == 0.0 && oscillator.previous_position == 0.0;
         if self.is_open || !self.oscillators.iter().all(is_resting) {
             return 0;
         }

@@ -92,8 +92,8 @@ impl BankScript {
         self.members.extend(indices);
         self.members.resize(self.coefficients.len() * LANES, None);
         GroupMotion {
-            positions: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.now),
-            previous_positions: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.before),
+            positions: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.position),
+            previous_positions: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.previous_position),
         }
     }
 

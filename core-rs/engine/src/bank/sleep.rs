@@ -38,16 +38,18 @@ impl Bank {
 
 /// Amplitude of an oscillator from two positions (b = r², a = 2r·cos θ) [m]; infinite for an overdamped one, which has
 /// no such bound, unless it has a single pole (b = 0).
-fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
-    if now == 0.0 && before == 0.0 {
+fn amplitude(a: f64, b: f64, position: f64, previous_position: f64) -> f64 {
+    if position == 0.0 && previous_position == 0.0 {
         return 0.0;
     }
     if b == 0.0 {
-        return now.abs();
+        return position.abs();
     }
     let sine_squared = 1.0 - a * a / (4.0 * b);
     if sine_squared > 0.0 {
-        ((now * now + b * before * before - a * now * before) / sine_squared).sqrt()
+        ((position * position + b * previous_position * previous_position - a * position * previous_position)
+            / sine_squared)
+            .sqrt()
     } else {
         f64::INFINITY
     }
@@ -60,13 +62,18 @@ pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], ra
         [(_, weight)] => weight.abs(),
         _ => 1.0,
     };
-    let oscillator = oscillators.iter().map(|oscillator| {
+    let oscillator_amplitudes = oscillators.iter().map(|oscillator| {
         let blow_sizes = oscillator.blows.iter().map(|blow| match blow.kick {
             Kick::Displacement(x) => x.abs(),
             Kick::Ergon { .. } => 0.0,
         });
-        let start_amplitude =
-            Some(amplitude(oscillator.a, oscillator.b, oscillator.now, oscillator.before)).filter(|x| x.is_finite());
+        let start_amplitude = Some(amplitude(
+            oscillator.a,
+            oscillator.b,
+            oscillator.position,
+            oscillator.previous_position,
+        ))
+        .filter(|x| x.is_finite());
         blow_sizes.fold(start_amplitude.unwrap_or(0.0), f64::max) * output_scale(oscillator)
     });
     let shared_sizes = strikes.iter().flat_map(|strikes| {
@@ -75,13 +82,13 @@ pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], ra
         let unit_displacement = impulse * rate.hertz() * strikes.w;
         let struck_members = oscillators[strikes.members.clone()].iter();
         let member_shares = struck_members.zip(&strikes.member_shares).enumerate();
-        member_shares.map(move |(i, (oscillator, member_shares))| {
+        member_shares.map(move |(i, (oscillator, member_share))| {
             let response = strikes.responses.get(i);
             let response_size = response.and_then(Response::peak_displacement);
             response_size.map_or(unit_displacement, |response_size| impulse * response_size)
-                * member_shares.abs()
+                * member_share.abs()
                 * output_scale(oscillator)
         })
     });
-    oscillator.chain(shared_sizes).fold(0.0, f64::max) * crate::maths::amplitude_ratio(REST_LEVEL_DB)
+    oscillator_amplitudes.chain(shared_sizes).fold(0.0, f64::max) * crate::maths::amplitude_ratio(REST_LEVEL_DB)
 }

@@ -359,7 +359,8 @@ fn equal_frequencies(lambda: &[f64]) -> Vec<Range<usize>> {
     let mut group_start = 0;
     while group_start < lambda.len() {
         let lower_lambda = lambda[group_start];
-        let is_same_frequency = |high: &&f64| **high - lower_lambda <= 2.0 * COUPLING_NONE * high.sqrt();
+        let is_same_frequency =
+            |upper_lambda: &&f64| **upper_lambda - lower_lambda <= 2.0 * COUPLING_NONE * upper_lambda.sqrt();
         let group_size = lambda[group_start..]
             .iter()
             .take_while(is_same_frequency)

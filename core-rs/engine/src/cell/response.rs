@@ -25,27 +25,31 @@ pub(crate) enum Response {
 
 impl Response {
     /// The forces [N] on a mass of 1 kg at samples n and n+1 that replace an impulse [N·s] at (n + α)T, 0 <= α < 1.
-    pub(crate) fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
+    pub(crate) fn split(&self, impulse: f64, frame_fraction: f64, rate: Rate) -> [f64; 2] {
         let time_step = rate.step();
         let scaled_impulse = impulse / (time_step * time_step);
-        let (time_left, time_past) = ((1.0 - alpha) * time_step, alpha * time_step);
+        let (time_left, time_since_sample) = ((1.0 - frame_fraction) * time_step, frame_fraction * time_step);
         match *self {
-            Self::Cell(cell) => cell.split(impulse, alpha, rate),
+            Self::Cell(cell) => cell.split(impulse, frame_fraction, rate),
             Self::Pair {
                 decay,
                 omega,
                 gain: [re, im],
             } => {
                 let oscillation_left = re * cos(omega * time_left) - im * sin(omega * time_left);
-                let oscillation_past = re * cos(omega * time_past) + im * sin(omega * time_past);
+                let oscillation_since_sample =
+                    re * cos(omega * time_since_sample) + im * sin(omega * time_since_sample);
                 // The second force is −b times the response extended back to sample n.
                 [
                     scaled_impulse * exp(-decay * time_left) * oscillation_left,
-                    -scaled_impulse * exp(-decay * (time_left + time_step)) * oscillation_past,
+                    -scaled_impulse * exp(-decay * (time_left + time_step)) * oscillation_since_sample,
                 ]
             }
             Self::Real { decay, gain } => [scaled_impulse * gain * exp(-decay * time_left), 0.0],
-            Self::Free { gain } => [scaled_impulse * gain * time_left, scaled_impulse * gain * time_past],
+            Self::Free { gain } => [
+                scaled_impulse * gain * time_left,
+                scaled_impulse * gain * time_since_sample,
+            ],
         }
     }
 }
@@ -86,7 +90,7 @@ impl Response {
     }
 
     /// Velocity [m/s] per impulse [N·s], right after it.
-    pub(crate) fn velocity_step(&self) -> f64 {
+    pub(crate) fn velocity_jump(&self) -> f64 {
         match *self {
             Self::Cell(cell) => cell.velocity_jump(),
             Self::Pair {
@@ -129,21 +133,21 @@ impl Response {
         }
     }
 
-    /// Weights of two successive samples that give the free motion at `fraction` of the step between them.
-    pub(crate) fn interpolation(&self, fraction: f64, rate: Rate) -> (f64, f64) {
+    /// Weights of two successive samples that give the free motion at `frame_fraction` of the step between them.
+    pub(crate) fn interpolation(&self, frame_fraction: f64, rate: Rate) -> (f64, f64) {
         let time_step = rate.step();
         match *self {
-            Self::Cell(cell) => cell.interpolation(fraction, rate),
+            Self::Cell(cell) => cell.interpolation(frame_fraction, rate),
             Self::Pair { decay, omega, .. } => {
                 let step_sine = sin(omega * time_step);
-                let (time_left, time_past) = ((1.0 - fraction) * time_step, fraction * time_step);
+                let (time_left, time_since_sample) = ((1.0 - frame_fraction) * time_step, frame_fraction * time_step);
                 (
-                    exp(-decay * time_past) * sin(omega * time_left) / step_sine,
-                    exp(decay * time_left) * sin(omega * time_past) / step_sine,
+                    exp(-decay * time_since_sample) * sin(omega * time_left) / step_sine,
+                    exp(decay * time_left) * sin(omega * time_since_sample) / step_sine,
                 )
             }
-            Self::Real { decay, .. } => (exp(-decay * fraction * time_step), 0.0),
-            Self::Free { .. } => (1.0 - fraction, fraction),
+            Self::Real { decay, .. } => (exp(-decay * frame_fraction * time_step), 0.0),
+            Self::Free { .. } => (1.0 - frame_fraction, frame_fraction),
         }
     }
 }

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Arguments;
 
-use super::{Sink, digest, hex};
+use super::{Hasher, digest, hex};
 use crate::assembly::unit::IslandPlan;
 use crate::gesture::script::Gesture;
 use crate::island::bodies::BodyPlan;
@@ -51,13 +51,13 @@ impl EventHashes {
     }
 
     /// Hashes the fixed part, and the events that act after the instant `start` [s], if one is given, up to `stop` [s].
-    fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), sink: &mut Sink) {
+    fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), hasher: &mut Hasher) {
         let is_in_span = |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
-        sink.add(self.static_hash);
+        hasher.add(self.static_hash);
         // Gestures are identified by their index, so all gestures before the last one that counts are included.
         let last_begun = self.gestures.iter().rposition(|gesture_entry| gesture_entry.0 <= stop);
         for (_, digest) in &self.gestures[..last_begun.map_or(0, |last| last + 1)] {
-            sink.add(digest);
+            hasher.add(digest);
         }
         // Where a strike stands in the score does not affect the sound.
         for &Strike {
@@ -69,13 +69,13 @@ impl EventHashes {
         } in &timeline.strikes
         {
             if is_in_span(instant) {
-                sink.add(mat.to_le_bytes());
-                sink.add(instant.to_le_bytes());
-                sink.add(n_parts.to_le_bytes());
-                sink.add(impulse.to_le_bytes());
+                hasher.add(mat.to_le_bytes());
+                hasher.add(instant.to_le_bytes());
+                hasher.add(n_parts.to_le_bytes());
+                hasher.add(impulse.to_le_bytes());
             }
         }
-        sink.add(b"ergons");
+        hasher.add(b"ergons");
         for &Ergon {
             instant,
             mat,
@@ -85,9 +85,9 @@ impl EventHashes {
         } in &timeline.ergons
         {
             if is_in_span(instant) {
-                sink.add(mat.to_le_bytes());
+                hasher.add(mat.to_le_bytes());
                 for number in [instant, mass, speed] {
-                    sink.add(number.to_le_bytes());
+                    hasher.add(number.to_le_bytes());
                 }
             }
         }
@@ -127,34 +127,39 @@ impl Content {
         ))
     }
 
-    /// A hash of all that the island depends on up to frame `until` of the scene (64 hex digits); `previous_key` is
-    /// that hash up to frame `start_frame`, empty at 0.
-    pub(crate) fn key(&self, island: &IslandPlan, (start_frame, until): (u64, u64), previous_key: &str) -> String {
+    /// A hash of all that the island depends on up to frame `end_frame` of the scene (64 hex digits); `previous_hash`
+    /// is that hash up to frame `start_frame`, empty at 0.
+    pub(crate) fn hash_of_span(
+        &self,
+        island: &IslandPlan,
+        (start_frame, end_frame): (u64, u64),
+        previous_hash: &str,
+    ) -> String {
         let oversampling = u64::from(island.oversampling);
         let frame_rate = island.timeline.rate.hertz();
-        let [first_frame, last_frame] = [start_frame, until].map(|frame| match frame {
+        let [first_frame, last_frame] = [start_frame, end_frame].map(|frame| match frame {
             0 => 0,
             frame => (frame + ROUNDED_FRAMES) * oversampling,
         });
         let [start_instant, stop_instant] = [first_frame, last_frame].map(|frame| frame as f64 / frame_rate);
-        let mut hash_sink = Sink::new();
-        hash_sink.add(previous_key);
-        hash_sink.add(until.to_le_bytes());
+        let mut hasher = Hasher::new();
+        hasher.add(previous_hash);
+        hasher.add(end_frame.to_le_bytes());
         let start_instant = (start_frame > 0).then_some(start_instant);
         self.0
-            .hash(&island.timeline, (start_instant, stop_instant), &mut hash_sink);
+            .hash(&island.timeline, (start_instant, stop_instant), &mut hasher);
         for body in &island.bodies {
-            hash_sink.add(b"body");
+            hasher.add(b"body");
             let is_in_span = |frame: u64| frame <= last_frame && (start_frame == 0 || frame > first_frame);
             for (frame, point, strike_numbers) in body.strikes().filter(|strike| is_in_span(strike.0)) {
-                hash_sink.add(frame.to_le_bytes());
-                hash_sink.add((point as u64).to_le_bytes());
+                hasher.add(frame.to_le_bytes());
+                hasher.add((point as u64).to_le_bytes());
                 for value in strike_numbers {
-                    hash_sink.add(value.to_le_bytes());
+                    hasher.add(value.to_le_bytes());
                 }
             }
         }
-        hex(&hash_sink.finish())
+        hex(&hasher.finish())
     }
 }
 
@@ -205,18 +210,18 @@ impl<'a> IslandContent<'a> {
 
     /// A hash of what does not depend on time (64 hex digits).
     pub(crate) fn static_hash(&self) -> String {
-        let mut hash_sink = Sink::new();
-        hash_sink.add(self.events.static_hash);
-        hex(&hash_sink.finish())
+        let mut hasher = Hasher::new();
+        hasher.add(self.events.static_hash);
+        hex(&hasher.finish())
     }
 
     /// A hash of all that the island depends on up to a frame (64 hex digits).
     pub(crate) fn hash_until(&self, frame: u64) -> String {
-        let mut hash_sink = Sink::new();
-        hash_sink.add(frame.to_le_bytes());
+        let mut hasher = Hasher::new();
+        hasher.add(frame.to_le_bytes());
         let stop_instant = (frame + ROUNDED_FRAMES) as f64 / self.timeline.rate.hertz();
-        self.events.hash(self.timeline, (None, stop_instant), &mut hash_sink);
-        hex(&hash_sink.finish())
+        self.events.hash(self.timeline, (None, stop_instant), &mut hasher);
+        hex(&hasher.finish())
     }
 }
 

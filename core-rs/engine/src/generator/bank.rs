@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::{GeneratorError, MAX_MASSES, count, positive};
+use super::{GeneratorError, MAX_MASSES, check_count, positive};
 use crate::interrupt;
 use crate::maths::{cos, exp, log, sin, sqrt};
 
@@ -123,7 +123,7 @@ pub fn bank(
     mut draw: impl FnMut(usize) -> (f64, f64),
     mut turn: impl FnMut(usize) -> f64,
 ) -> Result<Vec<BankCell>, GeneratorError> {
-    count("`count`", form.count, 1, MAX_MASSES)?;
+    check_count("`count`", form.count, 1, MAX_MASSES)?;
     range("`f`", form.f)?;
     range("`t60`", form.t60)?;
     form.place.check()?;

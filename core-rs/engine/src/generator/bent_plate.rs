@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 use super::fit::least_squares;
 use super::plate::{Rim, Shape, plate};
 use super::sparse::Sparse;
-use super::{GeneratorError, Topology, count};
+use super::{GeneratorError, Topology, check_count};
 use crate::interrupt;
 use crate::maths::{cos, sin, sqrt};
 
@@ -35,10 +35,10 @@ pub fn bent_plate(shape: Shape, radius: usize, rim: Rim, poisson: f64) -> Result
         Shape::Rectangle { across, up } => {
             let sides_label = "`sides` of a plate that bends";
             for side in [across, up] {
-                count(sides_label, side, 2 * MIN_RADIUS + 1, 2 * MAX_RADIUS + 1)?;
+                check_count(sides_label, side, 2 * MIN_RADIUS + 1, 2 * MAX_RADIUS + 1)?;
             }
         }
-        _ => count("`radius` of a plate that bends", radius, MIN_RADIUS, MAX_RADIUS)?,
+        _ => check_count("`radius` of a plate that bends", radius, MIN_RADIUS, MAX_RADIUS)?,
     }
     if !(0.0..=0.5).contains(&poisson) {
         return Err(GeneratorError::Range {

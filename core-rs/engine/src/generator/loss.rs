@@ -9,7 +9,7 @@
 use super::fit::{least_squares, polynomial};
 use super::sparse::Sparse;
 use super::tune::TunedLinks;
-use super::{GeneratorError, Topology, TopologyRun, count, positive};
+use super::{GeneratorError, Topology, TopologyRun, check_count, positive};
 use crate::cell::{self, decay};
 use crate::maths::{cos, exp, log, log1p};
 use crate::units::{LN_1000, Rate};
@@ -153,7 +153,7 @@ pub fn tune_points(
 ) -> Result<Losses, GeneratorError> {
     positive("A mass", mass)?;
     positive("`f`", f)?;
-    count("The number of decays in `t60`", points.len(), 2, 64)?;
+    check_count("The number of decays in `t60`", points.len(), 2, 64)?;
     for &(frequency, t60) in points {
         positive("A frequency in `t60`", frequency)?;
         positive("`t60`", t60)?;
@@ -190,7 +190,7 @@ pub fn tune_points(
             dampers: Vec::new(),
         });
     }
-    count("`masses` of a body with such decays", topology.n_mat, 1, MAX_FITTED)?;
+    check_count("`masses` of a body with such decays", topology.n_mat, 1, MAX_FITTED)?;
     let named_poles: Vec<(f64, Pole)> = points.iter().map(|(f, _)| *f).zip(poles).collect();
     let loss_fit = Fit::new(topology, lowest_lambda, lowest_pole, &loss_curve, &named_poles)?;
     let loss_coefficients = loss_fit.best_coefficients(discrete)?;

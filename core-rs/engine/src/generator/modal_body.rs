@@ -5,7 +5,7 @@
 //! the first instant, as they do on a real body. A list of modes is finite, so short high modes are added to make this
 //! true.
 
-use super::{GeneratorError, count};
+use super::{GeneratorError, check_count};
 use crate::interrupt;
 use crate::maths::sqrt;
 
@@ -46,9 +46,9 @@ pub fn modal_body(
     levels: &[Vec<f64>],
     added_pole: (f64, f64),
 ) -> Result<ModalBody, GeneratorError> {
-    count("The number of modes", poles.len(), 1, MAX_MODAL)?;
+    check_count("The number of modes", poles.len(), 1, MAX_MODAL)?;
     let n_places = levels.first().map_or(0, Vec::len);
-    count("The number of places", n_places, 1, MAX_PLACES)?;
+    check_count("The number of places", n_places, 1, MAX_PLACES)?;
     for place in 0..n_places {
         let level_sum: f64 = levels.iter().map(|row| row[place] * row[place]).sum();
         if !(level_sum > 0.0 && level_sum.is_finite()) {

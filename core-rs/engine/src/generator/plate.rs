@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::rectangle::rectangle;
-use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
+use super::{GeneratorError, Links, MAX_MASSES, Topology, check_count};
 use crate::maths::{sin, sqrt};
 
 /// The shape of a mesh.
@@ -106,7 +106,7 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
     let radius_max = (0..)
         .take_while(|radius| shape.masses(radius + 1) <= MAX_MASSES)
         .count();
-    count("`radius`", radius, 0, radius_max)?;
+    check_count("`radius`", radius, 0, radius_max)?;
     let is_fixed = rim == Rim::Fixed;
     let outer_ring = radius + usize::from(is_fixed);
     let side_sites = 2 * outer_ring + 1;

@@ -2,15 +2,15 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
+use super::{GeneratorError, Links, MAX_MASSES, Topology, check_count};
 use crate::maths::sin;
 
 /// `columns` by `rows` masses; a fixed rim is one more row of SOLs on each side.
 pub(super) fn rectangle(columns: usize, rows: usize, has_fixed_rim: bool) -> Result<Topology, GeneratorError> {
     for side in [columns, rows] {
-        count("`sides`", side, 1, MAX_MASSES)?;
+        check_count("`sides`", side, 1, MAX_MASSES)?;
     }
-    count("The masses of a rectangle", columns.saturating_mul(rows), 1, MAX_MASSES)?;
+    check_count("The masses of a rectangle", columns.saturating_mul(rows), 1, MAX_MASSES)?;
     let mass_count = columns * rows;
     let mut mesh_links = Links::new();
     for row in 0..rows {

@@ -7,7 +7,7 @@
 use super::bent_plate::{Sites, disc};
 use super::plate::Rim;
 use super::sparse::Sparse;
-use super::{GeneratorError, Topology, count};
+use super::{GeneratorError, Topology, check_count};
 
 /// Most rings, as many as 2,000,000 masses have.
 const MAX_RADIUS: usize = 815;
@@ -17,7 +17,7 @@ const MAX_RADIUS: usize = 815;
 /// # Errors
 /// Too few rings or too many.
 pub fn round_membrane(radius: usize, rim: Rim) -> Result<Topology, GeneratorError> {
-    count("`radius` of a disc", radius, 2, MAX_RADIUS)?;
+    check_count("`radius` of a disc", radius, 2, MAX_RADIUS)?;
     let Sites {
         places,
         n_mat,

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use super::fit::{least_squares, polynomial};
 use super::string::{Ends, Row, string};
-use super::{GeneratorError, Links, Topology, count};
+use super::{GeneratorError, Links, Topology, check_count};
 use crate::maths::{log, sin};
 
 /// Number of partials that are in tune.
@@ -24,15 +24,15 @@ const FAR: f64 = 1.0;
 /// Most masses: with more, sums of large links of either sign lose the lowest mode in rounding errors.
 const MAX_BENT: usize = 5_000;
 
-/// `masses` MATs in a row with partials f₁·n·√((1 + B·n²)/(1 + B)), where B is the `inharmonicity`.
+/// `n_masses` MATs in a row with partials f₁·n·√((1 + B·n²)/(1 + B)), where B is the `inharmonicity`.
 ///
 /// If only the left end is held, n counts 1, 3, 5 ….
 ///
 /// # Errors
 /// Numbers out of range, or too few masses for the first 20 partials within 1 cent.
-pub fn stiff_string(masses: usize, ends: Ends, inharmonicity: f64) -> Result<Topology, GeneratorError> {
+pub fn stiff_string(n_masses: usize, ends: Ends, inharmonicity: f64) -> Result<Topology, GeneratorError> {
     let masses_label = "`masses` of a string with inharmonicity";
-    count(masses_label, masses, 1, MAX_BENT)?;
+    check_count(masses_label, n_masses, 1, MAX_BENT)?;
     if !(0.0..=0.1).contains(&inharmonicity) {
         return Err(GeneratorError::Range {
             what: "`inharmonicity`",
@@ -40,38 +40,38 @@ pub fn stiff_string(masses: usize, ends: Ends, inharmonicity: f64) -> Result<Top
             got: inharmonicity,
         });
     }
-    let partials = |masses: usize| Partials::new(masses, ends, inharmonicity);
-    let Some(coefficients) = partials(masses).fitted() else {
-        let enough_masses = (masses + 1..=MAX_BENT)
-            .step_by(1 + masses / 8)
-            .find(|masses| partials(*masses).fitted().is_some());
+    let partials = |n_masses: usize| Partials::new(n_masses, ends, inharmonicity);
+    let Some(coefficients) = partials(n_masses).fitted() else {
+        let enough_masses = (n_masses + 1..=MAX_BENT)
+            .step_by(1 + n_masses / 8)
+            .find(|n_masses| partials(*n_masses).fitted().is_some());
         return Err(GeneratorError::FewMasses {
-            masses,
+            masses: n_masses,
             enough: enough_masses.unwrap_or(MAX_BENT),
         });
     };
-    let string_row = Row::new(masses, ends);
-    let lowest_lambda = polynomial(&coefficients, partials(masses).u[0]);
+    let string_row = Row::new(n_masses, ends);
+    let lowest_lambda = polynomial(&coefficients, partials(n_masses).u[0]);
     let row_symbol = stencil(&coefficients);
     let mut bent_links = Links::new();
     for offset in 1..row_symbol.len() {
-        for i in 0..masses.saturating_sub(offset) {
-            let entry = entry(&row_symbol, i, i + offset, masses, ends);
+        for i in 0..n_masses.saturating_sub(offset) {
+            let entry = entry(&row_symbol, i, i + offset, n_masses, ends);
             bent_links.join_bent(i, i + offset, -entry, offset == 1);
         }
     }
     // The sum of a row of the matrix is a link to a fixed end.
     if string_row.n_fixed() > 0 {
         let stencil_reach = row_symbol.len() - 1;
-        let near_an_end = |i: &usize| *i < stencil_reach || *i + stencil_reach >= masses;
-        for i in (0..masses).filter(near_an_end) {
-            let row_sum: f64 = (i.saturating_sub(stencil_reach)..masses.min(i + stencil_reach + 1))
-                .map(|j| entry(&row_symbol, i, j, masses, ends))
+        let near_an_end = |i: &usize| *i < stencil_reach || *i + stencil_reach >= n_masses;
+        for i in (0..n_masses).filter(near_an_end) {
+            let row_sum: f64 = (i.saturating_sub(stencil_reach)..n_masses.min(i + stencil_reach + 1))
+                .map(|j| entry(&row_symbol, i, j, n_masses, ends))
                 .sum();
-            let is_towards_right = ends == Ends::Fixed && 2 * i >= masses;
+            let is_towards_right = ends == Ends::Fixed && 2 * i >= n_masses;
             let (end_point, outermost) = match is_towards_right {
-                true => (masses + 1, i + 1 == masses),
-                false => (masses, i == 0),
+                true => (n_masses + 1, i + 1 == n_masses),
+                false => (n_masses, i == 0),
             };
             let is_rounding = row_sum.abs() <= 1e-13 * row_symbol[0];
             if !is_rounding {
@@ -81,8 +81,8 @@ pub fn stiff_string(masses: usize, ends: Ends, inharmonicity: f64) -> Result<Top
     }
     Ok(Topology {
         lowest_lambda: Some(lowest_lambda),
-        base_polynomial: Some((Box::new(string(masses, ends, 0.0)?), coefficients)),
-        ..Topology::new(masses, bent_links.runs, string_row.positions)
+        base_polynomial: Some((Box::new(string(n_masses, ends, 0.0)?), coefficients)),
+        ..Topology::new(n_masses, bent_links.runs, string_row.positions)
     })
 }
 
@@ -95,12 +95,12 @@ struct Partials {
 }
 
 impl Partials {
-    fn new(masses: usize, ends: Ends, b: f64) -> Self {
-        let mass_count = masses as f64;
+    fn new(n_masses: usize, ends: Ends, b: f64) -> Self {
+        let n = n_masses as f64;
         let (angle_step, n_modes) = match ends {
-            Ends::Fixed => (PI / (mass_count + 1.0), masses),
-            Ends::Free => (PI / mass_count, masses - 1),
-            Ends::Left => (PI / (2.0 * mass_count + 1.0), masses),
+            Ends::Fixed => (PI / (n + 1.0), n_masses),
+            Ends::Free => (PI / n, n_masses - 1),
+            Ends::Left => (PI / (2.0 * n + 1.0), n_masses),
         };
         let partial_number = |i: usize| match ends {
             Ends::Left => 2.0 * i as f64 + 1.0,
@@ -192,9 +192,9 @@ fn stencil(coefficients: &[f64]) -> Vec<f64> {
 }
 
 /// An entry of p(L) on a row: that of the endless row, plus its reflections at both ends.
-fn entry(symbol: &[f64], i: usize, j: usize, masses: usize, ends: Ends) -> f64 {
+fn entry(symbol: &[f64], i: usize, j: usize, n_masses: usize, ends: Ends) -> f64 {
     let coefficient = |offset: usize| symbol.get(offset).copied().unwrap_or(0.0);
-    let right_image = 2 * masses - 1 - i - j;
+    let right_image = 2 * n_masses - 1 - i - j;
     let mirrored = match ends {
         Ends::Fixed => -coefficient(i + j + 2) - coefficient(right_image + 1),
         Ends::Free => coefficient(i + j + 1) + coefficient(right_image),

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
+use super::{GeneratorError, Links, MAX_MASSES, Topology, check_count};
 use crate::maths::sin;
 
 /// The ends at which a string is tied to SOLs.
@@ -18,9 +18,9 @@ pub enum Ends {
 
 /// Most masses of a string with stiffness: its lowest mode is found by an iteration, which takes longer for more
 /// masses.
-const MAX_STIFF: usize = 20_000;
+const MAX_STIFF_MASSES: usize = 20_000;
 
-/// `masses` MATs in a row; `stiffness` s >= 0 adds links of factor s between neighbours but one.
+/// `n_masses` MATs in a row; `stiffness` s >= 0 adds links of factor s between neighbours but one.
 ///
 /// ```
 /// use ergon_engine::generator::{Ends, string};
@@ -33,13 +33,13 @@ const MAX_STIFF: usize = 20_000;
 ///
 /// # Errors
 /// Numbers out of range.
-pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, GeneratorError> {
+pub fn string(n_masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, GeneratorError> {
     let is_stiff = stiffness != 0.0;
     let (masses_label, masses_limit) = match is_stiff {
         false => ("`masses`", MAX_MASSES),
-        true => ("`masses` of a string with stiffness", MAX_STIFF),
+        true => ("`masses` of a string with stiffness", MAX_STIFF_MASSES),
     };
-    count(masses_label, masses, 1, masses_limit)?;
+    check_count(masses_label, n_masses, 1, masses_limit)?;
     if !(stiffness >= 0.0 && stiffness.is_finite()) {
         let range = "0 or a positive number";
         return Err(GeneratorError::Range {
@@ -48,8 +48,8 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
             got: stiffness,
         });
     }
-    let string_row = Row::new(masses, ends);
-    let (holds_left, holds_right, n_masses) = (string_row.is_left_held, string_row.is_right_held, masses);
+    let string_row = Row::new(n_masses, ends);
+    let (holds_left, holds_right) = (string_row.is_left_held, string_row.is_right_held);
     let mut string_links = Links::new();
     if holds_left {
         string_links.join(n_masses, 0, 1.0);
@@ -69,11 +69,11 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
         }
     }
     // λ₁ = 4 sin²(angle).
-    let mass_count = n_masses as f64;
+    let n = n_masses as f64;
     let angle = match ends {
-        Ends::Fixed => FRAC_PI_2 / (mass_count + 1.0),
-        Ends::Free => FRAC_PI_2 / mass_count,
-        Ends::Left => FRAC_PI_2 / (2.0 * mass_count + 1.0),
+        Ends::Fixed => FRAC_PI_2 / (n + 1.0),
+        Ends::Free => FRAC_PI_2 / n,
+        Ends::Left => FRAC_PI_2 / (2.0 * n + 1.0),
     };
     let is_known = !is_stiff && (ends != Ends::Free || n_masses > 1);
     Ok(Topology {
@@ -91,7 +91,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    pub(super) fn new(masses: usize, ends: Ends) -> Self {
+    pub(super) fn new(n_masses: usize, ends: Ends) -> Self {
         let (is_left_held, is_right_held) = match ends {
             Ends::Fixed => (true, true),
             Ends::Left => (true, false),
@@ -100,10 +100,10 @@ impl Row {
         // Fixed points, or free ends, lie half a metre to either side.
         let (first_place, n_gaps) = (
             f64::from(is_left_held),
-            (masses - 1) as f64 + f64::from(is_left_held) + f64::from(is_right_held),
+            (n_masses - 1) as f64 + f64::from(is_left_held) + f64::from(is_right_held),
         );
         let position = |place: f64| [if n_gaps > 0.0 { place / n_gaps - 0.5 } else { 0.0 }, 0.0];
-        let mut positions: Vec<[f64; 2]> = (0..masses).map(|i| position(first_place + i as f64)).collect();
+        let mut positions: Vec<[f64; 2]> = (0..n_masses).map(|i| position(first_place + i as f64)).collect();
         positions.extend(is_left_held.then(|| position(0.0)));
         positions.extend(is_right_held.then(|| position(n_gaps)));
         Self {

@@ -15,7 +15,7 @@ use super::profile::{PathError, Profile};
 /// let point = |t, x| Point { t, x, curve: Curve::Line };
 /// let path = Arc::new(Profile::through(&[point(0.0, 0.0), point(1.0, 4e-3)])?);
 /// let placed = PlacedPath::transformed(path, 10.0, 0.5, 2.0, false)?; // at 10 s, half as far, half as fast
-/// assert_eq!((placed.start_time(), placed.stop_time()), (10.0, 12.0));
+/// assert_eq!((placed.start_time(), placed.end_time()), (10.0, 12.0));
 /// assert!((placed.evaluate(11.0).0 - 1e-3).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -72,8 +72,8 @@ impl PlacedPath {
     }
 
     /// Last instant [s] of the piece.
-    pub fn stop_time(&self) -> f64 {
-        self.instant + self.profile.stop_time() * self.stretch
+    pub fn end_time(&self) -> f64 {
+        self.instant + self.profile.end_time() * self.stretch
     }
 
     /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s] of the piece.
@@ -98,7 +98,7 @@ impl PlacedPath {
     fn profile_time(&self, t: f64) -> f64 {
         let t = (t - self.instant) / self.stretch;
         if self.is_reversed {
-            self.profile.start_time() + (self.profile.stop_time() - t)
+            self.profile.start_time() + (self.profile.end_time() - t)
         } else {
             t
         }
@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn transformed_path_stretches_scales_and_derives() {
         let placed_path = PlacedPath::transformed(knock(), 10.0, -0.5, 2.0, false).unwrap();
-        assert_eq!((placed_path.start_time(), placed_path.stop_time()), (12.0, 16.0));
+        assert_eq!((placed_path.start_time(), placed_path.end_time()), (12.0, 16.0));
         let (x, v, a) = placed_path.evaluate(13.0);
         let (x0, v0, a0) = knock().evaluate(1.5);
         assert!((x + 0.5 * x0).abs() < 1e-15);
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn transformed_path_reversed_takes_the_same_time() {
         let placed_path = PlacedPath::transformed(knock(), 10.0, 1.0, 1.0, true).unwrap();
-        assert_eq!((placed_path.start_time(), placed_path.stop_time()), (11.0, 13.0));
+        assert_eq!((placed_path.start_time(), placed_path.end_time()), (11.0, 13.0));
         let mut path_cursor = 0;
         for i in 0..=200 {
             let t = 11.0 + f64::from(i) / 100.0;

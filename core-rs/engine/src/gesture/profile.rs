@@ -213,7 +213,7 @@ impl Profile {
     }
 
     /// Last instant [s].
-    pub fn stop_time(&self) -> f64 {
+    pub fn end_time(&self) -> f64 {
         self.t[self.t.len() - 1]
     }
 
@@ -250,15 +250,15 @@ impl Profile {
     }
 
     /// Lowest and highest position [m] that the path reaches from `start_time` to `end_time` [s].
-    pub fn range(&self, from_time: f64, to_time: f64) -> (f64, f64) {
-        let (from_time, to_time) = (from_time.min(to_time), from_time.max(to_time));
-        let (first_piece, last_piece) = (self.knot_at_or_before(from_time), self.knot_at_or_before(to_time));
+    pub fn range(&self, start_time: f64, end_time: f64) -> (f64, f64) {
+        let (start_time, end_time) = (start_time.min(end_time), start_time.max(end_time));
+        let (first_piece, last_piece) = (self.knot_at_or_before(start_time), self.knot_at_or_before(end_time));
         // Start with the knots: most pieces cannot exceed them, and then need no roots.
-        let end_positions = [self.evaluate(from_time).0, self.evaluate(to_time).0];
+        let end_positions = [self.evaluate(start_time).0, self.evaluate(end_time).0];
         let mut known_range = extremes(end_positions.iter().chain(&self.x[first_piece + 1..=last_piece]));
         for i in first_piece..(last_piece + 1).min(self.t.len() - 1) {
             let (piece_low, piece_high) = self.piece_bounds(i);
-            let (piece_start, piece_stop) = (from_time.max(self.t[i]), to_time.min(self.t[i + 1]));
+            let (piece_start, piece_stop) = (start_time.max(self.t[i]), end_time.min(self.t[i + 1]));
             if piece_start < piece_stop && (piece_low < known_range.0 || piece_high > known_range.1) {
                 let (piece_low, piece_high) = self.quintic_piece(i).range(piece_start, piece_stop);
                 known_range = (known_range.0.min(piece_low), known_range.1.max(piece_high));
@@ -294,12 +294,12 @@ impl Profile {
         let (left_knot, right_knot) = (self.knot(i), self.knot(i + 1));
         let h = (right_knot.t - left_knot.t) / 5.0;
         // The third ordinate from either end is x ± 2V/5 + A/20, with V = T·v, A = T²·a and T = 5h.
-        let curvature = 25.0 / 20.0 * h * h;
+        let acceleration_weight = 25.0 / 20.0 * h * h;
         extremes(&[
             left_knot.x,
             left_knot.x + h * left_knot.v,
-            left_knot.x + 2.0 * h * left_knot.v + curvature * left_knot.a,
-            right_knot.x - 2.0 * h * right_knot.v + curvature * right_knot.a,
+            left_knot.x + 2.0 * h * left_knot.v + acceleration_weight * left_knot.a,
+            right_knot.x - 2.0 * h * right_knot.v + acceleration_weight * right_knot.a,
             right_knot.x - h * right_knot.v,
             right_knot.x,
         ])

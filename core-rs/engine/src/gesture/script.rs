@@ -139,7 +139,7 @@ impl Gesture {
         );
         self.segments.iter().fold(written_range, |(low, high), stretch| {
             let (stretch_low, stretch_high) = match stretch {
-                GestureSegment::Path { path, .. } => path.range(path.start_time(), path.stop_time()),
+                GestureSegment::Path { path, .. } => path.range(path.start_time(), path.end_time()),
                 GestureSegment::Throw {
                     arrival_position: x, ..
                 } => (*x, *x),

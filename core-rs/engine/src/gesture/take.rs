@@ -137,7 +137,7 @@ impl Take {
                 profile: Arc::new(profile),
             });
         };
-        let (start, stop) = (profile.start_time(), profile.stop_time());
+        let (start, stop) = (profile.start_time(), profile.end_time());
         if !(start <= from && from < to && to <= stop) {
             return Err(TakeError::Trim { from, to, start, stop });
         }
@@ -184,7 +184,7 @@ impl Take {
 
     /// Time from its first instant to its last [s].
     pub fn duration(&self) -> f64 {
-        self.profile.stop_time() - self.profile.start_time()
+        self.profile.end_time() - self.profile.start_time()
     }
 }
 

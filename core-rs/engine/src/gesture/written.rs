@@ -94,7 +94,7 @@ impl Gesture {
         manner: Manner,
     ) -> Result<Self, GestureError> {
         let take_start = path.start_time();
-        let stop = cut_instant.map_or(path.stop_time(), |instant| instant.min(path.stop_time()));
+        let stop = cut_instant.map_or(path.end_time(), |instant| instant.min(path.end_time()));
         let end_positions = [path.evaluate(take_start).0, path.evaluate(stop).0];
         let segments = vec![GestureSegment::Path { path, stop }];
         // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.

@@ -98,10 +98,10 @@ fn stiffens_beyond_gives_the_allowed_stretch() {
     let assert_near = |result: f64, expected: f64| {
         assert!(result <= expected && result > expected / 1.05, "{result} {expected}");
     };
-    assert_near(law("2e4*d + 1e10*d**3").stiffens_beyond(5e4), 1e-3);
-    assert_near(law("2e4*d - 1e7*d**2").stiffens_beyond(4e4), 1e-3);
+    assert_near(law("2e4*d + 1e10*d**3").elongation_at_slope(5e4), 1e-3);
+    assert_near(law("2e4*d - 1e7*d**2").elongation_at_slope(4e4), 1e-3);
     for law_text in ["2e4*d", "1e3*tanh(20*d)", "2e4*d - 1e10*d**3"] {
-        assert_eq!(law(law_text).stiffens_beyond(3e4), f64::INFINITY, "{law_text}");
+        assert_eq!(law(law_text).elongation_at_slope(3e4), f64::INFINITY, "{law_text}");
     }
     let points = [(-2e-3, -60.0), (-1e-3, -10.0), (3e-3, 30.0), (4e-3, 100.0)];
     let points = Some(&points[..]);
@@ -110,10 +110,10 @@ fn stiffens_beyond_gives_the_allowed_stretch() {
         ..LawText::default()
     };
     let law = Law::new(&law_text).unwrap();
-    assert_eq!(law.stiffens_beyond(1e4), 1e-3);
-    assert_eq!(law.stiffens_beyond(6e4), 3e-3);
-    assert_eq!(law.stiffens_beyond(8e4), f64::INFINITY);
-    assert_eq!(law.behind_lever(2.0).unwrap().stiffens_beyond(1.5e4), 6e-3);
+    assert_eq!(law.elongation_at_slope(1e4), 1e-3);
+    assert_eq!(law.elongation_at_slope(6e4), 3e-3);
+    assert_eq!(law.elongation_at_slope(8e4), f64::INFINITY);
+    assert_eq!(law.behind_lever(2.0).unwrap().elongation_at_slope(1.5e4), 6e-3);
 }
 
 #[test]

@@ -51,7 +51,7 @@ impl Stiffening {
     #[inline(always)]
     fn stiffness_rise(&self, e: f64) -> f64 {
         match self {
-            Self::Square(stiffness_per_squared_elongation) => stiffness_per_squared_elongation * (e * e),
+            Self::Square(square_coefficient) => square_coefficient * (e * e),
             Self::Law(law, rest_slope) => (law.slope(e) - rest_slope).max(0.0),
             Self::AnyLaw(laws, rest_slope) => {
                 let law_slopes = laws.iter().map(|law| law.slope(e));
@@ -63,12 +63,12 @@ impl Stiffening {
     /// The largest elongation [m], either way, at which the stiffness has risen by no more than `stiffness_rise` [N/m].
     fn reach(&self, stiffness_rise: f64) -> f64 {
         match self {
-            Self::Square(stiffness_per_squared_elongation) => {
-                (stiffness_rise / stiffness_per_squared_elongation).sqrt()
-            }
-            Self::Law(law, rest_slope) => law.stiffens_beyond(rest_slope + stiffness_rise),
+            Self::Square(square_coefficient) => (stiffness_rise / square_coefficient).sqrt(),
+            Self::Law(law, rest_slope) => law.elongation_at_slope(rest_slope + stiffness_rise),
             Self::AnyLaw(laws, rest_slope) => {
-                let reaches = laws.iter().map(|law| law.stiffens_beyond(rest_slope + stiffness_rise));
+                let reaches = laws
+                    .iter()
+                    .map(|law| law.elongation_at_slope(rest_slope + stiffness_rise));
                 reaches.fold(f64::INFINITY, f64::min)
             }
         }
@@ -167,15 +167,15 @@ pub(super) fn lambda_rise_bound(
 ) -> (f64, usize) {
     sums[mats.clone()].fill(0.0);
     for run in watched_runs {
-        let (end_a, end_b) = (run.a, run.b);
+        let (first_a, first_b) = (run.a, run.b);
         let rises = &mut rises[..run.len];
-        let (positions_a, positions_b) = (&x[end_a..][..run.len], &x[end_b..][..run.len]);
+        let (positions_a, positions_b) = (&x[first_a..][..run.len], &x[first_b..][..run.len]);
         for (i, rise) in rises.iter_mut().enumerate() {
             *rise = run
                 .stiffening
                 .stiffness_rise(positions_b[i] - positions_a[i] - run.rest_length);
         }
-        for first_mat in [end_a, end_b] {
+        for first_mat in [first_a, first_b] {
             let sums = &mut sums[first_mat..][..run.len];
             sums.iter_mut().zip(&*rises).for_each(|(sum, rise)| *sum += rise);
         }
@@ -183,10 +183,10 @@ pub(super) fn lambda_rise_bound(
     let (mut greatest_sum, mut worst_mat) = (0.0, mats.start);
     for run in watched_runs {
         for i in 0..run.len {
-            let (end_a, end_b) = (run.a + i, run.b + i);
-            let edge_sum = sums[end_a] * inverse_masses[end_a] + sums[end_b] * inverse_masses[end_b];
+            let (mat_a, mat_b) = (run.a + i, run.b + i);
+            let edge_sum = sums[mat_a] * inverse_masses[mat_a] + sums[mat_b] * inverse_masses[mat_b];
             if edge_sum > greatest_sum || edge_sum.is_nan() {
-                (greatest_sum, worst_mat) = (edge_sum, if inverse_masses[end_a] > 0.0 { end_a } else { end_b });
+                (greatest_sum, worst_mat) = (edge_sum, if inverse_masses[mat_a] > 0.0 { mat_a } else { mat_b });
             }
             if edge_sum.is_nan() {
                 return (f64::INFINITY, worst_mat);

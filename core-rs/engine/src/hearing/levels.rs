@@ -24,21 +24,21 @@ pub(super) fn level_error(sound: &[f64], reference: &[f64], rate: f64) -> f64 {
     let is_unmasked = unmasked_bands(&centres, &reference_powers);
     let band_pairs = sound_powers.iter().zip(&reference_powers).zip(is_unmasked);
     let unmasked_pairs = band_pairs.filter(|(_, is_heard)| *is_heard);
-    unmasked_pairs.fold(0.0, |worst, ((sound_powers, reference_powers), _)| {
-        worst.max(10.0 * log10((sound_powers / reference_powers).max(MISSING_POWER_RATIO)).abs())
+    unmasked_pairs.fold(0.0, |worst, ((sound_power, reference_power), _)| {
+        worst.max(10.0 * log10((sound_power / reference_power).max(MISSING_POWER_RATIO)).abs())
     })
 }
 
 /// The sound with its end faded out: an abrupt end would be heard in every band.
-fn with_faded_end(x: &[f64]) -> Vec<f64> {
-    let fade_length = x.len() / FADE_OUT_PARTS;
-    let fade_start = x.len() - fade_length;
-    let mut x = x.to_vec();
-    for (index, x) in x[fade_start..].iter_mut().enumerate() {
+fn with_faded_end(sound: &[f64]) -> Vec<f64> {
+    let fade_length = sound.len() / FADE_OUT_PARTS;
+    let fade_start = sound.len() - fade_length;
+    let mut faded_sound = sound.to_vec();
+    for (index, sample) in faded_sound[fade_start..].iter_mut().enumerate() {
         let fade_cosine = sincos(0.5 * PI * (index as f64 + 0.5) / fade_length as f64).1;
-        *x *= fade_cosine * fade_cosine;
+        *sample *= fade_cosine * fade_cosine;
     }
-    x
+    faded_sound
 }
 
 /// Which bands are not masked, given their centres [Hz] and powers.
@@ -89,8 +89,8 @@ mod tests {
     fn tones(partials: &[(f64, f64)]) -> Vec<f64> {
         let tone_sample = |n: usize| {
             let fade_in = sincos(0.5 * PI * (n as f64 / 3_300.0).min(1.0)).0;
-            let tone_partials = partials.iter();
-            let partial_sum: f64 = tone_partials
+            let partial_sum: f64 = partials
+                .iter()
                 .map(|(f, amplitude)| amplitude * sincos(TAU * f * n as f64 / RATE).0)
                 .sum();
             fade_in * fade_in * partial_sum

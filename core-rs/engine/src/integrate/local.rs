@@ -31,26 +31,26 @@ impl Mesh {
         let other_ends = self.other_runs.iter().map(|run| (run.a, run.b, run.len));
         for (run_index, (a, b, len)) in springs.chain(other_ends).enumerate() {
             for (end, sign) in [(a, 1.0), (b, -1.0)] {
-                let Some(link_index) = mat.checked_sub(end).filter(|link_index| *link_index < len) else {
+                let Some(index_in_run) = mat.checked_sub(end).filter(|index_in_run| *index_in_run < len) else {
                     continue;
                 };
-                let (e, de) = (
-                    x(b + link_index) - x(a + link_index),
-                    v(b + link_index) - v(a + link_index),
+                let (end_distance, distance_rate) = (
+                    x(b + index_in_run) - x(a + index_in_run),
+                    v(b + index_in_run) - v(a + index_in_run),
                 );
                 net_force += sign
                     * match self.springs.get(run_index) {
                         Some(run) => {
-                            let e = e - run.rest;
-                            run.k * e + run.q * (e * e * e) + run.z * de
+                            let e = end_distance - run.rest;
+                            run.k * e + run.q * (e * e * e) + run.z * distance_rate
                         }
                         None => {
                             let run = &self.other_runs[run_index - self.springs.len()];
                             let elongation =
-                                |link_index: usize| x(run.b + link_index) - x(run.a + link_index) - run.rest;
+                                |index_in_run: usize| x(run.b + index_in_run) - x(run.a + index_in_run) - run.rest;
                             match run.shared_stiffness(elongation) {
-                                0.0 => run.force(e - run.rest, de),
-                                tension => tension * (e - run.rest),
+                                0.0 => run.force(end_distance - run.rest, distance_rate),
+                                stiffness => stiffness * (end_distance - run.rest),
                             }
                         }
                     };
@@ -74,9 +74,9 @@ impl Mesh {
         }
         for run in &self.other_runs {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
-            let tension = run.shared_stiffness(elongation);
+            let shared_stiffness = run.shared_stiffness(elongation);
             energy_sum += sum_over(run.len, |i| {
-                run.potential_energy(elongation(i)) + tension_energy(tension, elongation(i))
+                run.potential_energy(elongation(i)) + tension_energy(shared_stiffness, elongation(i))
             });
         }
         energy_sum
@@ -95,19 +95,24 @@ impl Mesh {
         for run in self.springs.iter() {
             energy_sum += sum_over(run.len, |i| {
                 let e = x[run.b + i] - x[run.a + i] - run.rest;
-                let last = position_before(run.b + i) - position_before(run.a + i) - run.rest;
-                let (square_term, fourth_term) = (e * last, 0.5 * (e * e * e * e + last * last * last * last));
-                0.5 * run.k * square_term + 0.25 * run.q * fourth_term - loss_factor * run.z * ((e - last) * (e - last))
+                let last_e = position_before(run.b + i) - position_before(run.a + i) - run.rest;
+                let (square_term, fourth_term) =
+                    (e * last_e, 0.5 * (e * e * e * e + last_e * last_e * last_e * last_e));
+                0.5 * run.k * square_term + 0.25 * run.q * fourth_term
+                    - loss_factor * run.z * ((e - last_e) * (e - last_e))
             });
         }
         for run in &self.other_runs {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let last_elongation = |i: usize| position_before(run.b + i) - position_before(run.a + i) - run.rest;
-            let tensions = [run.shared_stiffness(elongation), run.shared_stiffness(last_elongation)];
+            let shared_stiffnesses = [run.shared_stiffness(elongation), run.shared_stiffness(last_elongation)];
             energy_sum += sum_over(run.len, |i| {
-                let [now, last] = [(elongation(i), tensions[0]), (last_elongation(i), tensions[1])]
-                    .map(|(e, tension)| run.potential_energy(e) + tension_energy(tension, e));
-                0.5 * (now + last)
+                let [current_energy, last_energy] = [
+                    (elongation(i), shared_stiffnesses[0]),
+                    (last_elongation(i), shared_stiffnesses[1]),
+                ]
+                .map(|(e, shared_stiffness)| run.potential_energy(e) + tension_energy(shared_stiffness, e));
+                0.5 * (current_energy + last_energy)
             });
         }
         energy_sum

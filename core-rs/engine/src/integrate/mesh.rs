@@ -68,11 +68,13 @@ impl Mesh {
             let (k, q, z) = match &run.kind {
                 LinkRunKind::Ref => (run.k, 0.0, run.z),
                 LinkRunKind::Hardening(q) => (run.k, *q, run.z),
-                LinkRunKind::Lnl { law, rate, .. } if law.hardening_spring().is_some() => {
+                LinkRunKind::Lnl {
+                    law, velocity_factor, ..
+                } if law.hardening_spring().is_some() => {
                     let hardening = law
                         .hardening_spring()
                         .map_or((0.0, 0.0, None), |hardening| (hardening.k, hardening.q, hardening.z));
-                    (hardening.0, hardening.1, hardening.2.unwrap_or(0.0) * rate)
+                    (hardening.0, hardening.1, hardening.2.unwrap_or(0.0) * velocity_factor)
                 }
                 other => {
                     new_mesh.is_damped |= match other {
@@ -220,7 +222,7 @@ impl Mesh {
             match &run.kind {
                 LinkRunKind::Lnl {
                     law,
-                    rate,
+                    velocity_factor,
                     slot: scratch_index,
                 } => {
                     let law_buffers = &mut scratch.kernel_scratch;
@@ -230,7 +232,7 @@ impl Mesh {
                     );
                     for i in 0..run.len {
                         e[i] = x[run.b + i] - x[run.a + i] - run.rest;
-                        de[i] = (v[run.b + i] - v[run.a + i]) * rate;
+                        de[i] = (v[run.b + i] - v[run.a + i]) * velocity_factor;
                     }
                     let law_scratch = &mut law_buffers.law_scratch[*scratch_index];
                     match part {

@@ -256,15 +256,19 @@ impl Island {
     fn total_energy(&self, energy_rise: &EnergyRise) -> EnergyTotal {
         let state = &self.state;
         let modules = &state.motion.modules;
-        let frame_scheme = state
+        let current_scheme = state
             .parameters
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
         let mut energy_total = EnergyTotal::default();
         for (mat, motion) in energy_rise.motion_kinds.iter().enumerate() {
-            let (w, kappa, zeta) = (frame_scheme.w[mat], frame_scheme.kappa[mat], frame_scheme.zeta[mat]);
-            let (x, d) = (modules.x[mat] - frame_scheme.rest[mat], modules.d[mat]);
+            let (w, kappa, zeta) = (
+                current_scheme.w[mat],
+                current_scheme.kappa[mat],
+                current_scheme.zeta[mat],
+            );
+            let (x, d) = (modules.x[mat] - current_scheme.rest[mat], modules.d[mat]);
             // What impulses between frames have still to add.
             let carried_step = || {
                 w * state
@@ -295,7 +299,7 @@ impl Island {
         if let Some(fine_links) = &state.motion.fine_links {
             fine_links.report_energies(modules, gate_opening, |link_energy| energy_total.add(link_energy));
         }
-        for run in frame_scheme.link_runs() {
+        for run in current_scheme.link_runs() {
             let is_exact = matches!(&run.kind, LinkRunKind::But(but) if but.contact == Contact::Exact);
             for i in 0..run.len {
                 let elongation_now = run.elongation(i, |mat| modules.x[mat]);
@@ -312,7 +316,7 @@ impl Island {
                 energy_total.add(gate_opening(run) * link_energy);
             }
         }
-        frame_scheme
+        current_scheme
             .fused_springs
             .iter()
             .for_each(|spring| add_spring_energies(spring, modules, &mut energy_total));

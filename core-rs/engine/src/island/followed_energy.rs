@@ -37,9 +37,9 @@ pub(super) fn followed_law_and_rate(run: &LinkRun) -> Option<(&Followed, f64)> {
     match &run.kind {
         LinkRunKind::Followed {
             law: followed_law,
-            rate,
+            velocity_factor,
             ..
-        } => Some((followed_law, *rate)),
+        } => Some((followed_law, *velocity_factor)),
         _ => None,
     }
 }

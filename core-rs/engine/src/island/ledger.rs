@@ -144,8 +144,8 @@ fn shared_stiffnesses(run: &LinkRun, modules: &ModuleState) -> [f64; 2] {
 }
 
 /// Energy of one link [J].
-fn link_energy(run: &LinkRun, tension: f64, e: f64) -> f64 {
-    run.potential_energy(e) + tension_energy(tension, e)
+fn link_energy(run: &LinkRun, shared_stiffness: f64, e: f64) -> f64 {
+    run.potential_energy(e) + tension_energy(shared_stiffness, e)
 }
 
 fn is_spring(run: &LinkRun) -> bool {

@@ -343,7 +343,7 @@ impl RunningMesh {
     pub(crate) fn finer_frames(&self) -> Option<(&str, FinerFrames)> {
         let finer_frames = self.integrator.finer_frames()?;
         let network = &self.plan.network;
-        let part_index = network.mats().part[finer_frames.mat] as usize;
+        let part_index = network.mats().part[finer_frames.stiffest_mat] as usize;
         Some((&network.parts()[part_index].name, finer_frames))
     }
 

@@ -26,7 +26,9 @@ pub(super) fn potentials(run: &PairRun, k: f64, neighbours: &mut Neighbours, mod
 pub(super) fn potential_energy(run: &PairRun, k: f64, neighbours: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
     let mut energy_sum = 0.0;
     let pair_law = &run.pairs.link.law;
-    neighbours.for_each_touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));
+    neighbours.for_each_touching(run, x, |_, elongation, _| {
+        energy_sum += pair_law.potential(k, elongation)
+    });
     energy_sum
 }
 
@@ -43,19 +45,19 @@ pub(super) fn work(
     let pair_link = &run.pairs.link;
     let mut pair_work = PairWork::default();
     let position_before = |mat: usize| modules.x[mat] - modules.d[mat];
-    neighbours.for_each_touching(run, position_before, |ends, e, direction| {
-        let stretch_before = pair_link.length_step(ends, direction, |mat| frame_steps[0][mat]);
-        let stretch = 0.5 * pair_link.length_step(ends, direction, |mat| frame_steps[0][mat] + frame_steps[1][mat]);
+    neighbours.for_each_touching(run, position_before, |ends, elongation, direction| {
+        let previous_length_step = pair_link.length_step(ends, direction, |mat| frame_steps[0][mat]);
+        let length_step = 0.5 * pair_link.length_step(ends, direction, |mat| frame_steps[0][mat] + frame_steps[1][mat]);
         let (pair_force, elastic_force) = (
-            pair_link.law.force(k_and_z, e, stretch_before),
-            pair_link.law.elastic(k_and_z[0], e),
+            pair_link.law.force(k_and_z, elongation, previous_length_step),
+            pair_link.law.elastic(k_and_z[0], elongation),
         );
-        pair_work.total += stretch * pair_force;
-        pair_work.elastic += stretch * elastic_force;
+        pair_work.total += length_step * pair_force;
+        pair_work.elastic += length_step * elastic_force;
         if run.pairs.friction > 0.0 {
             let relative_steps = frame_steps.map(|d| pair_link.offset_between(ends, |mat| d[mat]));
             let contact = PairContact {
-                elongation: e,
+                elongation,
                 force: pair_force,
                 elastic_force,
                 direction,
@@ -77,16 +79,20 @@ pub(super) fn friction_energy(run: &PairRun, k: f64, history: &ContactHistory, m
     let pair_link = &run.pairs.link;
     let pair_energy = |(points, anchor): ([u32; 2], [f64; 3])| {
         let pair_ends = run.ends(points);
-        let e = pair_link.length_and_direction(pair_ends, |mat| modules.x[mat]).0 - run.rest;
-        if e >= 0.0 {
+        let elongation = pair_link.length_and_direction(pair_ends, |mat| modules.x[mat]).0 - run.rest;
+        if elongation >= 0.0 {
             return 0.0;
         }
-        let Some([k, _]) = pair_link.law.stiffness_and_pull(k, e, pair_link.law.elastic(k, e)) else {
+        let Some([tangent_stiffness, _]) =
+            pair_link
+                .law
+                .stiffness_and_pull(k, elongation, pair_link.law.elastic(k, elongation))
+        else {
             return 0.0;
         };
         let spring_elongation = difference(pair_link.offset_between(pair_ends, |mat| modules.x[mat]), anchor);
         let stretch_square: f64 = spring_elongation.iter().map(|component| component * component).sum();
-        0.5 * k * stretch_square
+        0.5 * tangent_stiffness * stretch_square
     };
     history.pairs().map(pair_energy).sum()
 }

@@ -41,10 +41,10 @@ impl HandBinding {
     }
 }
 
-/// Set the hands to the timeline's positions in the frame before `n`.
-pub(super) fn seek(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64) {
+/// Set the hands to the timeline's positions in the frame before `frame`.
+pub(super) fn seek_hands(hand_bindings: &[HandBinding], hand_states: &mut [HandState], frame: u64) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        state.end_position = binding.hand.position(n.saturating_sub(1));
+        state.end_position = binding.hand.position(frame.saturating_sub(1));
     }
 }
 
@@ -59,46 +59,48 @@ pub(super) fn hand_bindings(drives: &[Drive]) -> Vec<HandBinding> {
     drives.iter().filter_map(binding).collect()
 }
 
-/// Set positions and last steps of the hands' MATs at frame `n`.
+/// Set positions and last steps of the hands' MATs at a frame.
 pub(super) fn move_hands(
     hand_bindings: &[HandBinding],
     hand_states: &mut [HandState],
-    n: u64,
+    frame: u64,
     modules: &mut ModuleState,
 ) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        let (mat_position, mat_step) = (&mut modules.x[binding.mat], &mut modules.d[binding.mat]);
+        let (mat_position, mat_last_step) = (&mut modules.x[binding.mat], &mut modules.d[binding.mat]);
         let tick_frames = u64::from(binding.hand.tick_frames);
-        let frame_in_tick = n % tick_frames;
+        let frame_in_tick = frame % tick_frames;
         if frame_in_tick == 0 {
-            let (end_position, sent_step) = state.sent_motion.unwrap_or_else(|| (binding.hand.position(n), None));
-            let start_position = if n == 0 { end_position } else { state.end_position };
+            let (end_position, sent_last_step) = state
+                .sent_motion
+                .unwrap_or_else(|| (binding.hand.position(frame), None));
+            let start_position = if frame == 0 { end_position } else { state.end_position };
             (state.start_position, state.end_position) = (start_position, end_position);
             if tick_frames == 1 || binding.hand.interpolation == HandInterpolation::Hold {
-                *mat_step = sent_step.unwrap_or(end_position - start_position);
+                *mat_last_step = sent_last_step.unwrap_or(end_position - start_position);
                 *mat_position = end_position;
                 continue;
             }
         }
         if binding.hand.interpolation == HandInterpolation::Line {
             let displacement = state.end_position - state.start_position;
-            *mat_step = displacement / tick_frames as f64;
+            *mat_last_step = displacement / tick_frames as f64;
             *mat_position = state.start_position + displacement * ((frame_in_tick + 1) as f64 / tick_frames as f64);
         }
     }
 }
 
-/// Add the summed forces of frame `n` to the mean of the tick.
+/// Add the summed forces of a frame to the mean of the tick.
 pub(super) fn add_hand_forces(
     hand_bindings: &[HandBinding],
     hand_states: &mut [HandState],
-    n: u64,
+    frame: u64,
     modules: &ModuleState,
 ) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
         state.force_sum += modules.force[binding.mat];
         let tick_frames = u64::from(binding.hand.tick_frames);
-        if (n + 1).is_multiple_of(tick_frames) {
+        if (frame + 1).is_multiple_of(tick_frames) {
             state.mean_force = state.force_sum / tick_frames as f64;
             state.force_sum = 0.0;
         }
@@ -107,7 +109,7 @@ pub(super) fn add_hand_forces(
 
 impl super::Island {
     /// Set the position of a hand of the scene from the next tick on, and its last step [m].
-    pub(crate) fn set_hand_position(&mut self, hand: usize, x: f64, step: Option<f64>) {
+    pub(crate) fn set_hand_position(&mut self, hand: usize, x: f64, last_step: Option<f64>) {
         for (binding, state) in self
             .script
             .hand_bindings
@@ -115,15 +117,15 @@ impl super::Island {
             .zip(&mut self.state.sources.hand_states)
         {
             if binding.hand.index == hand {
-                state.sent_motion = Some((x, step));
+                state.sent_motion = Some((x, last_step));
             }
         }
     }
 
     /// Mean force on a hand of the scene over the last complete tick [N].
     pub(crate) fn hand_force(&self, hand: usize) -> f64 {
-        let hand_pairs = self.script.hand_bindings.iter().zip(&self.state.sources.hand_states);
-        let hand_states = hand_pairs.filter(|(binding, _)| binding.hand.index == hand);
+        let bindings_and_states = self.script.hand_bindings.iter().zip(&self.state.sources.hand_states);
+        let hand_states = bindings_and_states.filter(|(binding, _)| binding.hand.index == hand);
         hand_states.map(|(_, state)| state.mean_force).sum()
     }
 }

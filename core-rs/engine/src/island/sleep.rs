@@ -39,8 +39,8 @@ pub(super) struct SleepMonitor {
     /// The largest energy of a MAT so far, as d²/w.
     mat_energy_max: f64,
     /// The largest sum of energies in this period of checks, and in the one before.
-    period_energy: f64,
-    previous_period_energy: f64,
+    period_energy_max: f64,
+    previous_period_energy_max: f64,
     /// Whether the island was quiet at all checks of this period.
     is_period_quiet: bool,
     /// Whether the island sleeps.
@@ -52,8 +52,8 @@ state!(SleepMonitor {
     step_squares_max,
     body_motions_max,
     mat_energy_max,
-    period_energy,
-    previous_period_energy,
+    period_energy_max,
+    previous_period_energy_max,
     is_period_quiet,
     is_asleep
 });
@@ -67,8 +67,8 @@ impl SleepMonitor {
             step_squares_max: vec![0.0; network.n_mat()],
             body_motions_max: vec![0.0; n_bodies],
             mat_energy_max: 0.0,
-            period_energy: 0.0,
-            previous_period_energy: 0.0,
+            period_energy_max: 0.0,
+            previous_period_energy_max: 0.0,
             is_period_quiet: false,
             is_asleep: false,
         }
@@ -129,13 +129,13 @@ impl SleepMonitor {
             energy_sum += body_motion / motion_max.max(f64::MIN_POSITIVE);
             is_quiet &= body_motion <= QUIET_POWER * *motion_max;
         }
-        self.period_energy = self.period_energy.max(energy_sum);
+        self.period_energy_max = self.period_energy_max.max(energy_sum);
         self.is_period_quiet = is_quiet && (self.is_period_quiet || check_index == 1);
         if check_index != 0 {
             return false;
         }
-        let has_faded = self.period_energy <= self.previous_period_energy;
-        self.previous_period_energy = std::mem::take(&mut self.period_energy);
+        let has_faded = self.period_energy_max <= self.previous_period_energy_max;
+        self.previous_period_energy_max = std::mem::take(&mut self.period_energy_max);
         self.is_period_quiet && has_faded
     }
 }
@@ -168,23 +168,23 @@ impl Island {
     /// Records frames that were played, (n_frames · n_out). If a period of checks ends there, and the island sleeps
     /// from there on, returns the step until which it sleeps.
     pub(super) fn try_sleep(&mut self, sound: &[f64]) -> Option<u64> {
-        let (island_step, check_interval_steps) = (self.state.frame, self.check_interval_steps());
+        let (step, check_interval_steps) = (self.state.frame, self.check_interval_steps());
         let state = &self.state;
         let sleep_monitor = self.sleep_monitor.as_mut()?;
         sleep_monitor.record_outputs(sound);
-        if !island_step.is_multiple_of(check_interval_steps) {
+        if !step.is_multiple_of(check_interval_steps) {
             return None;
         }
-        let frame_scheme = state
+        let current_scheme = state
             .parameters
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
         let may_sleep = sleep_monitor.check_quiet(
-            frame_scheme,
+            current_scheme,
             &state.motion.modules,
             &state.motion.bodies,
-            (island_step / check_interval_steps) % CHECKS_PER_PERIOD,
+            (step / check_interval_steps) % CHECKS_PER_PERIOD,
         );
         let wake_step = may_sleep.then(|| self.wake_step()).flatten();
         if let Some(sleep_monitor) = &mut self.sleep_monitor {
@@ -196,7 +196,7 @@ impl Island {
     /// The step of the next event; `None` if it is in this frame, so that the island has to wake now. It wakes no
     /// earlier, because a session may know an event from that frame on only, and has to play what is rendered.
     pub(super) fn wake_step(&self) -> Option<u64> {
-        let (island_step, steps_per_frame) = (self.state.frame, u64::from(self.oversampling));
-        Some(self.next_event_step(island_step)).filter(|event_step| *event_step - island_step >= steps_per_frame)
+        let (step, steps_per_frame) = (self.state.frame, u64::from(self.oversampling));
+        Some(self.next_event_step(step)).filter(|event_step| *event_step - step >= steps_per_frame)
     }
 }

@@ -74,7 +74,7 @@ impl Island {
                 state.motion.modules.d[drive.mat] = path_position - drive.value(start_step - 1, step_rate);
             }
         }
-        super::real_hands::seek(&script.hand_bindings, &mut state.sources.hand_states, start_step);
+        super::real_hands::seek_hands(&script.hand_bindings, &mut state.sources.hand_states, start_step);
         self.resume_computing();
     }
 
@@ -243,8 +243,8 @@ impl Island {
             body.set_ports(&mut self.state.motion.modules);
         }
         let changing_scheme = self.state.parameters.changing_scheme.as_deref();
-        let frame_scheme = changing_scheme.unwrap_or(&self.script.scheme);
-        kernel::proxies::set_from_masses(frame_scheme, &mut self.state.motion.modules);
+        let current_scheme = changing_scheme.unwrap_or(&self.script.scheme);
+        kernel::proxies::set_from_masses(current_scheme, &mut self.state.motion.modules);
     }
 
     /// The script, whose voices, gates, hands and parts are matched with those of another version.

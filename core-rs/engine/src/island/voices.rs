@@ -118,7 +118,7 @@ pub(super) fn free_key(
     let closing_gates = timeline.gates.iter().filter(|gate| gate.ends_closed());
     let key_network = network.subset_of_part(key_part, &closing_gates.map(|gate| gate.links()).collect::<Vec<_>>());
     let key_mat = |mat: usize| key_network.mat(mat);
-    let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
+    let couplings = timeline.gates.iter().filter(|gate| gate.has_schedule());
     for link in couplings.map(|gate| gate.first_link) {
         let link_run = network.run_of(link);
         if link_run.is_some_and(|link_run| key_mat(link_run.a).is_some() && key_mat(link_run.b).is_some()) {

@@ -2,12 +2,13 @@
 //! three passes (forces, ends a, ends b), so that each pass vectorises although the two ends of a run may overlap.
 
 use super::KernelScratch;
-use super::pull::pull;
+use super::pull::add_link_forces_wide;
 use super::springs::ForcePart;
 use super::thread_team::ThreadTeam;
 use super::{pairwise, space};
 use crate::law::Hardening;
 use crate::maths::wide::wide;
+use crate::network::But;
 use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::ModuleState;
 
@@ -54,40 +55,36 @@ pub(crate) fn compute_link_forces(
                 };
                 set_hardening_forces(hardening_law, 1.0, run.rest, &run_ends, link_force);
             }
-            LinkRunKind::But(but) => {
-                let EndMotions { xa, xb, da, db } = run_ends;
-                for i in 0..run.len {
-                    let (e, step) = (xb[i] - xa[i] - run.rest, db[i] - da[i]);
-                    link_force[i] = but.force(run.k, run.z, e, step);
-                }
-            }
-            LinkRunKind::Bristle { .. } => {
-                if let Some((bristle_law, step)) = run.bristle() {
-                    let bristle_bends = &modules.link_memories[run.first_link..run.first_link + run.len];
-                    let EndMotions { da, db, .. } = run_ends;
-                    for i in 0..run.len {
-                        link_force[i] = bristle_law.force(bristle_bends[i], (db[i] - da[i]) / step);
-                    }
-                }
-            }
-            LinkRunKind::Followed { law, rate, slot } => {
+            LinkRunKind::But(but) => set_contact_forces(run, but, &run_ends, link_force),
+            LinkRunKind::Bristle { .. } => set_bristle_forces(run, &run_ends, &modules.link_memories, link_force),
+            LinkRunKind::Followed {
+                law,
+                velocity_factor,
+                slot,
+            } => {
                 let current_law = &mut laws.following_laws[*slot];
                 law.update_law(current_law, |mat| modules.x[mat]);
                 let EndMotions { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
-                    link_force[i] = current_law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
+                    link_force[i] = current_law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * velocity_factor);
                 }
             }
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.
             LinkRunKind::Dry { .. } | LinkRunKind::Space(_) | LinkRunKind::Pairwise { .. } => link_force.fill(0.0),
-            LinkRunKind::Lnl { law, rate, slot } => match law.hardening_spring() {
-                Some(hardening_law) => set_hardening_forces(hardening_law, *rate, run.rest, &run_ends, link_force),
+            LinkRunKind::Lnl {
+                law,
+                velocity_factor,
+                slot,
+            } => match law.hardening_spring() {
+                Some(hardening_law) => {
+                    set_hardening_forces(hardening_law, *velocity_factor, run.rest, &run_ends, link_force)
+                }
                 None => {
                     let EndMotions { xa, xb, da, db } = run_ends;
                     let (e, v) = (&mut laws.elongations[..run.len], &mut laws.elongation_rates[..run.len]);
                     for i in 0..run.len {
                         e[i] = xb[i] - xa[i] - run.rest;
-                        v[i] = (db[i] - da[i]) * rate;
+                        v[i] = (db[i] - da[i]) * velocity_factor;
                     }
                     law.eval_in(e, v, link_force, &mut laws.law_scratch[*slot], &mut laws.native_scratch);
                 }
@@ -101,6 +98,27 @@ pub(crate) fn compute_link_forces(
     }
     for (force, pair_force) in modules.force.iter_mut().zip(&modules.pair_forces) {
         *force += pair_force;
+    }
+}
+
+#[inline(always)]
+fn set_contact_forces(run: &LinkRun, but: &But, run_ends: &EndMotions<'_>, link_force: &mut [f64]) {
+    let EndMotions { xa, xb, da, db } = run_ends;
+    for i in 0..run.len {
+        let (e, step) = (xb[i] - xa[i] - run.rest, db[i] - da[i]);
+        link_force[i] = but.force(run.k, run.z, e, step);
+    }
+}
+
+#[inline(always)]
+fn set_bristle_forces(run: &LinkRun, run_ends: &EndMotions<'_>, link_memories: &[f64], link_force: &mut [f64]) {
+    let Some((bristle_law, step)) = run.bristle() else {
+        return;
+    };
+    let bristle_bends = &link_memories[run.first_link..run.first_link + run.len];
+    let EndMotions { da, db, .. } = run_ends;
+    for i in 0..run.len {
+        link_force[i] = bristle_law.force(bristle_bends[i], (db[i] - da[i]) / step);
     }
 }
 
@@ -160,7 +178,13 @@ wide! {
 wide! {
     /// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
     /// bits are the same.
-    pub(super) fn set_hardening_forces(law: Hardening, rate: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
+    pub(super) fn set_hardening_forces(
+        law: Hardening,
+        velocity_factor: f64,
+        rest: f64,
+        ends: &EndMotions<'_>,
+        f: &mut [f64],
+    ) {
         let n = f.len();
         let [xa, xb, da, db] = ends.equal_slices(n);
         let Hardening { k, q, z } = law;
@@ -170,7 +194,7 @@ wide! {
         }
         if let Some(z) = z {
             for i in 0..n {
-                f[i] += z * ((db[i] - da[i]) * rate);
+                f[i] += z * ((db[i] - da[i]) * velocity_factor);
             }
         }
     }
@@ -179,5 +203,5 @@ wide! {
 /// Add a run's forces to its two ends: F_a += f, F_b −= f.
 pub(super) fn scatter(run: &LinkRun, modules: &mut ModuleState) {
     let link_force = &modules.link_forces[run.first_link..run.first_link + run.len];
-    pull(link_force, &mut modules.force, run.a, run.b);
+    add_link_forces_wide(link_force, &mut modules.force, run.a, run.b);
 }

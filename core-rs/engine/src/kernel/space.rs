@@ -1,7 +1,7 @@
 //! Forces of links in space. Springs take one pass. Other laws take one pass each for distances and directions, for the
 //! law, and for the components, so that each vectorises.
 
-use super::pull::pull;
+use super::pull::add_link_forces_wide;
 use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, SpaceLaw, SpaceLink, length_and_unit_vector};
 use crate::scheme::{LinkRun, LinkRunKind, Scheme};
@@ -90,7 +90,7 @@ pub(super) fn add_space_forces(
     }
     let axis_forces = axis_ends.into_iter().zip([direction_x, direction_y, direction_z]);
     for ((a, b), axis_force) in axis_forces.take(link.n_axes) {
-        pull(axis_force, force, a, b);
+        add_link_forces_wide(axis_force, force, a, b);
     }
 }
 

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use proptest::prelude::*;
 
 use super::mats::{move_all, move_equal, move_equal_from, move_from};
-use super::pull::pull;
+use super::pull::add_link_forces_wide;
 use super::runs::{EndMotions, set_hardening_forces, set_spring_forces};
 use super::taps::lane_sum;
 use crate::law::Law;
@@ -76,7 +76,7 @@ proptest! {
             plain[b + i] = black_box(plain[b + i] - f);
         }
         let mut force = start;
-        pull(&f, &mut force, a, b);
+        add_link_forces_wide(&f, &mut force, a, b);
         prop_assert_eq!(bits(&force), bits(&plain));
     }
 

@@ -8,7 +8,7 @@ pub(super) struct Friction {
     /// Level [N], its derivative with respect to the velocity, and the share of `static_dry` in it.
     pub(super) level: f64,
     pub(super) slope: f64,
-    pub(super) share: f64,
+    pub(super) static_share: f64,
 }
 
 impl Friction {
@@ -18,16 +18,16 @@ impl Friction {
             return Self {
                 level: key.dry,
                 slope: 0.0,
-                share: 0.0,
+                static_share: 0.0,
             };
         }
         let speed_ratio = v / key.static_speed;
-        let share = exp(-speed_ratio * speed_ratio);
-        let static_excess = (key.static_dry - key.dry) * share;
+        let static_share = exp(-speed_ratio * speed_ratio);
+        let static_excess = (key.static_dry - key.dry) * static_share;
         Self {
             level: key.dry + static_excess,
             slope: -2.0 * static_excess * speed_ratio / key.static_speed,
-            share,
+            static_share,
         }
     }
 }

@@ -9,7 +9,7 @@ use super::parameter::Parameter;
 use super::{KeyError, KeyModel, Mode};
 use crate::dry::Turned;
 use crate::maths::floor;
-use derivatives::Step;
+use derivatives::StepTerms;
 
 /// Steps a second if the caller does not choose the steps of a tick.
 const FRAME_RATE: f64 = 44_100.0;
@@ -31,8 +31,8 @@ struct ModeMotion<const N: usize> {
     denominator: f64,
     x: f64,
     v: f64,
-    /// Its acceleration in this step, with opposite sign.
-    gain: f64,
+    /// In this step.
+    deceleration: f64,
     dx: [f64; N],
     dv: [f64; N],
 }
@@ -44,7 +44,7 @@ pub struct Motion<const N: usize = 0> {
     /// The parameter of each column.
     columns: Vec<Parameter>,
     steps: usize,
-    step: f64,
+    step_seconds: f64,
     /// h/m, Z h/2m, and 1 + Z h/2m.
     h_over_m: f64,
     half_damping: f64,
@@ -97,15 +97,15 @@ impl<const N: usize> Motion<N> {
             .map(|&index| Parameter::from_index(index, key.modes.len()))
             .collect();
         let columns = columns.ok_or(KeyError::Count)?;
-        let step = 1.0 / (rate * steps as f64);
-        let (h_over_m, half_damping) = (step / key.mass, 0.5 * key.damping * step / key.mass);
-        let stiffest = key.stiffness.abs().max(key.presliding) * step * h_over_m;
-        let fastest = key.modes.iter().map(|mode| TAU * mode.frequency * step);
+        let step_seconds = 1.0 / (rate * steps as f64);
+        let (h_over_m, half_damping) = (step_seconds / key.mass, 0.5 * key.damping * step_seconds / key.mass);
+        let stiffest = key.stiffness.abs().max(key.presliding) * step_seconds * h_over_m;
+        let fastest = key.modes.iter().map(|mode| TAU * mode.frequency * step_seconds);
         if stiffest > ANGLE_MAX * ANGLE_MAX || fastest.fold(0.0, f64::max) > ANGLE_MAX {
             return Err(KeyError::Fast);
         }
         // The velocity is half a step behind the position, so without this shift a force would act half a step early.
-        let shift_ticks = (key.delay + 0.5 * step) * rate;
+        let shift_ticks = (key.delay + 0.5 * step_seconds) * rate;
         let full_ticks = floor(shift_ticks);
         let mut dx = [0.0; N];
         if let Some(start_column) = columns.iter().position(|&parameter| parameter == Parameter::Start) {
@@ -119,10 +119,10 @@ impl<const N: usize> Motion<N> {
                 omega_squared: omega * omega,
                 damping_rate,
                 omega,
-                denominator: 1.0 + 0.5 * damping_rate * step,
+                denominator: 1.0 + 0.5 * damping_rate * step_seconds,
                 x: key.start,
                 v: 0.0,
-                gain: 0.0,
+                deceleration: 0.0,
                 dx,
                 dv: [0.0; N],
             }
@@ -130,7 +130,7 @@ impl<const N: usize> Motion<N> {
         Ok(Self {
             columns,
             steps,
-            step,
+            step_seconds,
             h_over_m,
             half_damping,
             denominator: 1.0 + half_damping,
@@ -160,21 +160,22 @@ impl<const N: usize> Motion<N> {
     }
 
     /// Advance by one tick, with a force that acts after the delay and one that acts at once [N].
-    pub fn tick(&mut self, force: f64, direct: f64) {
+    pub fn tick(&mut self, force: f64, immediate_force: f64) {
         self.sent_forces.remove(0);
         self.sent_forces.push(force);
         self.ticks += 1;
-        let (force_before, force_now) = (self.sent_forces[0], self.sent_forces[1]);
-        for step in 0..self.steps {
-            let steps_left = self.previous_force_steps - step as f64; // steps in which the previous force still acts
+        let (previous_force, newest_force) = (self.sent_forces[0], self.sent_forces[1]);
+        for step_index in 0..self.steps {
+            // Steps in which the previous force still acts.
+            let steps_left = self.previous_force_steps - step_index as f64;
             if steps_left >= 1.0 {
-                self.step(force_before + direct, 0.0, 1.0);
+                self.advance_step(previous_force + immediate_force, 0.0, 1.0);
             } else if steps_left < 0.0 {
-                self.step(force_now + direct, 0.0, 0.0);
+                self.advance_step(newest_force + immediate_force, 0.0, 0.0);
             } else {
-                let force_slope = (force_before - force_now) / self.step;
-                self.step(
-                    steps_left * force_before + (1.0 - steps_left) * force_now + direct,
+                let force_slope = (previous_force - newest_force) / self.step_seconds;
+                self.advance_step(
+                    steps_left * previous_force + (1.0 - steps_left) * newest_force + immediate_force,
                     force_slope,
                     steps_left,
                 );
@@ -193,7 +194,7 @@ impl<const N: usize> Motion<N> {
             denominator: mode.denominator,
             x: mode.x,
             v: mode.v,
-            gain: mode.gain,
+            deceleration: mode.deceleration,
             dx: no_derivatives,
             dv: no_derivatives,
         };
@@ -201,7 +202,7 @@ impl<const N: usize> Motion<N> {
             key: self.key.clone(),
             columns,
             steps: self.steps,
-            step: self.step,
+            step_seconds: self.step_seconds,
             h_over_m: self.h_over_m,
             half_damping: self.half_damping,
             denominator: self.denominator,
@@ -219,48 +220,50 @@ impl<const N: usize> Motion<N> {
         }
     }
 
-    /// Share of the force of `tick` in the force of a step, in which the earlier of two forces has the share `before`.
-    fn share_of(&self, tick: usize, before: f64) -> f64 {
+    /// Share of the force of `tick` in the force of a step, in which the earlier of two forces has the share
+    /// `previous_force_share`.
+    fn force_share(&self, tick: usize, previous_force_share: f64) -> f64 {
         let ticks_ago = self.ticks.wrapping_sub(tick + 1); // 0: the newest
         let oldest_age = self.sent_forces.len() - 1;
         if ticks_ago == oldest_age {
-            before
+            previous_force_share
         } else if ticks_ago == oldest_age - 1 {
-            1.0 - before
+            1.0 - previous_force_share
         } else {
             0.0
         }
     }
 
-    /// One step with `force`; `slope` is its derivative with respect to the delay, and `before` the share of the
-    /// earlier of the two forces of this tick.
-    fn step(&mut self, force: f64, slope: f64, before: f64) {
-        let (h, x, v) = (self.step, self.x, self.v);
+    /// One step with `force`; `force_slope` is its derivative with respect to the delay, and `previous_force_share` the
+    /// share of the earlier of the two forces of this tick.
+    fn advance_step(&mut self, force: f64, force_slope: f64, previous_force_share: f64) {
+        let (h, x, v) = (self.step_seconds, self.x, self.v);
         let mut mode_pull = 0.0;
         for mode in &mut self.modes {
-            mode.gain = (mode.omega_squared * (mode.x - x) + mode.damping_rate * (mode.v - v)) / mode.denominator;
-            mode_pull += mode.mass * mode.gain;
+            mode.deceleration =
+                (mode.omega_squared * (mode.x - x) + mode.damping_rate * (mode.v - v)) / mode.denominator;
+            mode_pull += mode.mass * mode.deceleration;
         }
         let friction = Friction::new(&self.key, v);
         let contact = Contact::new(&self.key, &friction, self.s, v, h);
         let key = &self.key;
         let spring_and_weight = key.stiffness * x + key.weight;
         let total_force = force - self.spring_fraction * spring_and_weight + mode_pull - key.presliding * contact.s;
-        let gain = (self.h_over_m * total_force - 2.0 * self.half_damping * v) / self.denominator;
-        let per_level = if key.presliding > 0.0 {
+        let velocity_increment = (self.h_over_m * total_force - 2.0 * self.half_damping * v) / self.denominator;
+        let velocity_per_level = if key.presliding > 0.0 {
             0.0
         } else {
             self.h_over_m / self.denominator
         };
-        let bound = friction.level * per_level;
-        let friction_step = Turned::after_step(v, gain, bound);
+        let bound = friction.level * velocity_per_level;
+        let friction_step = Turned::after_step(v, velocity_increment, bound);
         if N > 0 {
-            let step_terms = Step {
-                slope,
-                before,
-                gain,
+            let step_terms = StepTerms {
+                force_slope,
+                previous_force_share,
+                velocity_increment,
                 bound,
-                per_level,
+                velocity_per_level,
                 friction,
                 contact: &contact,
                 friction_step: &friction_step,
@@ -272,7 +275,7 @@ impl<const N: usize> Motion<N> {
         self.v = friction_step.v;
         self.x += h * self.v;
         for mode in &mut self.modes {
-            mode.v -= h * mode.gain;
+            mode.v -= h * mode.deceleration;
             mode.x += h * mode.v;
         }
     }

@@ -3,7 +3,7 @@
 //! The operations and the constants are those of `libm` (FreeBSD msun, e_exp.c); where `libm` branches, a lane computes
 //! both sides and selects one.
 
-use super::exp as one_exp;
+use super::exp as exp_scalar;
 
 const LN2_HI: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
 const LN2_LO: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
@@ -15,16 +15,16 @@ const BIAS: u64 = 0x3ff;
 /// Largest |x| for which no lane overflows or underflows.
 const ARGUMENT_MAX: f64 = 708.0;
 
-/// Set `out` to `exp` of each entry of `a`, (n) each.
+/// Set `out` to `exp` of each entry of `inputs`, (n) each.
 #[inline(always)]
-pub(crate) fn exp(a: &[f64], out: &mut [f64]) {
-    if are_in_range(a) {
-        for (out, a) in out.iter_mut().zip(a) {
-            *out = exp_in_range(*a);
+pub(crate) fn exp(inputs: &[f64], out: &mut [f64]) {
+    if are_in_range(inputs) {
+        for (out, x) in out.iter_mut().zip(inputs) {
+            *out = exp_in_range(*x);
         }
     } else {
-        for (out, a) in out.iter_mut().zip(a) {
-            *out = one_exp(*a);
+        for (out, x) in out.iter_mut().zip(inputs) {
+            *out = exp_scalar(*x);
         }
     }
 }
@@ -35,7 +35,7 @@ pub(crate) fn exp_lanes<const N: usize>(a: [f64; N]) -> [f64; N] {
     #[cold]
     #[inline(never)]
     fn exp_each<const N: usize>(a: [f64; N]) -> [f64; N] {
-        a.map(one_exp)
+        a.map(exp_scalar)
     }
     if are_in_range(&a) {
         a.map(exp_in_range)
@@ -68,12 +68,12 @@ fn exp_in_range(x: f64) -> f64 {
     let magnitude = x.abs();
     let sign = 1f64.copysign(x);
     // SAFETY: |x| < 708, so that the product fits an i32.
-    let far_multiple: i32 = unsafe { (INV_LN2 * x + 0.5 * sign).to_int_unchecked() };
-    let near_multiple = if magnitude >= HALF_LN2 { sign } else { 0.0 };
+    let rounded_multiple: i32 = unsafe { (INV_LN2 * x + 0.5 * sign).to_int_unchecked() };
+    let unit_multiple = if magnitude >= HALF_LN2 { sign } else { 0.0 };
     let k = if magnitude >= THREE_HALVES_LN2 {
-        f64::from(far_multiple)
+        f64::from(rounded_multiple)
     } else {
-        near_multiple
+        unit_multiple
     };
     let (hi, lo) = (x - k * LN2_HI, k * LN2_LO);
     let r = hi - lo;
@@ -93,7 +93,7 @@ mod tests {
         let mut result = vec![0.0; numbers.len()];
         exp(numbers, &mut result);
         for (x, y) in numbers.iter().zip(result) {
-            let expected = one_exp(*x);
+            let expected = exp_scalar(*x);
             assert!(
                 expected.to_bits() == y.to_bits() || (expected.is_nan() && y.is_nan()),
                 "{x:e}: {y} {expected}"

@@ -66,10 +66,10 @@ impl TruePeak {
     /// A meter of `n_channels`; before the first frame there is silence.
     #[must_use]
     pub fn new(n_channels: usize) -> Self {
-        let sums = PHASES.map(|phase| phase.iter().map(|factor| factor.abs()).sum());
+        let absolute_sums = PHASES.map(|phase| phase.iter().map(|factor| factor.abs()).sum());
         Self {
             peak: 0.0,
-            interpolation_gain_max: sums.into_iter().fold(0.0, f64::max),
+            interpolation_gain_max: absolute_sums.into_iter().fold(0.0, f64::max),
             rows: vec![[0.0; ROW_SAMPLES]; n_channels],
         }
     }
@@ -136,7 +136,7 @@ wide! {
     /// The largest absolute value between the samples of a row, for the first `n_frames` of its span.
     #[allow(clippy::needless_range_loop)] // closures would be compiled for the baseline, and called
     fn interpolated_max(row: &[f64; ROW_SAMPLES], n_frames: usize) -> f64 {
-        let mut largest = [0.0; SPAN_FRAMES];
+        let mut frame_maxima = [0.0; SPAN_FRAMES];
         for phase in &PHASES {
             let mut forward = [0.0; SPAN_FRAMES];
             let mut backward = [0.0; SPAN_FRAMES];
@@ -149,12 +149,13 @@ wide! {
             for frame in 0..SPAN_FRAMES {
                 let is_forward_larger = forward[frame].abs() > backward[frame].abs();
                 let larger = if is_forward_larger { forward[frame] } else { backward[frame] };
-                largest[frame] = if larger.abs() > largest[frame] { larger.abs() } else { largest[frame] };
+                let largest = frame_maxima[frame];
+                frame_maxima[frame] = if larger.abs() > largest { larger.abs() } else { largest };
             }
         }
         let mut peak = 0.0;
         for frame in 0..SPAN_FRAMES.min(n_frames) {
-            peak = if largest[frame] > peak { largest[frame] } else { peak };
+            peak = if frame_maxima[frame] > peak { frame_maxima[frame] } else { peak };
         }
         peak
     }
@@ -187,10 +188,10 @@ mod tests {
         let channels: [Vec<f64>; 2] = std::array::from_fn(|c| channel(c).collect());
         let frames: Vec<f64> = (0..500).flat_map(|n| [channels[0][n], channels[1][n]]).collect();
         let reference = reference_peak(&channels[0]).max(reference_peak(&channels[1]));
-        for block in [1, 10, 64, 77, 500] {
+        for block_frames in [1, 10, 64, 77, 500] {
             let mut meter = TruePeak::new(2);
-            frames.chunks(2 * block).for_each(|block| meter.process(block));
-            assert_eq!(meter.peak(), reference, "{block}");
+            frames.chunks(2 * block_frames).for_each(|block| meter.process(block));
+            assert_eq!(meter.peak(), reference, "{block_frames}");
         }
     }
 

@@ -43,7 +43,7 @@ pub struct Elements {
     /// The masses, by their index in the network   (n), rising
     pub mats: Vec<usize>,
     /// M [kg]   (n)
-    pub m: Vec<f64>,
+    pub masses: Vec<f64>,
     /// All links, including those between held points
     pub elements: Vec<Element>,
     /// Number of fixed and of imposed points.
@@ -70,7 +70,7 @@ impl Network {
     /// let (wall, m) = (network.sol("wall", 0.0)?, network.mas("m", 2e-3, 0.0, 0.0)?);
     /// network.spring("s", m, wall, 500.0, 0.01, 0.0)?;
     /// let bell = network.elements(&[0]);
-    /// assert_eq!((bell.m.len(), bell.n_held, bell.elements[0].ends), (1, 1, [Some(0), None]));
+    /// assert_eq!((bell.masses.len(), bell.n_held, bell.elements[0].ends), (1, 1, [Some(0), None]));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn elements(&self, parts: &[usize]) -> Elements {
@@ -121,7 +121,7 @@ impl Network {
             }));
         }
         Elements {
-            m: moving_mats.iter().map(|&i| mats.m[i]).collect(),
+            masses: moving_mats.iter().map(|&i| mats.m[i]).collect(),
             n_held: mats.kind.iter().filter(|kind| kind.is_held()).count(),
             mats: moving_mats.iter().map(|&i| parts_subset.mats[i] as usize).collect(),
             elements,

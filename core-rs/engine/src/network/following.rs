@@ -200,7 +200,7 @@ impl Network {
             law: Arc::new(open_law),
             followings: followings.iter().map(|(_, following)| *following).collect(),
         };
-        self.link(name, LinkKind::Followed(followed), a, b, [0.0, 0.0, rest])
+        self.add_link(name, LinkKind::Followed(followed), a, b, [0.0, 0.0, rest])
     }
 
     /// Let the mass of a MAS follow a MAT.

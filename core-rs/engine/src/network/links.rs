@@ -46,7 +46,7 @@ impl Network {
                 ("rest", rest, Rule::Finite),
             ],
         )?;
-        self.link(name, LinkKind::Ref, a, b, [k, z, rest])
+        self.add_link(name, LinkKind::Ref, a, b, [k, z, rest])
     }
 
     /// Add a one-sided contact of the striker `a` on `b`, which closes when `a` is beyond `b` by the gap; returns its
@@ -91,7 +91,7 @@ impl Network {
             Side::Below => -gap,
             Side::Above => gap,
         };
-        self.link(name, LinkKind::But(but), a, b, [k, z, rest_length])
+        self.add_link(name, LinkKind::But(but), a, b, [k, z, rest_length])
     }
 
     fn check_magic(&self, name: &str, but: &But) -> Result<(), Error> {
@@ -128,7 +128,7 @@ impl Network {
     /// [`Error::Refused`] with the name of the module if `rest` is not finite or the ends cannot be joined.
     pub fn lnl(&mut self, name: &str, a: usize, b: usize, law: Arc<Law>, rest: f64) -> Result<usize, Error> {
         self.check(name, &[("rest", rest, Rule::Finite)])?;
-        self.link(name, LinkKind::Lnl(law), a, b, [0.0, 0.0, rest])
+        self.add_link(name, LinkKind::Lnl(law), a, b, [0.0, 0.0, rest])
     }
 
     /// Add a friction with memory (BRISTLE) between MATs `a` and `b`; returns its index.
@@ -174,7 +174,7 @@ impl Network {
             return Err(self.refused(name, "Fs must be Fc or more"));
         }
         let bristle_kind = LinkKind::Bristle(bristle);
-        self.link(name, bristle_kind, a, b, [stiffness, level, 0.0])
+        self.add_link(name, bristle_kind, a, b, [stiffness, level, 0.0])
     }
 
     /// Add dry friction (DRY) between MATs `a` and `b`; returns its index.
@@ -207,10 +207,10 @@ impl Network {
                 ("speed", speed, Rule::Positive),
             ],
         )?;
-        self.link(name, LinkKind::Dry(dry), a, b, [0.0, level, 0.0])
+        self.add_link(name, LinkKind::Dry(dry), a, b, [0.0, level, 0.0])
     }
 
-    pub(super) fn link(
+    pub(super) fn add_link(
         &mut self,
         name: &str,
         kind: LinkKind,

@@ -122,7 +122,7 @@ impl Network {
                 (lowest_part_modes, part_modes.is_certified && is_complete)
             }
             ModeRange::Below(f) => {
-                let count = count_in_memory(spectrum::n_below(&part_body.springs, part_body.lambda_at(f)))?;
+                let count = count_in_memory(spectrum::n_below(&part_body.springs, part_body.mode_eigenvalue(f)))?;
                 let (part_modes, is_coupled) = coupled_search(count, &lowest_part_modes);
                 let mut all_modes =
                     damped::damped_modes(&part_body, &part_modes.modes, is_coupled, part_modes.modes.len());
@@ -131,7 +131,7 @@ impl Network {
             }
             ModeRange::Around(f, count) => {
                 let count = count_in_memory(count)?;
-                let centre_lambda = part_body.lambda_at(f);
+                let centre_lambda = part_body.mode_eigenvalue(f);
                 let modes_near = |count| spectrum::modes_around(&part_body.springs, centre_lambda, count);
                 let (part_modes, is_coupled) = coupled_search(count, &modes_near);
                 let mut all_modes =

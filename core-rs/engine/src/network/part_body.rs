@@ -36,7 +36,7 @@ impl Network {
 impl PartBody {
     /// The body of the masses and links of some parts.
     pub(super) fn new(elements: Elements) -> Self {
-        let sqrt_masses: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
+        let sqrt_masses: Vec<f64> = elements.masses.iter().map(|mass| mass.sqrt()).collect();
         let scaled_end = |slot: usize| -> End { (slot, 1.0 / sqrt_masses[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
         for element in interrupt::polled_items(&elements.elements) {
@@ -44,7 +44,7 @@ impl PartBody {
                 continue;
             }
             let [first_slot, second_slot] = element.ends;
-            let (Some(first_slot), other_end) = (if first_slot.is_some() {
+            let (Some(body_slot), other_end) = (if first_slot.is_some() {
                 (first_slot, second_slot)
             } else {
                 (second_slot, first_slot)
@@ -52,10 +52,10 @@ impl PartBody {
                 continue;
             };
             let other_end = other_end.map(scaled_end);
-            springs.push((scaled_end(first_slot), other_end, element.k));
+            springs.push((scaled_end(body_slot), other_end, element.k));
             // x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1]) is w² + (Z + K) w + K = 0 at w = z − 1.
             let added_damping = if elements.ca_rate.is_some() { element.k } else { 0.0 };
-            dampers.push((scaled_end(first_slot), other_end, element.z + added_damping));
+            dampers.push((scaled_end(body_slot), other_end, element.z + added_damping));
         }
         dampers.retain(|damper| damper.2 != 0.0);
         Self {
@@ -73,7 +73,7 @@ impl PartBody {
     }
 
     /// The eigenvalue of an undamped mode of frequency `f` [Hz].
-    pub(super) fn lambda_at(&self, f: f64) -> f64 {
+    pub(super) fn mode_eigenvalue(&self, f: f64) -> f64 {
         match self.ca_rate {
             None => (std::f64::consts::TAU * f) * (std::f64::consts::TAU * f),
             Some(rate) => {

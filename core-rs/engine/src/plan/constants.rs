@@ -12,7 +12,7 @@ pub(in crate::plan) const PRESERVED_LIMITS: [(u32, f64); 2] = [(10, -75.0), (20,
 // Runs that part.
 /// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
 /// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so smaller differences are as good as none.
-pub const SPECTRUM_NOISE: f64 = 2.0;
+pub const SPECTRUM_NOISE_DB: f64 = 2.0;
 /// Length of the first stretch over which runs are compared [s]; each later one is as long as all before it.
 pub(in crate::plan) const FIRST_STRETCH_SECONDS: f64 = 1.25e-3;
 /// Duration of the attack of a stroke [s].
@@ -22,7 +22,7 @@ pub(in crate::plan) const PERTURBATION_SHARE: f64 = 1e-12;
 /// By how much the growth of a nudge may exceed that of a regular motion by chance [dB].
 pub(in crate::plan) const GROWTH_MARGIN_DB: f64 = 6.0;
 /// The least error that a method can have over the first millisecond of a stroke [dB].
-pub(in crate::plan) const ATTACK_ERROR_MIN: f64 = -120.0;
+pub(in crate::plan) const ATTACK_ERROR_MIN_DB: f64 = -120.0;
 /// Waveforms further apart than this have nothing in common [dB].
 pub(in crate::plan) const UNCORRELATED_DB: f64 = -10.0;
 
@@ -55,7 +55,7 @@ pub(in crate::plan) const ISLAND_ALLOWANCE_SHARE_MIN: f64 = 0.25;
 pub(in crate::plan) const RESERVE_SHARE: f64 = 0.25;
 /// Work of a search in multiples of its first run, if contacts dominate the cost: the reference takes 14, candidates
 /// with up to four times as many substeps 7.
-pub(in crate::plan) const SEARCH_COST_RUNS: f64 = 24.0;
+pub(in crate::plan) const SEARCH_COST_IN_FIRST_RUNS: f64 = 24.0;
 /// The part of the remaining allowance that one family may take.
 pub(in crate::plan) const FAMILY_ALLOWANCE_SHARE: f64 = 0.4;
 /// A doubling is played if this multiple of the work of the run before is left.
@@ -84,9 +84,10 @@ pub(in crate::plan) const CONVERGENCE_ORDERS: [f64; 2] = [0.5, 1.0];
 pub(in crate::plan) const ESTIMATE_MARGIN_DB: f64 = 3.5;
 /// A candidate may create this share of the energy that is there: half of what is reported.
 pub(in crate::plan) const CREATED_ENERGY_SHARE_MAX: f64 = 0.005;
-/// A run is first compared after one part in `EARLY_COMPARISON.0` of its first span; its difference there exceeds the
-/// final one by at most `EARLY_COMPARISON.1` [dB].
-pub(in crate::plan) const EARLY_COMPARISON: (usize, f64) = (4, 12.0);
+/// A run is first compared after one part in this number of its first span.
+pub(in crate::plan) const EARLY_SPAN_DIVISOR: usize = 4;
+/// Its difference there exceeds the final one by at most this [dB].
+pub(in crate::plan) const EARLY_MARGIN_DB: f64 = 12.0;
 /// Most steps a frame of a candidate that a plan may choose.
 pub(in crate::plan) const OVERSAMPLING_MAX: u32 = 8;
 
@@ -108,7 +109,7 @@ pub(in crate::plan) const RESERVE_USABLE_SHARE: f64 = 0.9;
 pub(in crate::plan) const SLOW_COST_RATIO_MAX: f64 = 0.95;
 /// Largest turn of the modes of a key from kick to kick for which it is made slow [rad]: R·√λ ≤ 1, with R half the
 /// stability limit. No such key grew in scans without damping.
-pub(in crate::plan) const KEY_PHASE_MAX: f64 = 1.0;
+pub(in crate::plan) const KEY_KICK_PHASE_MAX: f64 = 1.0;
 
 /// Most attempts to leave modes out.
 pub(in crate::plan) const PRUNE_TRIALS_MAX: usize = 4;

@@ -2,17 +2,17 @@
 
 use crate::assembly::audible::ModeKind;
 use crate::assembly::choice::Choice;
-use crate::content::{Sink, hex};
+use crate::content::{Hasher, hex};
 use crate::island::ContactOrder;
-use crate::plan::row::{Computation, LeftOutReason, Row};
+use crate::plan::row::{Computation, LeftOutReason, PlanRow};
 
 /// A hash of decisions, and of the rows that they concern.
-pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
-    let mut hash_sink = Sink::new();
+pub(in crate::plan) fn hash(choices: &[Choice], rows: &[PlanRow]) -> String {
+    let mut hasher = Hasher::new();
     for row in rows {
         for part in &row.parts {
-            hash_sink.add((part.len() as u64).to_le_bytes());
-            hash_sink.add(part);
+            hasher.add((part.len() as u64).to_le_bytes());
+            hasher.add(part);
         }
         let computation_code: u64 = match row.computation {
             Computation::Stepped => 0,
@@ -36,7 +36,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             row.n_links as u64,
             computation_code,
         ];
-        numbers.iter().for_each(|number| hash_sink.add(number.to_le_bytes()));
+        numbers.iter().for_each(|number| hasher.add(number.to_le_bytes()));
     }
     for choice in choices {
         let (modules, oversampling, contact_substeps, body_numbers, counted_cost, contact_order) = choice.numbers();
@@ -49,15 +49,15 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
         ];
         numbers
             .iter()
-            .for_each(|&number| hash_sink.add((number as u64).to_le_bytes()));
+            .for_each(|&number| hasher.add((number as u64).to_le_bytes()));
         // Older plans stored no contact order; hashing only non-defaults keeps their hashes.
         if contact_order != ContactOrder::default().number() {
-            hash_sink.add(u64::from(contact_order).to_le_bytes());
+            hasher.add(u64::from(contact_order).to_le_bytes());
         }
         for body in &body_numbers {
-            hash_sink.add((body.len() as u64).to_le_bytes());
-            body.iter().for_each(|number| hash_sink.add(number.to_le_bytes()));
+            hasher.add((body.len() as u64).to_le_bytes());
+            body.iter().for_each(|number| hasher.add(number.to_le_bytes()));
         }
     }
-    hex(&hash_sink.finish())
+    hex(&hasher.finish())
 }

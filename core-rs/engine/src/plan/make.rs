@@ -26,7 +26,7 @@ use crate::body_modes::linear::NoModes;
 use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::constants::ISLAND_ALLOWANCE_SHARE_MIN;
-use crate::plan::row::{self, Computation, MeasuredError, Row};
+use crate::plan::row::{self, Computation, MeasuredError, PlanRow};
 use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
 use crate::plan::trial::horizon;
 use crate::plan::trial::multirate;
@@ -192,7 +192,7 @@ impl<'a> PlanBuilder<'a> {
                     false => self.begin_allowance(subset_size(&subset), n_modules),
                 }
                 let island_result = self.island_from_store(subset, island_timeline);
-                self.trial_seconds_left -= self.allowance.seconds_spent().0;
+                self.trial_seconds_left -= self.allowance.spent_seconds();
                 island_result
             } else {
                 self.plan_cells(&subset, &island_timeline)
@@ -266,7 +266,7 @@ impl<'a> PlanBuilder<'a> {
                         n_modules: module_count,
                         method: IslandMethod::Bank(solved_bank.computed_modes.numbers()),
                     });
-                    let mut bank_row = Row::modal(&subset, &solved_bank, &island_timeline.timeline);
+                    let mut bank_row = PlanRow::modal(&subset, &solved_bank, &island_timeline.timeline);
                     let refused_slow = multirate::refuse_all(&subset, "its modes need none");
                     bank_row.rate_refusal = rate_refusals(&refused_slow, &bank_row);
                     self.plan.refused_rates.extend(refused_slow);
@@ -358,7 +358,7 @@ impl<'a> PlanBuilder<'a> {
         let is_discrete_reference = island.is_discrete_reference();
         let first_row = self.plan.rows.len();
         let (plan, timeline) = (&island.island_plan, &island_timeline.timeline);
-        let harder_time = error.and_then(|error| horizon::harder_event(plan, timeline, error.duration_seconds));
+        let harder_time = error.and_then(|error| horizon::harder_event_time(plan, timeline, error.duration_seconds));
         let unchecked_from_seconds = error.and_then(|error| horizon::unchecked_from(&island.island_plan, error));
         let Assembled {
             island_plan,
@@ -379,7 +379,7 @@ impl<'a> PlanBuilder<'a> {
         });
         let port_count: usize = bodies.iter().map(|body| body.plan.ports().len()).sum();
         if island_plan.network.n_mat() > port_count {
-            let mut report_row = Row::stepped(&island_plan, certificate);
+            let mut report_row = PlanRow::stepped(&island_plan, certificate);
             report_row.n_mats -= port_count;
             (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
             let modes_refusal = earlier_refusal.filter(|_| bodies.is_empty()).or(modes_refusal);
@@ -393,7 +393,7 @@ impl<'a> PlanBuilder<'a> {
             0.0
         };
         for body in &bodies {
-            let mut report_row = Row::ported(body, &island_plan.timeline);
+            let mut report_row = PlanRow::ported(body, &island_plan.timeline);
             report_row.work_per_second += std::mem::take(&mut hub_cost);
             (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
             if let (Computation::Slow { .. }, Some(growth)) = (report_row.computation, growth) {
@@ -409,7 +409,7 @@ impl<'a> PlanBuilder<'a> {
             report_row.is_discrete_reference = is_discrete_reference;
             report_row.trials_cut_short = is_cut_short;
             report_row.has_diverged = has_diverged;
-            report_row.harder_event_seconds = harder_time;
+            report_row.harder_event_time = harder_time;
             report_row.unchecked_from_seconds = unchecked_from_seconds;
             report_row.rate_refusal = rate_refusals(&refused_slow, report_row);
         }
@@ -539,7 +539,7 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
 }
 
 /// Why parts of a row that ask for a rate of their own are computed at every frame.
-fn rate_refusals(refused_slow: &[RefusedSlowPart], row: &Row) -> Option<String> {
+fn rate_refusals(refused_slow: &[RefusedSlowPart], row: &PlanRow) -> Option<String> {
     let row_refusals = refused_slow.iter().filter(|(part, _)| row.parts.contains(part));
     let reason_texts: Vec<String> = row_refusals.map(|(part, reason)| format!("{part}: {reason}")).collect();
     (!reason_texts.is_empty()).then(|| reason_texts.join("; "))

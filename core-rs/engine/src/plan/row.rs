@@ -97,7 +97,7 @@ impl MeasuredError {
 
 /// A row of a plan.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub struct PlanRow {
     /// The parts whose modules these are.
     pub parts: Vec<String>,
     /// MATs that move.
@@ -138,12 +138,12 @@ pub struct Row {
     /// Its motion diverged in its trial.
     pub has_diverged: bool,
     /// When it is played harder than while `error` was measured [s].
-    pub harder_event_seconds: Option<f64>,
+    pub harder_event_time: Option<f64>,
     /// From when on its error was not checked, though it may grow [s].
     pub unchecked_from_seconds: Option<f64>,
 }
 
-impl Row {
+impl PlanRow {
     /// Whether a slow part sounds as it would at every frame, as far as a pilot measured.
     pub fn is_preserved(&self) -> bool {
         let (Computation::Slow { macrostep, .. }, Some(pilot_error)) = (self.computation, self.error) else {
@@ -177,7 +177,7 @@ impl Row {
             trials_cut_short: false,
             is_drafted: false,
             has_diverged: false,
-            harder_event_seconds: None,
+            harder_event_time: None,
             unchecked_from_seconds: None,
         }
     }
@@ -266,7 +266,7 @@ impl Row {
 }
 
 /// A row for each part that has isolated CELs.
-pub(in crate::plan) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) -> Vec<Row> {
+pub(in crate::plan) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) -> Vec<PlanRow> {
     let mut cell_counts = vec![0_usize; network.parts().len()];
     for (mat, _) in banks.iter().flat_map(|bank| &bank.mats_and_rests) {
         cell_counts[network.mats().part[*mat as usize] as usize] += 1;
@@ -276,7 +276,7 @@ pub(in crate::plan) fn cells(network: &Network, banks: &[BankPlan], timeline: &T
         .filter(|(_, count)| *count > 0)
         .map(|(part, count)| {
             let frame_cost = Costs::nanoseconds("oscillator") * count as f64;
-            Row::new(vec![part.name.clone()], [count, 0], Computation::Oscillators).with_cost(
+            PlanRow::new(vec![part.name.clone()], [count, 0], Computation::Oscillators).with_cost(
                 frame_cost,
                 timeline,
                 StabilityGuarantee::Proved,

@@ -73,17 +73,21 @@ fn weighted_stiffness(run: &LinkRun, c: f64) -> f64 {
         LinkRunKind::Pairwise { pairs, .. } => space_weight(&pairs.link.law, run, c),
         LinkRunKind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         LinkRunKind::But(_) => c * run.z,
-        LinkRunKind::Bristle { law, rate } => {
-            run.k + c * law.with_stiffness_and_level(run.k, run.z).steepest_damping() * rate
+        LinkRunKind::Bristle { law, velocity_factor } => {
+            run.k + c * law.with_stiffness_and_level(run.k, run.z).steepest_damping() * velocity_factor
         }
-        LinkRunKind::Lnl { law, rate, .. } => law_weight(law, *rate, c),
+        LinkRunKind::Lnl {
+            law, velocity_factor, ..
+        } => law_weight(law, *velocity_factor, c),
         // The stiffest law that it can become: each constant at one end of its range.
         LinkRunKind::Followed {
             law: followed_law,
-            rate,
+            velocity_factor,
             ..
         } => {
-            let weights = followed_law.end_value_laws().map(|law| law_weight(&law, *rate, c));
+            let weights = followed_law
+                .end_value_laws()
+                .map(|law| law_weight(&law, *velocity_factor, c));
             weights.fold(0.0, |greatest, corner_weight| {
                 if corner_weight > greatest || corner_weight.is_nan() {
                     corner_weight

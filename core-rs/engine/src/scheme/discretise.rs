@@ -33,13 +33,13 @@ pub(super) fn build_scheme(
 
 /// A scheme with what does not depend on the rate: MATs that do not move, no links.
 fn scheme_without_coefficients(network: &Network, rate: Rate) -> Scheme {
-    let mat_count = network.n_mat();
+    let n_mats = network.n_mat();
     let mats = network.mats();
     Scheme {
         rate: rate.hertz(),
-        kappa: vec![0.0; mat_count],
-        zeta: vec![0.0; mat_count],
-        w: vec![0.0; mat_count],
+        kappa: vec![0.0; n_mats],
+        zeta: vec![0.0; n_mats],
+        w: vec![0.0; n_mats],
         tie_stiffness: mats.k.clone(),
         rest: mats.rest.clone(),
         equal_ranges: Vec::new(),
@@ -131,17 +131,17 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
             rest: run.rest,
             gate: None,
         };
-        let on_proxy = || ends_on_proxy(network, run);
+        let has_proxy_end = || ends_on_proxy(network, run);
         let target_runs = match &run.kind {
-            LinkKind::Dry(_) if on_proxy() => return Err(refuse_proxy(network, run)),
+            LinkKind::Dry(_) if has_proxy_end() => return Err(refuse_proxy(network, run)),
             LinkKind::Dry(_) => &mut dry_runs,
             // With a proxy the force is explicit: it has no single mass for which it could be solved.
-            LinkKind::But(but) if but.contact == Contact::Exact && !on_proxy() => &mut scheme.exact_runs,
+            LinkKind::But(but) if but.contact == Contact::Exact && !has_proxy_end() => &mut scheme.exact_runs,
             LinkKind::But(but) if but.contact == Contact::Magic => {
-                if on_proxy() {
+                if has_proxy_end() {
                     return Err(refuse_proxy(network, run));
                 }
-                (scheme_run.k, scheme_run.z) = magic_numbers(scheme, network, run, *but)?;
+                (scheme_run.k, scheme_run.z) = magic_contact_coefficients(scheme, network, run, *but)?;
                 &mut scheme.runs
             }
             _ => &mut scheme.runs,
@@ -173,21 +173,21 @@ impl ScratchSlots {
             },
             LinkKind::Lnl(law) => LinkRunKind::Lnl {
                 law: law.clone(),
-                rate: velocity_factor,
+                velocity_factor,
                 slot: self.slot_of(law),
             },
             LinkKind::Followed(followed) => LinkRunKind::Followed {
                 law: followed.clone(),
-                rate: velocity_factor,
+                velocity_factor,
                 slot: next_slot(&mut self.n_followed),
             },
             LinkKind::Bristle(bristle) => LinkRunKind::Bristle {
                 law: *bristle,
-                rate: velocity_factor,
+                velocity_factor,
             },
             LinkKind::Dry(dry) => LinkRunKind::Dry {
                 law: *dry,
-                rate: velocity_factor,
+                velocity_factor,
             },
         }
     }
@@ -209,7 +209,12 @@ fn next_slot(count: &mut usize) -> usize {
 }
 
 /// Stiffness and viscosity of a magic contact, by the masses of its two ends.
-fn magic_numbers(scheme: &Scheme, network: &Network, run: &NetworkRun, but: But) -> Result<(f64, f64), Error> {
+fn magic_contact_coefficients(
+    scheme: &Scheme,
+    network: &Network,
+    run: &NetworkRun,
+    but: But,
+) -> Result<(f64, f64), Error> {
     check_no_other_link(network, run.a, run.first)?;
     check_no_other_link(network, run.b, run.first)?;
     if scheme.w[run.a] + scheme.w[run.b] == 0.0 {

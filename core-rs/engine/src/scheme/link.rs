@@ -13,7 +13,9 @@ impl LinkRun {
         match &self.kind {
             LinkRunKind::Ref => self.k * e + self.z * step,
             LinkRunKind::Hardening(q) => self.k * e + q * (e * e * e) + self.z * step,
-            LinkRunKind::Lnl { law, rate, .. } => law.force(e, step * rate),
+            LinkRunKind::Lnl {
+                law, velocity_factor, ..
+            } => law.force(e, step * velocity_factor),
             LinkRunKind::But(but) => but.force(self.k, self.z, e, step),
             LinkRunKind::Space(space) => space.law.force([self.k, self.z], e, step),
             LinkRunKind::Followed { .. }
@@ -45,7 +47,9 @@ impl LinkRun {
     /// The force that a law's damping adds when the link stretches by `step` [m] a frame [N].
     pub(crate) fn damping_force(&self, e: f64, step: f64) -> f64 {
         match &self.kind {
-            LinkRunKind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
+            LinkRunKind::Lnl {
+                law, velocity_factor, ..
+            } => law.force(e, step * velocity_factor) - law.spring(e),
             LinkRunKind::Hardening(_) => self.z * step,
             LinkRunKind::Space(space) => space.law.force([self.k, self.z], e, step) - space.law.elastic(self.k, e),
             LinkRunKind::Ref
@@ -106,15 +110,17 @@ impl LinkRun {
             LinkRunKind::Ref | LinkRunKind::Hardening(_) => Some([self.k, self.z]),
             LinkRunKind::But(but) if but.exponent == 1.0 => Some([self.k, self.z]),
             LinkRunKind::But(_) => Some([0.0, self.z]),
-            LinkRunKind::Bristle { law, rate } => Some([self.k, law.damping_at_rest() * rate]),
-            LinkRunKind::Lnl { law, rate, .. } => Some([law.slope(0.0), law.damping_slope(0.0) * rate]),
+            LinkRunKind::Bristle { law, velocity_factor } => Some([self.k, law.damping_at_rest() * velocity_factor]),
+            LinkRunKind::Lnl {
+                law, velocity_factor, ..
+            } => Some([law.slope(0.0), law.damping_slope(0.0) * velocity_factor]),
             LinkRunKind::Followed {
                 law: followed_law,
-                rate,
+                velocity_factor,
                 ..
             } => {
                 let law = followed_law.law();
-                Some([law.slope(0.0), law.damping_slope(0.0) * rate])
+                Some([law.slope(0.0), law.damping_slope(0.0) * velocity_factor])
             }
             LinkRunKind::Dry { .. } | LinkRunKind::Space(_) | LinkRunKind::Pairwise { .. } => None,
         }
@@ -155,9 +161,11 @@ impl LinkRun {
             | LinkRunKind::Dry { .. }
             | LinkRunKind::Space(_)
             | LinkRunKind::Pairwise { .. } => return None,
-            LinkRunKind::Lnl { law, rate, .. } => {
+            LinkRunKind::Lnl {
+                law, velocity_factor, ..
+            } => {
                 let Hardening { k, q, z } = law.hardening_spring()?;
-                (k, q, z.unwrap_or(0.0) * rate)
+                (k, q, z.unwrap_or(0.0) * velocity_factor)
             }
         };
         Some(Spring {
@@ -173,7 +181,7 @@ impl LinkRun {
     }
 }
 
-/// The part of the energy of a shared `tension` that one link at elongation `e` [m] stores [J].
-pub(crate) fn tension_energy(tension: f64, e: f64) -> f64 {
-    0.25 * tension * e * e
+/// The part of the energy of a shared stiffness that one link at elongation `e` [m] stores [J].
+pub(crate) fn tension_energy(shared_stiffness: f64, e: f64) -> f64 {
+    0.25 * shared_stiffness * e * e
 }

@@ -14,7 +14,7 @@ const DISPLACEMENT_METRES: f64 = 1e-3;
 /// The response is followed until its end is this small, relative to its largest force after the first two ticks.
 const DECAYED_RATIO: f64 = 1e-4;
 /// Largest amount of work for that [MATs × ticks].
-const WORK_MAX_MAT_TICKS: usize = 1 << 17;
+const MAT_TICKS_MAX: usize = 1 << 17;
 /// Largest number of steps a frame, for a closed network that is too stiff for one.
 const OVERSAMPLING_MAX: u32 = 64;
 
@@ -108,19 +108,24 @@ impl ReachableNetwork {
         }
     }
 
-    /// The hand at rest, displaced for a tick of `tick_frames`, and back.
-    fn displaced_hand(&self, network: &Network, rate: Rate, tick_frames: u32) -> Result<Timeline, Error> {
+    /// The hand at rest, displaced for a tick of `frames_per_tick`, and back.
+    fn displaced_hand(&self, network: &Network, rate: Rate, frames_per_tick: u32) -> Result<Timeline, Error> {
         let mut timeline = Timeline::new(rate);
         // The path begins at 0: the hand is at rest before its displacement.
         let hand_path = [0.0, DISPLACEMENT_METRES, 0.0];
         timeline
-            .add_hand(network, self.mat, tick_frames, HandInterpolation::Line, &hand_path)
+            .add_hand(network, self.mat, frames_per_tick, HandInterpolation::Line, &hand_path)
             .map_err(|error| self.refusal(error))?;
         Ok(timeline)
     }
 
-    /// The force in each tick of `tick_frames` as a plan computes it; `None` if something diverged.
-    fn force_in_ticks(&self, plan: Plan, tick_frames: u32, tick_limits: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
+    /// The force in each tick of `frames_per_tick` as a plan computes it; `None` if something diverged.
+    fn force_in_ticks(
+        &self,
+        plan: Plan,
+        frames_per_tick: u32,
+        tick_limits: [usize; 2],
+    ) -> Result<Option<Vec<f64>>, Error> {
         let options = SimulationOptions {
             keeps_ledger: false,
             records_ergons: false,
@@ -129,17 +134,17 @@ impl ReachableNetwork {
             is_unchecked: true,
         };
         let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
-        let tick_frames = u64::from(tick_frames);
+        let frames_per_tick = u64::from(frames_per_tick);
         let [ticks_min, ticks_max] = tick_limits;
         let ticks_max = ticks_max
-            .min(WORK_MAX_MAT_TICKS / self.network.n_mat().max(1))
+            .min(MAT_TICKS_MAX / self.network.n_mat().max(1))
             .max(ticks_min);
         let mut response = Vec::with_capacity(ticks_max);
         // Faults are muted.
-        let _ = simulation.skip(tick_frames);
+        let _ = simulation.skip(frames_per_tick);
         while response.len() < ticks_min || (response.len() < ticks_max && is_still_ringing(&response)) {
             for _ in 0..ticks_min.min(ticks_max - response.len()) {
-                let _ = simulation.skip(tick_frames);
+                let _ = simulation.skip(frames_per_tick);
                 response.push(-simulation.hand_force(0) / DISPLACEMENT_METRES);
             }
         }
@@ -254,13 +259,13 @@ mod tests {
     fn numbers_of_networks_differ_with_any_value() {
         let (network, [first_key, _, second_key, ..]) = scene();
         let plain_moment = NetworkMoment::default();
-        let numbers_of = |moment: &NetworkMoment| {
+        let parameter_bytes_of = |moment: &NetworkMoment| {
             network
                 .reachable_network(first_key, moment, 1e-3, RATE)
                 .network
                 .parameter_bytes()
         };
-        assert_eq!(numbers_of(&plain_moment), numbers_of(&plain_moment));
+        assert_eq!(parameter_bytes_of(&plain_moment), parameter_bytes_of(&plain_moment));
         let softer_moment = NetworkMoment {
             link_factors: vec![(2, 0.5)],
             ..NetworkMoment::default()
@@ -269,8 +274,8 @@ mod tests {
             held_mats: vec![second_key],
             ..NetworkMoment::default()
         };
-        assert_ne!(numbers_of(&plain_moment), numbers_of(&softer_moment));
-        assert_ne!(numbers_of(&plain_moment), numbers_of(&held_moment));
+        assert_ne!(parameter_bytes_of(&plain_moment), parameter_bytes_of(&softer_moment));
+        assert_ne!(parameter_bytes_of(&plain_moment), parameter_bytes_of(&held_moment));
     }
 
     /// A key, and behind a soft spring a row of masses that is too stiff for steps of a frame.

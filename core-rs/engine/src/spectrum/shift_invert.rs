@@ -38,7 +38,7 @@ pub(crate) struct CertifiedModes {
 /// How many modes have λ below a bound.
 pub(crate) fn n_below(springs: &Springs, bound: f64) -> usize {
     let mut used_shift = bound;
-    springs.factor(&mut used_shift).n_below()
+    springs.factor(&mut used_shift).n_below_shift()
 }
 
 /// The `count` modes of the smallest λ; fewer if there are not so many.
@@ -49,7 +49,7 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> CertifiedModes {
     // eigenvalues.
     let mut shift = -1e-9 * springs.mean_diagonal();
     let mut factor = springs.factor(&mut shift);
-    if factor.n_below() > 0 {
+    if factor.n_below_shift() > 0 {
         shift = 1.001 * springs.eigenvalue_lower_bound() - 1e-9 * springs.mean_diagonal();
         factor = springs.factor(&mut shift);
     }
@@ -72,7 +72,7 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> CertifiedModes {
         let next_factor = springs.factor(&mut next_shift);
         let count_below = modes.iter().filter(|mode| mode.lambda < next_shift).count();
         // If the numbers differ, modes of a multiple eigenvalue are missing: the same shift finds them in another run.
-        if next_factor.n_below() == count_below {
+        if next_factor.n_below_shift() == count_below {
             certified_count = count_below;
             factor = next_factor;
         }

@@ -28,7 +28,7 @@ pub(crate) struct Pattern {
     columns: Vec<u32>,
     /// The elimination order (n), and its inverse
     order: Vec<u32>,
-    position: Vec<u32>,
+    inverse_order: Vec<u32>,
     /// Parent of each column in the elimination tree   (n)
     parents: Vec<Option<u32>>,
     /// Where each column of L begins   (n + 1)
@@ -53,15 +53,15 @@ impl Pattern {
             row_starts.push(columns.len());
         }
         let order = ordering::elimination_order(&row_starts, &columns);
-        let mut position = vec![0; n];
+        let mut inverse_order = vec![0; n];
         for (k, &i) in order.iter().enumerate() {
-            position[i as usize] = k as u32;
+            inverse_order[i as usize] = k as u32;
         }
         let mut pattern = Self {
             row_starts,
             columns,
             order,
-            position,
+            inverse_order,
             parents: vec![None; n],
             column_starts: Vec::new(),
         };
@@ -91,7 +91,7 @@ impl Pattern {
             last_visit[k] = k as u32; // so that the entries of earlier columns are below k until visited
             let original_row = self.order[k] as usize;
             for &j in &self.columns[self.row_starts[original_row]..self.row_starts[original_row + 1]] {
-                let mut ancestor = self.position[j as usize] as usize;
+                let mut ancestor = self.inverse_order[j as usize] as usize;
                 while ancestor < k && last_visit[ancestor] != k as u32 {
                     last_visit[ancestor] = k as u32;
                     column_fill[ancestor] += 1;
@@ -140,12 +140,13 @@ impl<T: Scalar> Values<T> {
         diagonal_shift: T,
         combine_entries: impl Fn(U, U) -> T,
     ) -> Self {
-        let pairwise = |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| combine_entries(*a, *b)).collect() };
-        let mut diagonal = pairwise(&first.diagonal, &other.diagonal);
+        let combine_lists =
+            |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| combine_entries(*a, *b)).collect() };
+        let mut diagonal = combine_lists(&first.diagonal, &other.diagonal);
         diagonal.iter_mut().for_each(|x| *x = *x + diagonal_shift);
         Self {
             diagonal,
-            off_diagonal: pairwise(&first.off_diagonal, &other.off_diagonal),
+            off_diagonal: combine_lists(&first.off_diagonal, &other.off_diagonal),
         }
     }
 
@@ -188,7 +189,7 @@ impl<'a, T: Scalar> Factor<'a, T> {
             row_reach.clear();
             let original_row = pattern.order[k] as usize;
             for entry in pattern.row_starts[original_row]..pattern.row_starts[original_row + 1] {
-                let start_column = pattern.position[pattern.columns[entry] as usize] as usize;
+                let start_column = pattern.inverse_order[pattern.columns[entry] as usize] as usize;
                 if start_column >= k {
                     continue;
                 }
@@ -254,13 +255,13 @@ impl<'a, T: Scalar> Factor<'a, T> {
             }
             solution[k] = component;
         }
-        pattern.position.iter().map(|&k| solution[k as usize]).collect()
+        pattern.inverse_order.iter().map(|&k| solution[k as usize]).collect()
     }
 }
 
 impl Factor<'_, f64> {
     /// How many eigenvalues lie below the shift (Sylvester's law of inertia).
-    pub(crate) fn n_below(&self) -> usize {
+    pub(crate) fn n_below_shift(&self) -> usize {
         self.pivots.iter().filter(|pivot| **pivot < 0.0).count()
     }
 }

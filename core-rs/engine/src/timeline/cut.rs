@@ -81,7 +81,7 @@ impl Timeline {
     /// A gate from `frame` on; `None` if it was a glide that is over. The gate of a coupling stays, because the plan
     /// depends on it.
     fn gate_after(&self, gate: &Gate, frame: u64, freezes_couplings: bool) -> Option<Gate> {
-        let is_coupling = !gate.is_ramp() || !gate.has_ramp();
+        let is_coupling = gate.has_schedule() || !gate.has_ramp();
         let mut gate = *gate;
         if freezes_couplings {
             gate.start = gate.start.map(|start| {

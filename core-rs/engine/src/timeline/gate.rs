@@ -99,9 +99,9 @@ impl Gate {
         self.first_link..self.first_link + self.n_links
     }
 
-    /// Whether the gate only glides: its links act all the time.
-    pub(crate) fn is_ramp(&self) -> bool {
-        (self.start, self.stop) == (None, None)
+    /// Whether its links act for a limited time; else the gate only glides.
+    pub(crate) fn has_schedule(&self) -> bool {
+        self.start.is_some() || self.stop.is_some()
     }
 
     /// Whether the force of the links glides.
@@ -176,7 +176,7 @@ impl GateContinuation {
 }
 
 impl Timeline {
-    /// Let a LIA act only from `start` to `stop` [s], with fades that begin on the grid and take 20 ms.
+    /// Let a LIA act only from `start_instant` to `stop_instant` [s], with fades that begin on the grid and take 20 ms.
     ///
     /// ```
     /// use ergon_engine::{Network, Rate, Timeline};
@@ -190,9 +190,15 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// If the LIA is not a single link, has times already, or `stop` does not come after `start`.
-    pub fn couple(&mut self, network: &Network, link: usize, start: f64, stop: Option<f64>) -> Result<(), Error> {
-        self.couple_over(network, link, start, stop, FADE_SECONDS)
+    /// If the LIA is not a single link, has times already, or `stop_instant` does not come after `start_instant`.
+    pub fn couple(
+        &mut self,
+        network: &Network,
+        link: usize,
+        start_instant: f64,
+        stop_instant: Option<f64>,
+    ) -> Result<(), Error> {
+        self.couple_over(network, link, start_instant, stop_instant, FADE_SECONDS)
     }
 
     /// As [`Timeline::couple`], with fades of another length [s], rounded up to the grid.
@@ -203,9 +209,9 @@ impl Timeline {
         &mut self,
         network: &Network,
         link: usize,
-        start: f64,
-        stop: Option<f64>,
-        fade: f64,
+        start_instant: f64,
+        stop_instant: Option<f64>,
+        fade_seconds: f64,
     ) -> Result<(), Error> {
         let refusal = |message: &str| {
             Err(Error::Refused {
@@ -221,27 +227,27 @@ impl Timeline {
             Some(_) => {}
         }
         let gate_index = self.gates.iter().position(|gate| gate.first_link == link);
-        if gate_index.is_some_and(|index| !self.gates[index].is_ramp()) {
+        if gate_index.is_some_and(|index| self.gates[index].has_schedule()) {
             return refusal("the link already has a schedule");
         }
-        if !(fade > 0.0 && fade.is_finite()) {
+        if !(fade_seconds > 0.0 && fade_seconds.is_finite()) {
             return refusal("the time of a fade must be above 0 s");
         }
-        if !start.is_finite() || stop.is_some_and(|stop| !stop.is_finite()) {
+        if !start_instant.is_finite() || stop_instant.is_some_and(|instant| !instant.is_finite()) {
             return refusal("a coupling must begin and end at finite instants");
         }
-        if stop.is_some_and(|stop| stop <= start.max(0.0)) {
+        if stop_instant.is_some_and(|instant| instant <= start_instant.max(0.0)) {
             return refusal("a coupling must end after it begins, and after 0 s");
         }
         let on_grid = |t: f64| self.on_grid(t);
         // A coupling without a start does not fade in.
-        let start = if start <= 0.0 { None } else { Some(on_grid(start)) };
+        let start = (start_instant > 0.0).then(|| on_grid(start_instant));
         let gate = Gate {
             first_link: link,
             n_links: 1,
             start,
-            stop: stop.map(on_grid),
-            fade_frames: ((fade * self.rate.hertz()) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES,
+            stop: stop_instant.map(on_grid),
+            fade_frames: ((fade_seconds * self.rate.hertz()) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES,
             ramp: gate_index.and_then(|index| self.gates[index].ramp),
         };
         match gate_index {
@@ -251,18 +257,19 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let the force of `n` LIAs, which are whole runs, be multiplied by a factor: `start_factor` until `start`,
-    /// `end_factor` from `stop` on [s], and linear between, on the grid. For springs this is a glide of K and Z. One law turns into
-    /// another with two links in one place, of which one glides to 0 while the other glides from 0.
+    /// Let the force of `n` LIAs, which are whole runs, be multiplied by a factor: `start_factor` until
+    /// `start_instant`, `end_factor` from `stop_instant` on [s], and linear between, on the grid. For springs this is a
+    /// glide of K and Z. One law turns into another with two links in one place, of which one glides to 0 while the
+    /// other glides from 0.
     ///
     /// # Errors
-    /// If the LIAs are not whole runs or glide already, or `stop` does not come after `start`.
-    pub fn fade(
+    /// If the LIAs are not whole runs or glide already, or `stop_instant` does not come after `start_instant`.
+    pub fn glide_force(
         &mut self,
         network: &Network,
         (link, n): (usize, usize),
         (start_factor, end_factor): (f64, f64),
-        (start, stop): (f64, f64),
+        (start_instant, stop_instant): (f64, f64),
     ) -> Result<(), Error> {
         let refusal = |message: &str| {
             Err(Error::Refused {
@@ -282,10 +289,10 @@ impl Timeline {
         {
             return refusal("both factors of a glide must be 0 or more");
         }
-        if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
+        if !(start_instant.is_finite() && stop_instant.is_finite() && start_instant >= 0.0) {
             return refusal("a glide must begin and end at finite instants, at 0 s or later");
         }
-        let (start, stop) = (self.on_grid(start), self.on_grid(stop));
+        let (start, stop) = (self.on_grid(start_instant), self.on_grid(stop_instant));
         if stop <= start {
             return refusal("a glide must last 64 samples at least");
         }

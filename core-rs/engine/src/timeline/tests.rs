@@ -77,7 +77,7 @@ fn fades_with_length_and_factor() {
     let hertz = 44_100.0;
     let (network, mut timeline) = (network(), timeline(hertz));
     let fade_span = (0.5, 0.9);
-    timeline.fade(&network, (0, 1), (0.25, 2.0), fade_span).unwrap();
+    timeline.glide_force(&network, (0, 1), (0.25, 2.0), fade_span).unwrap();
     let [start_frame, stop_frame] = [fade_span.0, fade_span.1].map(|t| (t * hertz / 64.0).ceil() as u64 * 64);
     let faded_gate = timeline.gates[0];
     let middle_frame = (start_frame + stop_frame) / 2;
@@ -99,7 +99,10 @@ fn fades_with_length_and_factor() {
     assert!((hertz..hertz + 64.0).contains(&(coupled_gate.fade_frames as f64)));
     assert!((coupled_gate.opening(half_frame) - 0.5 * faded_gate.opening(half_frame)).abs() < 1e-12);
     assert!(couple_link(&mut timeline).is_err(), "twice");
-    assert!(timeline.fade(&network, (0, 1), (1.0, 0.0), fade_span).is_err(), "twice");
+    assert!(
+        timeline.glide_force(&network, (0, 1), (1.0, 0.0), fade_span).is_err(),
+        "twice"
+    );
     // At four times the rate everything happens at the same time.
     let fast_timeline = timeline.with_higher_rate(4).unwrap();
     assert!((fast_timeline.gates[0].opening(4 * half_frame) - coupled_gate.opening(half_frame)).abs() < 1e-12);
@@ -366,7 +369,7 @@ fn next_change_of_paths_and_gates() {
         let mut timeline = timeline(8_000.0);
         timeline.couple(&network(), 0, start, stop).unwrap();
         if let Some(ramp_span) = ramp {
-            timeline.fade(&network(), (0, 1), (0.5, 2.0), ramp_span).unwrap();
+            timeline.glide_force(&network(), (0, 1), (0.5, 2.0), ramp_span).unwrap();
         }
         let coupled_gate = timeline.gates[0];
         let continuations = [None, GateContinuation::new(&coupled_gate, 0.3, 6_000)];
@@ -461,7 +464,7 @@ fn cut_keeps_running_glides() {
     let network = network();
     for (stop, is_kept) in [(0.5, false), (2.0, true)] {
         let mut timeline = timeline(8_000.0);
-        timeline.fade(&network, (0, 1), (0.5, 1.0), (0.1, stop)).unwrap();
+        timeline.glide_force(&network, (0, 1), (0.5, 1.0), (0.1, stop)).unwrap();
         timeline.glide(&network, 0, [1.0, 0.0, 1.0], (0.1, stop)).unwrap();
         let path_tie = [1.0, 1.0, 1.0];
         timeline

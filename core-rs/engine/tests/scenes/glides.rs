@@ -144,11 +144,13 @@ fn spring_glides_to_another_stiffness() {
     let old = plan(network(&[3e3]), &begin(), &budget);
     let by_factor = network(&[4.5e3]);
     let mut factor = begin();
-    factor.fade(&by_factor, (0, 1), (1.0 / 1.5, 1.0), span()).unwrap();
+    factor
+        .glide_force(&by_factor, (0, 1), (1.0 / 1.5, 1.0), span())
+        .unwrap();
     let twice = network(&[4.5e3, 3e3]);
     let mut cross = begin();
-    cross.fade(&twice, (0, 1), (0.0, 1.0), span()).unwrap();
-    cross.fade(&twice, (1, 1), (1.0, 0.0), span()).unwrap();
+    cross.glide_force(&twice, (0, 1), (0.0, 1.0), span()).unwrap();
+    cross.glide_force(&twice, (1, 1), (1.0, 0.0), span()).unwrap();
     let jumps = joined(&old, &plan(by_factor.clone(), &begin(), &budget), BORDER, 12_800);
     let factor = joined(&old, &plan(by_factor, &factor, &budget), BORDER, 12_800);
     let cross = joined(&old, &plan(twice, &cross, &budget), BORDER, 12_800);
@@ -207,7 +209,9 @@ fn string_glides_to_another_pitch() {
     let budget = Budget::default();
     let mut gliding = struck(&new);
     for link in 0..n - 1 {
-        gliding.fade(&new, (link, 1), (1.0 / ratio, 1.0), span()).unwrap();
+        gliding
+            .glide_force(&new, (link, 1), (1.0 / ratio, 1.0), span())
+            .unwrap();
     }
     for end in [0, n - 1] {
         gliding.glide(&new, end, [2e4, 4e-3, 2e-3], span()).unwrap();

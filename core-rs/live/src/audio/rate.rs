@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rubato::audioadapter_buffers::direct::InterleavedSlice;
-use rubato::{Fft, FixedSync, Indexing, Resampler};
+use rubato::{Fft, FixedSync, Indexing, Resampler as _};
 
 use super::AudioError;
 use super::ring::{self, RingReader, RingWriter};
@@ -24,29 +24,29 @@ pub(super) struct Converter {
 }
 
 /// Put a converter from rate `input_rate` to rate `output_rate` behind the ring `inner_reader`, for a reader that takes
-/// `block` frames at a time; returns the ring reader for that reader.
+/// `block_frames` at a time; returns the ring reader for that reader.
 pub(super) fn convert_rate(
     mut inner_reader: RingReader,
     input_rate: u32,
     output_rate: u32,
-    block: u32,
+    block_frames: u32,
 ) -> Result<(Converter, RingReader), OutputFailure> {
     let channels = inner_reader.channels();
-    let filter = match RateFilter::new(input_rate, output_rate, channels) {
-        Ok(filter) => filter,
+    let resampler = match Resampler::new(input_rate, output_rate, channels) {
+        Ok(resampler) => resampler,
         Err(error) => return Err((Some(Box::new(inner_reader)), error)),
     };
     let stream_state = inner_reader.stream_state().clone();
-    let frames_ahead = 2 * block as usize + filter.output.len() / channels;
+    let frames_ahead = 2 * block_frames as usize + resampler.output.len() / channels;
     let (ring_writer, mut converted_reader) = ring::ring_with_state(channels, 2 * frames_ahead, stream_state.clone());
     ring_writer.set_prefill(frames_ahead);
     converted_reader.set_rate(output_rate);
     converted_reader.start_counting(stream_state.played_frames(), input_rate, output_rate);
     inner_reader.set_feeds_device(false);
-    let latency = frames_ahead + filter.delay;
+    let latency = frames_ahead + resampler.delay;
     let ring_thread = RingThread::start("ergon rate", inner_reader, move |inner_reader, stop| {
         realtime::set_priority(SINK_THREAD_PRIORITY);
-        filter.run(inner_reader, ring_writer, stop)
+        resampler.run(inner_reader, ring_writer, stop)
     })?;
     Ok((Converter { ring_thread, latency }, converted_reader))
 }
@@ -66,16 +66,17 @@ impl Converter {
     }
 }
 
-struct RateFilter {
+struct Resampler {
     fft: Fft<f32>,
     channels: usize,
-    ratio: (u64, u64),
+    input_rate: u64,
+    output_rate: u64,
     delay: usize,
     input: Vec<f32>,
     output: Vec<f32>,
 }
 
-impl RateFilter {
+impl Resampler {
     fn new(input_rate: u32, output_rate: u32, channels: usize) -> Result<Self, AudioError> {
         let fft = Fft::new_custom(
             input_rate as usize,
@@ -93,7 +94,8 @@ impl RateFilter {
         })?;
         Ok(Self {
             channels,
-            ratio: (output_rate.into(), input_rate.into()),
+            input_rate: input_rate.into(),
+            output_rate: output_rate.into(),
             delay: fft.output_delay(),
             input: vec![0.0; fft.input_frames_max() * channels],
             output: vec![0.0; fft.output_frames_max() * channels],
@@ -121,7 +123,7 @@ impl RateFilter {
                 std::thread::sleep(POLL_INTERVAL);
                 continue;
             }
-            let frames_due = (frames_in * self.ratio.0).div_ceil(self.ratio.1);
+            let frames_due = (frames_in * self.output_rate).div_ceil(self.input_rate);
             if has_ended && frames_out >= frames_due {
                 ring_writer.close();
                 std::thread::sleep(POLL_INTERVAL);
@@ -171,7 +173,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     /// One second of a sine at `input_rate` [Hz], converted to `output_rate` [Hz], two channels.
-    fn converted(from: u32, to: u32, pitch: f64) -> Vec<f32> {
+    fn convert_sine(from: u32, to: u32, pitch: f64) -> Vec<f32> {
         let (mut ring_writer, ring_reader) = ring::ring(2, 4096);
         let (converter, mut converted_reader) = convert_rate(ring_reader, from, to, 256)
             .map_err(|(_, error)| error)
@@ -205,7 +207,7 @@ mod tests {
     fn converted_sine_keeps_duration_and_pitch() {
         for (from, to) in [(44_100, 48_000), (48_000, 44_100), (96_000, 48_000)] {
             for pitch in [440.0, 10_000.0] {
-                let output_sound = converted(from, to, pitch);
+                let output_sound = convert_sine(from, to, pitch);
                 assert_eq!(output_sound.len(), 2 * to as usize, "{from} to {to}");
                 // Near the beginning and the end, the filter also covers the silence outside.
                 for n in 1000..to as usize - 1000 {

@@ -25,7 +25,7 @@ fn unavailable_error(reason: impl ToString) -> AudioError {
 
 /// Opens the named device, or the default one.
 pub(super) fn open(spec: &AudioSpec, rate: u32, channels: usize) -> Result<OpenedOutput, AudioError> {
-    let device = find(spec.target.as_deref())?;
+    let device = find_device(spec.target.as_deref())?;
     let rate = playable_rate(&device, rate, channels)?;
     let block = spec.block;
     let config = StreamConfig {
@@ -44,7 +44,7 @@ pub(super) fn open(spec: &AudioSpec, rate: u32, channels: usize) -> Result<Opene
     })
 }
 
-fn find(device_name: Option<&str>) -> Result<Device, AudioError> {
+fn find_device(device_name: Option<&str>) -> Result<Device, AudioError> {
     let audio_host = cpal::default_host();
     let Some(device_name) = device_name else {
         return audio_host
@@ -145,5 +145,5 @@ impl Sink for SystemStream {
 
 /// What the system would play on.
 pub(super) fn survey() -> Result<String, AudioError> {
-    find(None).map(|device| device.to_string())
+    find_device(None).map(|device| device.to_string())
 }

@@ -74,7 +74,7 @@ pub struct Firmware {
     last_packet: Option<Duration>,
     has_let_go: bool,
     is_host_active: bool,
-    packets: u64,
+    packet_count: u64,
     /// Periods of wall time that have passed.
     wall_periods: u64,
 }
@@ -93,7 +93,7 @@ impl Firmware {
             last_packet: None,
             has_let_go: false,
             is_host_active: false,
-            packets: 0,
+            packet_count: 0,
             wall_periods: 0,
         };
         firmware.draw_noise();
@@ -125,7 +125,7 @@ impl Firmware {
 
     /// Number of packets of forces so far.
     pub fn packets(&self) -> u64 {
-        self.packets
+        self.packet_count
     }
 
     /// Advance to a time on the wall clock; returns whether the board has just let go.
@@ -196,7 +196,7 @@ impl Firmware {
     /// Set new forces; in lockstep also advance by the period in which they act. `is_enabled`: the host enables the
     /// motors.
     fn apply_forces(&mut self, force: impl Iterator<Item = f64>, is_enabled: bool, now: Duration) {
-        self.packets += 1;
+        self.packet_count += 1;
         self.last_packet = Some(now);
         (self.has_let_go, self.is_host_active) = (false, is_enabled);
         for (axis, force) in force.take(self.keys.n_keys()).enumerate() {
@@ -243,15 +243,15 @@ impl Firmware {
     fn receive_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
         self.inbox
-            .add_bytes(bytes, firefader::parse_request, |force| packets.push(force));
+            .add_bytes(bytes, firefader::parse_request, |axis_forces| packets.push(axis_forces));
         // In wall time the firmware handles only the newest of the packets that it finds, and answers once.
-        let outdated_packets = if self.board.lockstep {
+        let n_outdated_packets = if self.board.lockstep {
             0
         } else {
             packets.len().saturating_sub(1)
         };
-        for force in packets.drain(..).skip(outdated_packets) {
-            self.apply_forces(force.into_iter(), true, now);
+        for axis_forces in packets.drain(..).skip(n_outdated_packets) {
+            self.apply_forces(axis_forces.into_iter(), true, now);
             let mut fader_reply = firefader::FaderReply::default();
             for axis in 0..self.keys.n_keys().min(2) {
                 fader_reply.position[axis] = firefader::position_byte(self.sensor_positions()[axis]);

@@ -79,7 +79,7 @@ impl Performance {
             );
             return Err(AudioError::Broken(error_text).into());
         }
-        let (sound_input, input) = sound_input::open(
+        let (input_source, input_handle) = sound_input::open(
             &config.input,
             &piece.simulation,
             &output_info,
@@ -95,9 +95,9 @@ impl Performance {
             None => (None, None),
         };
         let (command_producer, command_consumer) = RingBuffer::new(COMMANDS_MAX);
-        let (event_producer, events) = RingBuffer::new(EVENTS_MAX);
-        let (garbage_producer, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
-        let (status_input, status) = triple_buffer::triple_buffer(&PerformanceStatus::default());
+        let (event_producer, event_consumer) = RingBuffer::new(EVENTS_MAX);
+        let (garbage_producer, garbage_consumer) = RingBuffer::new(2 * SCHEDULED_MAX);
+        let (status_input, status_output) = triple_buffer::triple_buffer(&PerformanceStatus::default());
         let cancellers = keyboards.iter().map(Keyboard::canceller).collect();
         let flags = Arc::new(SharedFlags::new(cancellers));
         let commands = Arc::new(Mutex::new(command_producer));
@@ -105,8 +105,8 @@ impl Performance {
         let slots: Vec<KeyboardSlot> = keyboards
             .into_iter()
             .enumerate()
-            .map(|(index, board)| {
-                let (keyboard_slot, reconnector) = board.split(index, commands.clone());
+            .map(|(index, keyboard)| {
+                let (keyboard_slot, reconnector) = keyboard.split(index, commands.clone());
                 reconnectors.push(reconnector);
                 keyboard_slot
             })
@@ -119,7 +119,7 @@ impl Performance {
             ring_writer,
             row_sink,
             frozen,
-            sound_input,
+            sound_input: input_source,
             stream_state: output.stream_state().clone(),
             garbage: garbage_producer,
         };
@@ -146,17 +146,17 @@ impl Performance {
             physics_thread: None,
             reconnectors,
             commands,
-            status,
-            events,
+            status: status_output,
+            events: event_consumer,
             output,
             recorder,
             frozen_reader: reader,
             hand_limits,
             hand_keys,
-            garbage,
+            garbage: garbage_consumer,
             n_tickets: 0,
             tap: None,
-            input,
+            input: input_handle,
             sound_events: SoundEvents::default(),
             tick_frames,
             channels,

@@ -13,7 +13,7 @@ const PAGE_FILES: &[(&str, &str)] = page!(
 );
 
 /// A file of the page: its media type and its text. The empty name is `index.html`.
-pub(super) fn find(file_name: &str) -> Option<(&'static str, &'static str)> {
+pub(super) fn find_asset(file_name: &str) -> Option<(&'static str, &'static str)> {
     let file_name = if file_name.is_empty() { "index.html" } else { file_name };
     let &(file_name, file_text) = PAGE_FILES.iter().find(|(known, _)| *known == file_name)?;
     let media_type = match file_name.rsplit_once('.')?.1 {

@@ -137,7 +137,7 @@ fn reply(stream: &TcpStream, admitted: &AdmittedRequest, state: &ServerState) ->
             request.range.is_some(),
         )?;
     } else {
-        let (media_type, file_text) = assets::find(name).ok_or(RefusalStatus::NotFound)?;
+        let (media_type, file_text) = assets::find_asset(name).ok_or(RefusalStatus::NotFound)?;
         answer::send_bytes(&mut paced_stream, media_type, file_text.as_bytes())?;
     }
     Ok(())

@@ -109,7 +109,7 @@ fn range_of_profile_is_its_true_excursion() {
 fn trimmed_profile_follows_the_same_path() {
     let mixed_path = mixed();
     let trimmed_path = mixed_path.trimmed(1.25, 4.5).shifted_earlier(1.25);
-    assert_eq!((trimmed_path.start_time(), trimmed_path.stop_time()), (0.0, 3.25));
+    assert_eq!((trimmed_path.start_time(), trimmed_path.end_time()), (0.0, 3.25));
     for i in 0..=100 {
         let t = 3.25 * f64::from(i) / 100.0;
         let ((x, v, a), (x0, v0, a0)) = (trimmed_path.evaluate(t), mixed_path.evaluate(t + 1.25));

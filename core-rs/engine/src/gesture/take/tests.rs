@@ -50,7 +50,7 @@ fn placed_take_starts_with_its_first_instant() {
     let late_instants: Vec<f64> = t.iter().map(|t| t + 40.0).collect();
     let placed_take = plain(&late_instants, &x).placed(3.0, 2.0, 0.5, false).unwrap();
     assert!((placed_take.start_time() - 3.0).abs() < 1e-12);
-    assert!((placed_take.stop_time() - 3.0 - 0.5 * t[23]).abs() < 1e-12);
+    assert!((placed_take.end_time() - 3.0 - 0.5 * t[23]).abs() < 1e-12);
     for (t, x) in t.iter().zip(&x) {
         assert!((placed_take.evaluate(3.0 + 0.5 * t).0 - 2.0 * x).abs() < 1e-10);
     }

@@ -281,7 +281,9 @@ fn psi_of_run(run: &LinkRun, e: f64) -> f64 {
 /// dψ/de of a contact or a law, the coefficient of damping that acts implicitly, and an explicit force.
 fn slope_and_damping(run: &LinkRun, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
     match &run.kind {
-        LinkRunKind::Lnl { law, rate, .. } => {
+        LinkRunKind::Lnl {
+            law, velocity_factor, ..
+        } => {
             let potential_root = psi_of_run(run, e);
             let psi_slope = if potential_root == 0.0 {
                 sqrt(law.slope(e).max(0.0))
@@ -289,7 +291,7 @@ fn slope_and_damping(run: &LinkRun, e: f64, de: f64, psi_now: f64) -> (f64, f64,
                 law.spring(e) / potential_root
             };
             let drag_force = if law.is_damped() {
-                law.force(e, de * rate) - law.spring(e)
+                law.force(e, de * velocity_factor) - law.spring(e)
             } else {
                 0.0
             };

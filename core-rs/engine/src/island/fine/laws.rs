@@ -82,7 +82,7 @@ impl FineLinks {
         let division_index = finer_index.clamp(1, finest_index);
         let division = &laws.divisions[division_index];
         for state in &mut self.laws {
-            let stage_shares = [0, 1, 2].map(|stage: usize| lagrange_weights(division.gauss_instants[stage]));
+            let stage_shares = [0, 1, 2].map(|stage: usize| lagrange_weights(division.gauss_times[stage]));
             state.previous_forces = None;
             state.stage_forces = if has_converged {
                 stage_shares.map(|row| dot(&row, &state.stage_forces))
@@ -152,7 +152,7 @@ impl FineLinks {
     ) {
         const MIDDLE: usize = 1;
         let (n_laws, division) = (laws.links.len(), &laws.divisions[division_index]);
-        let middle_instant = division.gauss_instants[STAGES * part + MIDDLE];
+        let middle_instant = division.gauss_times[STAGES * part + MIDDLE];
         for state in &mut self.laws {
             // The last forces of Newton's method may be arbitrary.
             (state.stage_forces, state.previous_forces) = ([state.start_force; STAGES], None);
@@ -306,7 +306,7 @@ impl FineLinks {
             }
         }
         let stage_laws =
-            [0, 1, 2].map(|stage| self.law_at(script, laws, gates, (law, division.gauss_instants[3 * part + stage])));
+            [0, 1, 2].map(|stage| self.law_at(script, laws, gates, (law, division.gauss_times[3 * part + stage])));
         let part_length = 1.0 / division.n_parts as f64;
         self.work.evaluations += 1;
         self.work.couplings += n_laws as u64 - 1;

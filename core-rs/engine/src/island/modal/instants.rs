@@ -142,7 +142,7 @@ impl RunningModal {
                 .iter()
                 .zip(&ports[moved_port].shape);
             return jump_terms
-                .map(|(response, share)| share * response.velocity_step())
+                .map(|(response, share)| share * response.velocity_jump())
                 .sum();
         }
         let shape_pairs = ports[pushed_port].shape.iter().zip(&ports[moved_port].shape);

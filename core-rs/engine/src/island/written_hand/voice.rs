@@ -338,7 +338,7 @@ impl Voice {
 
     /// Position, velocity and acceleration of the key that the gesture acts on: the free copy, or the scene's key if it
     /// is tracked.
-    fn key_motion(&self, script: &VoiceScript, scene: &VoiceScene<'_>, touch: Touch, n: u64) -> Knot {
+    fn key_knot(&self, script: &VoiceScript, scene: &VoiceScene<'_>, touch: Touch, n: u64) -> Knot {
         let (scheme, modules, mat_index) = match touch {
             Touch::Open => (
                 &*script.free_key.scheme,
@@ -397,7 +397,7 @@ impl Voice {
                 last_frame,
             } => match gesture.gesture.manner.grain {
                 None if target_frame > *entry_frame => Some(Request::Pass(
-                    path.evaluate_from(&mut running_gesture.path_cursor, request_time.min(path.stop_time()))
+                    path.evaluate_from(&mut running_gesture.path_cursor, request_time.min(path.end_time()))
                         .0,
                 )),
                 _ if n < running_gesture.strike_end_frame => None,
@@ -408,7 +408,7 @@ impl Voice {
                     };
                     let landing_frame = landing_frame.min(*last_frame);
                     running_gesture.strike_end_frame = landing_frame;
-                    let request_time = (landing_frame as f64 / rate).min(path.stop_time());
+                    let request_time = (landing_frame as f64 / rate).min(path.end_time());
                     running_gesture.strike_target =
                         path.evaluate_from(&mut running_gesture.path_cursor, request_time).0;
                     Some(Request::Aim {

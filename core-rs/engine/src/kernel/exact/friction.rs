@@ -19,14 +19,18 @@ pub(super) fn force(
     modules: &ModuleState,
     run: &LinkRun,
 ) -> f64 {
-    let LinkRunKind::Dry { law: dry_law, rate } = &run.kind else {
+    let LinkRunKind::Dry {
+        law: dry_law,
+        velocity_factor,
+    } = &run.kind
+    else {
         return 0.0;
     };
     let (first_mat, second_mat) = (run.a, run.b);
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let v = modules.d[second_mat] - modules.d[first_mat];
     let dry_law = dry_law.with(run.z);
-    let level_at = |v: f64| gate_opening * dry_law.level_at(v * rate);
+    let level_at = |v: f64| gate_opening * dry_law.level_at(v * velocity_factor);
     let imposed_target = |i: usize| targets.iter().find(|target| target.mat == i);
     let free_move = |i: usize| match imposed_target(i) {
         Some(target) => (target.x - modules.x[i], 0.0),

@@ -19,7 +19,7 @@ pub(super) struct Cells {
     cells: Vec<[u32; AXES_MAX]>,
     /// Index in `members` at which the points of each cell begin, the points cell by cell, and their positions [m]
     /// (n_cells + 1, n, n)
-    first_member: Vec<u32>,
+    cell_starts: Vec<u32>,
     members: Vec<u32>,
     member_positions: Vec<Quad>,
 }
@@ -34,7 +34,7 @@ impl Cells {
         let grid = Grid::new(n, n_axes);
         Self {
             cells: vec![[0; AXES_MAX]; n],
-            first_member: vec![0; grid.n_cells() + 1],
+            cell_starts: vec![0; grid.n_cells() + 1],
             members: vec![0; n],
             member_positions: vec![Quad::default(); n],
             grid,
@@ -48,7 +48,7 @@ impl Cells {
     pub(super) fn search(&mut self, x: &[Quad], n_first: usize, search_radius: f64, pairs: &mut Vec<Pair>) -> bool {
         self.sort(x, search_radius);
         pairs.clear();
-        let layer_reach = if self.grid.bits[2] > 0 { 1 } else { 0 };
+        let layer_reach = if self.grid.log2_cells[2] > 0 { 1 } else { 0 };
         for i in 0..n_first {
             let first_pair = pairs.len();
             if first_pair > NEIGHBOURS_MAX * x.len() {
@@ -80,7 +80,7 @@ impl Cells {
         search_radius: f64,
         pairs: &mut Vec<Pair>,
     ) {
-        let member_range = self.first_member[cells.start] as usize..self.first_member[cells.end] as usize;
+        let member_range = self.cell_starts[cells.start] as usize..self.cell_starts[cells.end] as usize;
         let cell_points = self.members[member_range.clone()]
             .iter()
             .zip(&self.member_positions[member_range]);
@@ -99,24 +99,24 @@ impl Cells {
     /// Sort the points into cells as wide as `search_radius` [m].
     fn sort(&mut self, x: &[Quad], search_radius: f64) {
         let cells_per_metre = 1.0 / search_radius;
-        self.first_member.fill(0);
+        self.cell_starts.fill(0);
         for (cell, x) in self.cells.iter_mut().zip(x) {
             // `as` saturates: all positions that are far away share a cell, and so do those that are NaN.
             *cell = std::array::from_fn(|axis| (x[axis] * cells_per_metre).floor() as i32 as u32);
-            self.first_member[self.grid.index(*cell) + 1] += 1;
+            self.cell_starts[self.grid.index(*cell) + 1] += 1;
         }
-        for i in 1..self.first_member.len() {
-            self.first_member[i] += self.first_member[i - 1];
+        for i in 1..self.cell_starts.len() {
+            self.cell_starts[i] += self.cell_starts[i - 1];
         }
         // In reverse order, so that the end of each cell turns into its beginning.
         for (i, &cell) in self.cells.iter().enumerate().rev() {
-            let cell_end = &mut self.first_member[self.grid.index(cell) + 1];
+            let cell_end = &mut self.cell_starts[self.grid.index(cell) + 1];
             *cell_end -= 1;
             self.members[*cell_end as usize] = i as u32;
             self.member_positions[*cell_end as usize] = x[i];
         }
-        self.first_member.copy_within(1.., 0);
-        if let Some(members_end) = self.first_member.last_mut() {
+        self.cell_starts.copy_within(1.., 0);
+        if let Some(members_end) = self.cell_starts.last_mut() {
             *members_end = self.cells.len() as u32;
         }
     }
@@ -126,30 +126,30 @@ impl Cells {
 #[derive(Clone, Copy, Debug, Default)]
 struct Grid {
     /// log2 of the number of cells along each axis.
-    bits: [u32; AXES_MAX],
+    log2_cells: [u32; AXES_MAX],
 }
 
 impl Grid {
-    /// Smallest value of `bits`: four cells along an axis, so that a cell and its two neighbours are different.
-    const BITS_MIN: u32 = 2;
+    /// Smallest value of `log2_cells`: four cells along an axis, so that a cell and its two neighbours are different.
+    const LOG2_CELLS_MIN: u32 = 2;
 
     /// A grid with at least twice as many cells as points.
     fn new(n: usize, n_axes: usize) -> Self {
         let total_bits = (2 * n.max(1)).next_power_of_two().ilog2();
-        let axis_bits = total_bits.div_ceil(n_axes as u32).max(Self::BITS_MIN);
-        let bits = [axis_bits, axis_bits, if n_axes == AXES_MAX { axis_bits } else { 0 }];
-        Self { bits }
+        let axis_bits = total_bits.div_ceil(n_axes as u32).max(Self::LOG2_CELLS_MIN);
+        let log2_cells = [axis_bits, axis_bits, if n_axes == AXES_MAX { axis_bits } else { 0 }];
+        Self { log2_cells }
     }
 
     fn n_cells(self) -> usize {
-        1 << self.bits.iter().sum::<u32>()
+        1 << self.log2_cells.iter().sum::<u32>()
     }
 
     #[inline(always)]
     fn index(self, [x, y, z]: [u32; AXES_MAX]) -> usize {
-        let [x_bits, y_bits, z_bits] = self.bits;
-        let wrapped_cell = |cell: u32, bits: u32| (cell & ((1 << bits) - 1)) as usize;
-        (((wrapped_cell(z, z_bits) << y_bits) | wrapped_cell(y, y_bits)) << x_bits) | wrapped_cell(x, x_bits)
+        let [x_bits, y_bits, z_bits] = self.log2_cells;
+        let wrap = |cell: u32, bits: u32| (cell & ((1 << bits) - 1)) as usize;
+        (((wrap(z, z_bits) << y_bits) | wrap(y, y_bits)) << x_bits) | wrap(x, x_bits)
     }
 
     /// The cell at `x` and its two neighbours in a row (y, z): one range of cells, or two if the row wraps around
@@ -157,17 +157,17 @@ impl Grid {
     #[inline(always)]
     fn three_cells(self, x: u32, [y, z]: [u32; 2]) -> impl Iterator<Item = Range<usize>> {
         let row_start = self.index([0, y, z]);
-        let row_length = 1 << self.bits[0];
+        let row_length = 1 << self.log2_cells[0];
         let x = x as usize & (row_length - 1);
         let (cell_before, cell_after) = (x.wrapping_sub(1) & (row_length - 1), (x + 1) & (row_length - 1));
-        let (main_range, wrapped_cell) = if cell_before > x {
+        let (main_range, wrapped_index) = if cell_before > x {
             (x..x + 2, Some(cell_before))
         } else if cell_after < x {
             (cell_before..x + 1, Some(cell_after))
         } else {
             (cell_before..cell_after + 1, None)
         };
-        let wrapped_cell = wrapped_cell.map(|cell| row_start + cell..row_start + cell + 1);
-        std::iter::once(row_start + main_range.start..row_start + main_range.end).chain(wrapped_cell)
+        let wrapped_index = wrapped_index.map(|cell| row_start + cell..row_start + cell + 1);
+        std::iter::once(row_start + main_range.start..row_start + main_range.end).chain(wrapped_index)
     }
 }

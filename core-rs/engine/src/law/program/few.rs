@@ -31,7 +31,10 @@ fn unary(operation: Unary, a: Values) -> Values {
         Unary::Exp => lanes::exp_lanes(a),
         Unary::Tanh | Unary::Noise => by_lane(a, a, |a, _| operation.apply(a)),
         _ => {
-            for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh Noise; operation, |OF| a.map(|a| OF.apply(a)))
+            for_each_of!(
+                Unary: Negate Abs Sqrt Sign Exp Tanh Noise;
+                operation, |OPERATION| a.map(|a| OPERATION.apply(a))
+            )
         }
     }
 }
@@ -52,7 +55,7 @@ fn binary(operation: Binary, a: Values, b: Values) -> Values {
         _ => for_each_of!(
             Binary: Add Subtract Multiply Divide Power Min Max
                 Less LessEqual Greater GreaterEqual Equal NotEqual;
-            operation, |OF| std::array::from_fn(|lane| OF.apply(a[lane], b[lane]))
+            operation, |OPERATION| std::array::from_fn(|lane| OPERATION.apply(a[lane], b[lane]))
         ),
     }
 }

@@ -5,7 +5,7 @@ use super::{FIRST_STEP_REGISTER, Register, Step};
 use crate::maths::lanes;
 
 /// Lanes in the widest vector: a loop over whole vectors has no remainder.
-const VECTOR: usize = 8;
+const VECTOR_LANES: usize = 8;
 
 /// Run every step for the first `n` lanes; `registers` are those of this program, with d and v loaded into 0 and 1.
 ///
@@ -13,12 +13,12 @@ const VECTOR: usize = 8;
 #[inline(always)]
 pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
     // Lanes beyond `n` hold old numbers, and their results are never read.
-    let (lanes_needed, n) = (n, n.next_multiple_of(VECTOR));
+    let n_rounded = n.next_multiple_of(VECTOR_LANES);
     for (i, step) in steps.iter().enumerate() {
         let (registers_before, registers_after) = registers.split_at_mut(FIRST_STEP_REGISTER + i);
-        let n = if is_slow(step) { lanes_needed } else { n };
-        compute(step, &mut registers_after[0][..n], |register| {
-            &registers_before[register][..n]
+        let n_lanes = if is_slow(step) { n } else { n_rounded };
+        compute(step, &mut registers_after[0][..n_lanes], |register| {
+            &registers_before[register][..n_lanes]
         });
     }
 }
@@ -28,9 +28,9 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
 fn compute<'r>(step: &Step, out: &mut [f64], value_of: impl Fn(usize) -> &'r [f64]) {
     match *step {
         Step::Constant(_) | Step::Adjustable(..) => {}
-        Step::Unary(operation, a) => unary(operation, out, value_of(a)),
-        Step::WholePower(exponent, a) => integer_powers(exponent, out, value_of(a)),
-        Step::Binary(operation, a, b) => binary(operation, out, value_of(a), value_of(b)),
+        Step::Unary(operation, a) => apply_unary(operation, out, value_of(a)),
+        Step::WholePower(exponent, a) => apply_power(exponent, out, value_of(a)),
+        Step::Binary(operation, a, b) => apply_binary(operation, out, value_of(a), value_of(b)),
         Step::Where(c, a, b) => {
             for (out, ((c, a), b)) in out.iter_mut().zip(value_of(c).iter().zip(value_of(a)).zip(value_of(b))) {
                 *out = choose(*c, *a, *b);
@@ -44,7 +44,7 @@ fn compute<'r>(step: &Step, out: &mut [f64], value_of: impl Fn(usize) -> &'r [f6
 fn is_slow(step: &Step) -> bool {
     let power_operation = Binary::Power;
     matches!(step, Step::Unary(Unary::Tanh | Unary::Noise, _))
-        || matches!(step, Step::Binary(of, ..) if *of == power_operation)
+        || matches!(step, Step::Binary(operation, ..) if *operation == power_operation)
 }
 
 /// One loop for each operation, so that no loop contains a decision.
@@ -58,25 +58,25 @@ macro_rules! for_each_of {
 pub(super) use for_each_of;
 
 #[inline(always)]
-fn unary(operation: Unary, out: &mut [f64], a: &[f64]) {
+fn apply_unary(operation: Unary, out: &mut [f64], a: &[f64]) {
     match operation {
         Unary::Exp => lanes::exp(a, out),
-        _ => for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh Noise; operation, |OF| {
+        _ => for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh Noise; operation, |OPERATION| {
             for (out, a) in out.iter_mut().zip(a) {
-                *out = OF.apply(*a);
+                *out = OPERATION.apply(*a);
             }
         }),
     }
 }
 
 #[inline(always)]
-fn binary(operation: Binary, out: &mut [f64], a: &[f64], b: &[f64]) {
+fn apply_binary(operation: Binary, out: &mut [f64], a: &[f64], b: &[f64]) {
     for_each_of!(
         Binary: Add Subtract Multiply Divide Power Min Max
             Less LessEqual Greater GreaterEqual Equal NotEqual;
-        operation, |OF| {
+        operation, |OPERATION| {
             for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
-                *out = OF.apply(*a, *b);
+                *out = OPERATION.apply(*a, *b);
             }
         }
     );
@@ -84,7 +84,7 @@ fn binary(operation: Binary, out: &mut [f64], a: &[f64], b: &[f64]) {
 
 /// [`integer_power`]: squares and cubes in one pass, others one multiplication after another.
 #[inline(always)]
-fn integer_powers(exponent: i32, out: &mut [f64], a: &[f64]) {
+fn apply_power(exponent: i32, out: &mut [f64], a: &[f64]) {
     macro_rules! in_one_pass {
         ($exponent:literal) => {
             for (out, a) in out.iter_mut().zip(a) {

@@ -16,7 +16,7 @@ use crate::plan::trial::pilot_result::ChosenIsland;
 /// What the trial of an island decided, for the next plan of the session; `None` if no way was within the budget.
 #[derive(Clone, Debug)]
 pub(in crate::plan) struct SessionTrial {
-    content: String,
+    content_hash: String,
     stepping: Option<Stepping>,
 }
 
@@ -29,7 +29,11 @@ impl PlanBuilder<'_> {
     pub(super) fn take_session_trials(&self) -> Vec<SessionTrial> {
         let mut trials = self.session_trials.take();
         for earlier_trial in self.earlier_trials {
-            if trials.len() < TRIALS_MAX && !trials.iter().any(|trial| trial.content == earlier_trial.content) {
+            if trials.len() < TRIALS_MAX
+                && !trials
+                    .iter()
+                    .any(|trial| trial.content_hash == earlier_trial.content_hash)
+            {
                 trials.push(earlier_trial.clone());
             }
         }
@@ -67,14 +71,17 @@ impl PlanBuilder<'_> {
             gestures: Vec::new(),
         };
         let content_label = format_args!("session {:?}", self.budget);
-        let content = IslandContent::new(&subset.network, &trial_timeline.timeline, content_label).hash_until(0);
-        let earlier_trial = self.earlier_trials.iter().find(|trial| trial.content == content);
+        let content_hash = IslandContent::new(&subset.network, &trial_timeline.timeline, content_label).hash_until(0);
+        let earlier_trial = self
+            .earlier_trials
+            .iter()
+            .find(|trial| trial.content_hash == content_hash);
         let trial = match earlier_trial {
             Some(earlier_trial) => earlier_trial.clone(),
             None if self.session_trial_seconds.get() >= self.trial_seconds_max => return None,
             None => SessionTrial {
-                stepping: self.try_trial_strikes(subset, &trial_timeline),
-                content,
+                stepping: self.stepping_from_trial(subset, &trial_timeline),
+                content_hash,
             },
         };
         let stepping = trial.stepping.clone();
@@ -83,20 +90,20 @@ impl PlanBuilder<'_> {
     }
 
     /// The cheapest way that is within the budget when the strikes of a closed timeline are played.
-    fn try_trial_strikes(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
+    fn stepping_from_trial(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
         let assemble = |options: AssemblyOptions<'_>| self.assemble_island(subset, trial_timeline, options, None);
-        let (spent_before, _) = self.allowance.seconds_spent();
+        let spent_before = self.allowance.spent_seconds();
         let pilot_result = self.find_pilot_result((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble);
-        let trial_seconds = self.allowance.seconds_spent().0 - spent_before;
+        let trial_seconds = self.allowance.spent_seconds() - spent_before;
         self.session_trial_seconds
             .set(self.session_trial_seconds.get() + trial_seconds);
         let chosen = pilot_result.ok()?.chosen;
         // Of a chaotic motion the trial knows spectra alone, and those of softer strikes may be others: a way that the
         // hardest strike of the bundled tamtam allows makes a soft one 12 dB too loud.
         let is_by_ear = matches!(self.budget, Budget::Cents { .. });
-        let is_acceptable =
+        let is_error_acceptable =
             |error: MeasuredError| (error.audible.is_some() || !is_by_ear) && error.is_regular_within(self.budget);
-        let is_accepted = !chosen.has_diverged && chosen.measured_error.is_some_and(is_acceptable);
+        let is_accepted = !chosen.has_diverged && chosen.measured_error.is_some_and(is_error_acceptable);
         is_accepted.then(|| chosen.island.stepping())
     }
 }

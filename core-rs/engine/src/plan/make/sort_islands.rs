@@ -8,7 +8,7 @@ use crate::assembly::islands::IslandMembers;
 use crate::assembly::seen;
 use crate::interrupt;
 use crate::network::{Error, Subset};
-use crate::plan::row::{LeftOutReason, Row};
+use crate::plan::row::{LeftOutReason, PlanRow};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
@@ -90,11 +90,11 @@ impl PlanBuilder<'_> {
 
     /// Reports an island that is not computed, in one row with others of its part.
     fn add_omitted_row(&mut self, island: &IslandMembers, reason: LeftOutReason) {
-        let new_row = Row::left_out(&self.plan.network, island, reason);
+        let new_row = PlanRow::left_out(&self.plan.network, island, reason);
         if new_row.n_mats + new_row.n_links == 0 {
             return; // points that hold nothing
         }
-        let is_same_row = |existing_row: &&mut Row| {
+        let is_same_row = |existing_row: &&mut PlanRow| {
             existing_row.computation == new_row.computation && existing_row.parts == new_row.parts
         };
         match self.plan.rows.iter_mut().find(is_same_row) {

@@ -24,7 +24,7 @@ impl From<Error> for TrialError {
 }
 
 /// The result of a trial; `None` where the allowance ended first.
-pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<Option<T>, Error> {
+pub(in crate::plan) fn none_if_spent<T>(result: Result<T, TrialError>) -> Result<Option<T>, Error> {
     match result {
         Ok(trial_value) => Ok(Some(trial_value)),
         Err(TrialError::AllowanceSpent) => Ok(None),
@@ -102,7 +102,7 @@ pub(in crate::plan) struct Allowance {
     /// How far the longest trial of the series plays [frames].
     series_frames: Cell<u64>,
     /// Work taken from the reserve.
-    reserve_seconds: Cell<f64>,
+    reserve_spent_seconds: Cell<f64>,
     /// Trials that ended because the allowance was spent.
     n_refused_trials: Cell<usize>,
 }
@@ -121,7 +121,7 @@ impl Allowance {
             series_spent_seconds: Cell::new(0.0),
             series_needed_seconds: Cell::new(0.0),
             series_frames: Cell::new(0),
-            reserve_seconds: Cell::new(0.0),
+            reserve_spent_seconds: Cell::new(0.0),
             n_refused_trials: Cell::new(0),
         }
     }
@@ -159,8 +159,8 @@ impl Allowance {
         }
     }
 
-    /// Whether a series of trials that was played before would go the same way if it began now.
-    pub(in crate::plan) fn begin_replay_if_enough(&self, taken: &SeriesWork) -> bool {
+    /// Begins a series of trials; returns whether one that was played before would go the same way.
+    pub(in crate::plan) fn can_replay(&self, taken: &SeriesWork) -> bool {
         let work_left = self.begin_series();
         match taken.condition {
             ReplayCondition::SameLeft(recorded_left) => recorded_left == work_left,
@@ -246,9 +246,9 @@ impl Allowance {
     }
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
-    pub(in crate::plan) fn spend_split(&self, fraction: &Self, share: f64) {
-        let work_needed = match fraction.n_refused_trials() {
-            0 => fraction.series_spent_seconds.get() / share,
+    pub(in crate::plan) fn spend_split(&self, part: &Self, share: f64) {
+        let work_needed = match part.n_refused_trials() {
+            0 => part.series_spent_seconds.get() / share,
             // With a larger part it would have taken more.
             _ => f64::INFINITY,
         };
@@ -257,17 +257,18 @@ impl Allowance {
                 .get()
                 .max(self.series_spent_seconds.get() + work_needed),
         );
-        self.spend_unchecked(fraction.series_spent_seconds.get());
+        self.spend_unchecked(part.series_spent_seconds.get());
     }
 
     /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
     pub(in crate::plan) fn reserve(&self) -> Self {
-        Self::with_seconds(RESERVE_SHARE * self.total_seconds - self.reserve_seconds.get())
+        Self::with_seconds(RESERVE_SHARE * self.total_seconds - self.reserve_spent_seconds.get())
     }
 
     /// Takes work [s] from the reserve.
     pub(in crate::plan) fn spend_reserve(&self, seconds: f64) {
-        self.reserve_seconds.set(self.reserve_seconds.get() + seconds);
+        self.reserve_spent_seconds
+            .set(self.reserve_spent_seconds.get() + seconds);
     }
 
     /// Trials that ended because the allowance was spent.
@@ -275,12 +276,14 @@ impl Allowance {
         self.n_refused_trials.get()
     }
 
-    /// Work that the trials have taken, and the most that they may [s].
-    pub(in crate::plan) fn seconds_spent(&self) -> (f64, f64) {
-        (
-            self.spent_before_seconds.get() + self.series_spent_seconds.get(),
-            self.total_seconds,
-        )
+    /// Work that the trials have taken [s].
+    pub(in crate::plan) fn spent_seconds(&self) -> f64 {
+        self.spent_before_seconds.get() + self.series_spent_seconds.get()
+    }
+
+    /// Most work that the trials may take [s].
+    pub(in crate::plan) fn total_seconds(&self) -> f64 {
+        self.total_seconds
     }
 }
 
@@ -303,10 +306,7 @@ mod tests {
         assert!(allowance.spend(0.75).is_ok());
         assert!(matches!(allowance.spend(0.5), Err(TrialError::AllowanceSpent)));
         assert!(matches!(allowance.spend(0.01), Err(TrialError::AllowanceSpent)));
-        assert_eq!(
-            (allowance.n_refused_trials(), allowance.seconds_spent()),
-            (2, (0.75, 1.0))
-        );
+        assert_eq!((allowance.n_refused_trials(), allowance.spent_seconds()), (2, 0.75));
     }
 
     #[test]
@@ -315,7 +315,7 @@ mod tests {
         allowance.spend_unchecked(0.75);
         assert!(matches!(allowance.spend(0.5), Err(TrialError::AllowanceSpent)));
         allowance.spend_unchecked(9.0);
-        assert_eq!(allowance.seconds_spent(), (1.0, 1.0));
+        assert_eq!(allowance.spent_seconds(), 1.0);
     }
 
     #[test]
@@ -333,9 +333,9 @@ mod tests {
         for (other_work, is_same) in [(0.25, true), (0.375, false)] {
             let replay_allowance = Allowance::with_seconds(1.0);
             replay_allowance.spend(other_work).unwrap();
-            assert_eq!(replay_allowance.begin_replay_if_enough(&taken), is_same);
+            assert_eq!(replay_allowance.can_replay(&taken), is_same);
             replay_allowance.replay(&taken);
-            assert_eq!(replay_allowance.seconds_spent().0, other_work + 0.25);
+            assert_eq!(replay_allowance.spent_seconds(), other_work + 0.25);
         }
     }
 
@@ -349,18 +349,18 @@ mod tests {
         assert!(taken.ended_early);
         assert_eq!(taken.condition, ReplayCondition::SameLeft(RemainingWork::Seconds(1.0)));
         let replay_allowance = Allowance::with_seconds(1.0);
-        assert!(replay_allowance.begin_replay_if_enough(&taken));
+        assert!(replay_allowance.can_replay(&taken));
         replay_allowance.replay(&taken);
         assert!(replay_allowance.n_refused_trials() > 0 && replay_allowance.spend(0.01).is_err());
         let later_allowance = Allowance::with_seconds(1.0);
         later_allowance.spend(0.01).unwrap();
-        assert!(!later_allowance.begin_replay_if_enough(&taken));
+        assert!(!later_allowance.can_replay(&taken));
         // If nothing is left, nothing is played: how much was left before does not matter.
         let work_left = replay_allowance.begin_series();
         assert!(replay_allowance.spend(0.01).is_err());
         let nothing_taken = replay_allowance.series_work(work_left);
         let half_allowance = Allowance::with_seconds(0.5);
         assert!(half_allowance.spend(2.0).is_err());
-        assert!(half_allowance.begin_replay_if_enough(&nothing_taken));
+        assert!(half_allowance.can_replay(&nothing_taken));
     }
 }

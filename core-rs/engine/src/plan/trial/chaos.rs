@@ -11,7 +11,7 @@ use crate::island::bodies::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::constants::{
-    ATTACK_ERROR_MIN, ATTACK_SECONDS, FIRST_STRETCH_SECONDS, GROWTH_MARGIN_DB, PERTURBATION_SHARE, UNCORRELATED_DB,
+    ATTACK_ERROR_MIN_DB, ATTACK_SECONDS, FIRST_STRETCH_SECONDS, GROWTH_MARGIN_DB, PERTURBATION_SHARE, UNCORRELATED_DB,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{BLOCK_FRAMES, Excerpt, PilotRun, play_perturbed};
@@ -244,9 +244,9 @@ fn is_chaotic(growth_levels: &[Option<f64>]) -> bool {
 
 impl ChaoticComparison {
     /// Whether an attack with an error as small as `error_limit_db` is attainable: errors of the first stretch, at
-    /// least `ATTACK_ERROR_MIN`, grow by `perturbation_growth_db`.
+    /// least `ATTACK_ERROR_MIN_DB`, grow by `perturbation_growth_db`.
     pub(in crate::plan) fn is_attainable(&self, error_limit_db: f64) -> bool {
-        error_limit_db - self.perturbation_growth_db > ATTACK_ERROR_MIN
+        error_limit_db - self.perturbation_growth_db > ATTACK_ERROR_MIN_DB
     }
 
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `error_allowed`; if it

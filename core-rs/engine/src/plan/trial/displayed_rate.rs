@@ -9,7 +9,7 @@ use crate::assembly::unit::IslandPlan;
 use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::allowance::{Allowance, unless_spent};
+use crate::plan::trial::allowance::{Allowance, none_if_spent};
 use crate::plan::trial::pilot_run::{Excerpt, pilot_excerpt, play};
 use crate::plan::trial::record::{TrialSeries, TrialStore, measured_error};
 use crate::plan::trial::waveform_error::{ComparedSpans, difference_db};
@@ -54,7 +54,7 @@ fn compare_rates(
     full_rate_plan: &IslandPlan,
     allowance: &Allowance,
 ) -> Result<Option<MeasuredError>, Error> {
-    let excerpt = unless_spent(pilot_excerpt(lower_rate_plan, allowance))?;
+    let excerpt = none_if_spent(pilot_excerpt(lower_rate_plan, allowance))?;
     let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
         return Ok(None);
     };
@@ -64,7 +64,7 @@ fn compare_rates(
             first_frame: excerpt.first_frame * frame_factor,
             n_frames: excerpt.n_frames * frame_factor,
         };
-        unless_spent(play(island_plan, island_plan.contact_substeps, excerpt, allowance))
+        none_if_spent(play(island_plan, island_plan.contact_substeps, excerpt, allowance))
     };
     let (Some(lower_rate_run), Some(full_rate_run)) = (
         play_island(lower_rate_plan, 1)?,

@@ -12,18 +12,23 @@ use crate::maths::log10;
 use crate::network::LinkKind;
 use crate::plan::constants::{
     EQUAL_ERRORS_DB, ERROR_CHECK_SECONDS, HARDER_EVENT_RATIO, LAST_EVENT_SECONDS, RESERVE_PLANNED_SHARE,
-    RESERVE_USABLE_SHARE, SPECTRUM_NOISE, UNCORRELATED_DB,
+    RESERVE_USABLE_SHARE, SPECTRUM_NOISE_DB, UNCORRELATED_DB,
 };
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::allowance::{Allowance, TrialError, none_if_spent};
 use crate::plan::trial::chaos::is_linear;
 use crate::plan::trial::pilot_run::{Excerpt, frame_cost_seconds, frames_per_second, play, resting_frames};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::waveform_error::ComparedSpans;
 use crate::timeline::{Gate, Lead, Timeline};
 
-/// A way to play an island: its plan, and its contact substeps a step.
-type PlannedRun<'a> = (&'a IslandPlan, usize);
+/// A way to play an island.
+#[derive(Clone, Copy)]
+pub(in crate::plan) struct PlannedRun<'a> {
+    pub(in crate::plan) island_plan: &'a IslandPlan,
+    /// Contact substeps a step.
+    pub(in crate::plan) contact_substeps: usize,
+}
 
 /// Whether errors may grow after a pilot: if keys are led to contacts, so that each contact begins where the one before
 /// it ended, if parts are slow, or if parameters or couplings change in time.
@@ -33,19 +38,19 @@ pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
     let mut body_plans = island_plan.bodies.iter();
     let has_slow_body = body_plans.any(|body| matches!(body, BodyPlan::Slow(_)));
     let timeline = &island_plan.timeline;
-    has_slow_body || (has_contacts && !timeline.gestures.is_empty()) || last_change(timeline).is_some()
+    has_slow_body || (has_contacts && !timeline.gestures.is_empty()) || last_change_time(timeline).is_some()
 }
 
 /// Whether runs may part by chance after a pilot that saw none. In a linear motion, and where no hand leads a key to its
 /// next contact, errors of pitch add up, and the waveform is as wrong as measured.
 fn may_part_by_chance(island_plan: &IslandPlan) -> bool {
     let timeline = &island_plan.timeline;
-    !is_linear(island_plan) && (!timeline.gestures.is_empty() || last_change(timeline).is_none())
+    !is_linear(island_plan) && (!timeline.gestures.is_empty() || last_change_time(timeline).is_none())
 }
 
 /// When parameters of links and masses, or the opening of a coupling, have changed for the last time [s]; `None` if none
 /// changes.
-fn last_change(timeline: &Timeline) -> Option<f64> {
+fn last_change_time(timeline: &Timeline) -> Option<f64> {
     let lead_ends = timeline.leads.iter().filter_map(Lead::last_change_frame);
     let glide_ends = timeline.glides.iter().filter_map(|glide| {
         let &(frame, _) = glide.points.last()?;
@@ -58,18 +63,22 @@ fn last_change(timeline: &Timeline) -> Option<f64> {
 
 /// The first strike or written gesture after `measured_until` [s] that is harder than all until then, so that its error
 /// is not known [s]; `None` if there is none, or if the motion does not depend on how hard it is excited.
-pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timeline, measured_until: f64) -> Option<f64> {
+pub(in crate::plan) fn harder_event_time(
+    island_plan: &IslandPlan,
+    timeline: &Timeline,
+    measured_until: f64,
+) -> Option<f64> {
     if is_linear(island_plan) {
         return None;
     }
     let strikes = timeline.strikes.iter();
     let gestures = timeline.gestures.iter();
     let harder_events = [
-        first_harder(
+        first_harder_event(
             strikes.map(|strike| (strike.instant, strike.impulse.abs())),
             measured_until,
         ),
-        first_harder(
+        first_harder_event(
             gestures.map(|gesture| (gesture.start, speed_bound(gesture))),
             measured_until,
         ),
@@ -79,7 +88,7 @@ pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timelin
 
 /// The first instant after `measured_until` whose strength exceeds all until then by more than `HARDER_EVENT_RATIO`, of
 /// pairs (instant [s], strength); `None` if there is none, or nothing until then.
-fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, measured_until: f64) -> Option<f64> {
+fn first_harder_event(events: impl Iterator<Item = (f64, f64)> + Clone, measured_until: f64) -> Option<f64> {
     let tried_events = events.clone().filter(|event| event.0 <= measured_until);
     let hardest = tried_events.map(|event| event.1).reduce(f64::max)?;
     let harder_events = events.filter(|event| event.0 > measured_until && event.1 > HARDER_EVENT_RATIO * hardest);
@@ -99,29 +108,29 @@ fn speed_bound(gesture: &Gesture) -> f64 {
 pub(in crate::plan) fn extend_error(
     measured: MeasuredError,
     budget: &Budget,
-    [coarse_island, finer_island]: [PlannedRun<'_>; 2],
+    [coarse, finer]: [PlannedRun<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<MeasuredError, TrialError> {
-    let frame_rate = frames_per_second(coarse_island.0);
+    let frame_rate = frames_per_second(coarse.island_plan);
     if measured.waveform_db > UNCORRELATED_DB {
         return Ok(measured); // the runs have no waveform in common
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
     let reserve = allowance.reserve();
-    let frame_work = frame_cost_seconds(coarse_island.0) + frame_cost_seconds(finer_island.0);
+    let frame_work = frame_cost_seconds(coarse.island_plan) + frame_cost_seconds(finer.island_plan);
     // The pilot has already drawn the work of finding this rest.
-    let Some(first_frame) = unless_spent(resting_frames(coarse_island.0, &allowance.reserve()))? else {
+    let Some(first_frame) = none_if_spent(resting_frames(coarse.island_plan, &allowance.reserve()))? else {
         return Ok(measured);
     };
-    let n_frames = (end_seconds(coarse_island.0) * frame_rate - first_frame as f64)
-        .min(RESERVE_PLANNED_SHARE * reserve.seconds_spent().1 / frame_work) as usize;
+    let n_frames = (end_seconds(coarse.island_plan) * frame_rate - first_frame as f64)
+        .min(RESERVE_PLANNED_SHARE * reserve.total_seconds() / frame_work) as usize;
     let pilot_frames = ((measured.duration_seconds * frame_rate) as usize).saturating_sub(first_frame);
-    let check_frames = ((ERROR_CHECK_SECONDS * frame_rate) as usize).max(1);
-    if n_frames < pilot_frames + check_frames {
+    let check_interval = ((ERROR_CHECK_SECONDS * frame_rate) as usize).max(1);
+    if n_frames < pilot_frames + check_interval {
         return Ok(measured);
     }
     let longest_excerpt = Excerpt { first_frame, n_frames };
-    let key = store.map(|_| horizon_key(measured, budget, [coarse_island, finer_island], longest_excerpt.end()));
+    let key = store.map(|_| horizon_key(measured, budget, [coarse, finer], longest_excerpt.end()));
     let store_and_key = store.zip(key.as_deref());
     let recalled = store_and_key.and_then(|(store, key)| record::find_record(store, key, &reserve));
     if let Some((taken_work, trial_record)) = recalled
@@ -134,23 +143,23 @@ pub(in crate::plan) fn extend_error(
     let extended = extend_error_over(
         measured,
         budget,
-        [coarse_island, finer_island],
-        (longest_excerpt, check_frames),
+        [coarse, finer],
+        (longest_excerpt, check_interval),
         &reserve,
     )?;
     if let Some((store, key)) = store_and_key {
         let trial_record = TrialRecord::from_error(Some(extended));
         record::store_record(store, key, (&reserve, reserve_left), trial_record);
     }
-    allowance.spend_reserve(reserve.seconds_spent().0);
+    allowance.spend_reserve(reserve.spent_seconds());
     Ok(extended)
 }
 
 /// A hash of all that the result of [`extend_error_over`] depends on.
 fn horizon_key(measured: MeasuredError, budget: &Budget, played: [PlannedRun<'_>; 2], end_frame: usize) -> String {
-    let [run_key, other_key] = played.map(|(island_plan, contact_substeps)| {
-        let content = Content::new(island_plan).key(island_plan, (0, end_frame as u64), "");
-        (content, contact_substeps)
+    let [run_key, other_key] = played.map(|run| {
+        let content = Content::new(run.island_plan).hash_of_span(run.island_plan, (0, end_frame as u64), "");
+        (content, run.contact_substeps)
     });
     hash_hex(format_args!(
         "horizon {measured:?} {budget:?} {run_key:?} {other_key:?} {end_frame}"
@@ -166,26 +175,27 @@ fn extend_error_over(
     (longest, check_interval): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<MeasuredError, TrialError> {
-    let frame_rate = frames_per_second(coarse.0);
+    let frame_rate = frames_per_second(coarse.island_plan);
     let seconds = |n_frames: usize| (longest.first_frame + n_frames) as f64 / frame_rate;
     let pilot_frames = ((measured.duration_seconds * frame_rate) as usize).saturating_sub(longest.first_frame);
-    let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|coarse_run| {
+    let played_runs = play(coarse.island_plan, coarse.contact_substeps, longest, reserve).and_then(|coarse_run| {
         // What contacts added to the first run is assumed to add to each step of the finer one too.
-        let step_ratio = f64::from(finer.0.oversampling) / f64::from(coarse.0.oversampling);
-        let reserve_share = reserve.share_left(step_ratio * reserve.seconds_spent().0 / RESERVE_USABLE_SHARE);
+        let step_ratio = f64::from(finer.island_plan.oversampling) / f64::from(coarse.island_plan.oversampling);
+        let reserve_share = reserve.share_left(step_ratio * reserve.spent_seconds() / RESERVE_USABLE_SHARE);
         let n_frames = (reserve_share * longest.n_frames as f64) as usize;
         if n_frames < pilot_frames + check_interval {
             return Err(TrialError::AllowanceSpent);
         }
         let shorter = Excerpt { n_frames, ..longest };
-        Ok((coarse_run, play(finer.0, finer.1, shorter, reserve)?, n_frames))
+        let finer_run = play(finer.island_plan, finer.contact_substeps, shorter, reserve)?;
+        Ok((coarse_run, finer_run, n_frames))
     });
     let (coarse_run, finer_run, n_frames) = match played_runs {
         Ok(played_runs) => played_runs,
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
     };
-    let spans = ComparedSpans::new(coarse.0, n_frames);
+    let spans = ComparedSpans::new(coarse.island_plan, n_frames);
     let changes = relative_changes_db(&coarse_run.sound, &finer_run.sound, spans.n_out, check_interval);
     let change_at = |frames_played: usize| changes[frames_played.div_ceil(check_interval).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
@@ -212,7 +222,7 @@ fn extend_error_over(
     while checked_frames < n_frames {
         checked_frames = (checked_frames + check_interval).min(n_frames);
         let error_now = change_at(checked_frames) + error_excess;
-        if error_now > grown_error_limit_db && may_part_by_chance(coarse.0) {
+        if error_now > grown_error_limit_db && may_part_by_chance(coarse.island_plan) {
             let first_sample = valid_frames * spans.n_out.max(1);
             let spectral = level_difference(
                 &coarse_run.sound[first_sample..finer_run.sound.len()],
@@ -221,7 +231,7 @@ fn extend_error_over(
                 spans.rate,
             );
             // Runs that differ by rounding alone have parted for good.
-            let is_noise = spectral <= SPECTRUM_NOISE;
+            let is_noise = spectral <= SPECTRUM_NOISE_DB;
             return Ok(audible_error.filter(|_| !is_noise).unwrap_or(MeasuredError {
                 waveform_db: error_db,
                 duration_seconds: seconds(valid_frames),
@@ -297,7 +307,7 @@ pub(in crate::plan) fn end_seconds(island_plan: &IslandPlan) -> f64 {
     let event_times = gesture_ends
         .chain(strike_times)
         .chain(ergon_times)
-        .chain(last_change(timeline));
+        .chain(last_change_time(timeline));
     event_times.fold(0.0, f64::max) + LAST_EVENT_SECONDS
 }
 

@@ -16,10 +16,10 @@ use crate::content::island::IslandContent;
 use crate::hearing::Scatter;
 use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
-use crate::plan::constants::KEY_PHASE_MAX;
+use crate::plan::constants::KEY_KICK_PHASE_MAX;
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::horizon;
+use crate::plan::trial::allowance::{Allowance, none_if_spent};
+use crate::plan::trial::horizon::{self, PlannedRun};
 use crate::plan::trial::pilot_run::{is_affordable, pilot_excerpt, play};
 use crate::plan::trial::record::{TrialSeries, TrialStore, measured_error};
 use crate::plan::trial::waveform_error::{ComparedSpans, difference_db};
@@ -104,7 +104,7 @@ pub(in crate::plan) fn with_offered_slow(
     let fitting_parts: BTreeSet<usize> = slowed_bodies
         .bodies
         .iter()
-        .filter(|(_, slow)| slow.kick_phase <= offered.turn_radians_max() && cost::saved_ns(slow) > 0.0)
+        .filter(|(_, slow)| slow.kick_phase <= offered.kick_phase_max() && cost::saved_ns(slow) > 0.0)
         .map(|(_, slow)| slow.part)
         .collect();
     let is_fitting =
@@ -128,9 +128,9 @@ pub(in crate::plan) enum OfferedParts {
 
 impl OfferedParts {
     /// Largest turn of their modes from kick to kick [rad].
-    fn turn_radians_max(self) -> f64 {
+    fn kick_phase_max(self) -> f64 {
         match self {
-            Self::Keys => KEY_PHASE_MAX,
+            Self::Keys => KEY_KICK_PHASE_MAX,
             // As much as any slow body may turn: its error is measured.
             Self::DisplayedOnly => f64::INFINITY,
         }
@@ -208,8 +208,7 @@ fn stiffness_refusal(island_plan: &IslandPlan, growth: Growth) -> String {
     let is_cause = |run: &&Run| matches!(run.kind, LinkKind::But(_)) == growth.is_from_contacts;
     let touching_links = network.runs().iter().filter(is_cause).flat_map(|run| {
         let touches = |i: &usize| [run.a + i, run.b + i].iter().any(|mat| port_mats.contains(mat));
-        let touching_links = (0..run.len).filter(touches);
-        touching_links.map(|i| (run.k, run.first + i))
+        (0..run.len).filter(touches).map(|i| (run.k, run.first + i))
     });
     let stiffest = touching_links.max_by(|(k, _), (other_stiffness, _)| k.total_cmp(other_stiffness));
     let (link_kind, plural_cause) = match growth.is_from_contacts {
@@ -263,13 +262,15 @@ pub(in crate::plan) fn slow_error(
     let Some(slow_error) = slow_error else {
         return Ok(None);
     };
-    let played_pair = [&slow_island, &every_frame_island].map(|island| (&island.island_plan, contact_substeps));
-    let allowance_and_store = (allowance, store);
-    unless_spent(horizon::extend_error(
+    let played_pair = [&slow_island, &every_frame_island].map(|island| PlannedRun {
+        island_plan: &island.island_plan,
+        contact_substeps,
+    });
+    none_if_spent(horizon::extend_error(
         slow_error,
         budget,
         played_pair,
-        allowance_and_store,
+        (allowance, store),
     ))
 }
 
@@ -280,7 +281,7 @@ fn compare_with_every_frame(
     contact_substeps: usize,
     (budget, allowance): (&Budget, &Allowance),
 ) -> Result<Option<MeasuredError>, Error> {
-    let excerpt = unless_spent(pilot_excerpt(&slow_island.island_plan, allowance))?;
+    let excerpt = none_if_spent(pilot_excerpt(&slow_island.island_plan, allowance))?;
     let excerpt = excerpt
         .filter(|excerpt| excerpt.n_frames > 0 && is_affordable(&every_frame_island.island_plan, excerpt.n_frames));
     let Some(excerpt) = excerpt else {
@@ -289,7 +290,7 @@ fn compare_with_every_frame(
     let spans = ComparedSpans::new(&slow_island.island_plan, excerpt.n_frames);
     let play_island = |island: &Assembled| {
         let played_run = play(&island.island_plan, contact_substeps, excerpt, allowance);
-        unless_spent(played_run)
+        none_if_spent(played_run)
     };
     let (Some(slow_run), Some(every_frame_run)) = (play_island(slow_island)?, play_island(every_frame_island)?) else {
         return Ok(None);

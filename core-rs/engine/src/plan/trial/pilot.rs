@@ -13,9 +13,11 @@ use crate::assembly::mesh::MethodChoice;
 use crate::assembly::unit::IslandPlan;
 use crate::island::FINE_SUBSTEPS_MIN;
 use crate::network::Error;
-use crate::plan::constants::{FAINT_OUTPUT_SHARE, OVERSAMPLING_MAX, PILOT_SPANS, SEARCH_COST_RUNS, UNCORRELATED_DB};
+use crate::plan::constants::{
+    FAINT_OUTPUT_SHARE, OVERSAMPLING_MAX, PILOT_SPANS, SEARCH_COST_IN_FIRST_RUNS, UNCORRELATED_DB,
+};
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::allowance::{Allowance, TrialError, none_if_spent};
 use crate::plan::trial::candidates::{Candidate, CostRule};
 use crate::plan::trial::chaos::{ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
@@ -48,7 +50,7 @@ pub(in crate::plan) fn choose_by_trials(
         // Nobody knows beforehand what a hand will do: nothing is left out.
         return Ok(ChosenIsland::unmeasured(island).into());
     }
-    let excerpt = unless_spent(pilot_excerpt(&island.island_plan, allowance))?;
+    let excerpt = none_if_spent(pilot_excerpt(&island.island_plan, allowance))?;
     let mut next_excerpt = excerpt.filter(|excerpt| excerpt.n_frames > 0);
     // Two plain runs of what sticks may agree by chance, both slipping too late.
     if let Some(excerpt) =
@@ -98,7 +100,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         first: (&Assembled, usize),
         excerpt: Excerpt,
     ) -> Result<Option<Self>, Error> {
-        let chosen_runs = unless_spent(runs_until_heard(first, excerpt, allowance))?;
+        let chosen_runs = none_if_spent(runs_until_heard(first, excerpt, allowance))?;
         Ok(chosen_runs.map(|(runs, spans)| Self {
             assemble,
             budget,
@@ -112,7 +114,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// Finds the cheapest plain island that is not heard to differ from its finer twins; `None` if there is none.
     fn find_once_per_step(&self) -> Result<Option<PilotOutcome>, Error> {
         let reference_result = once_per_step_reference(&self.reference_search(), self.allowance);
-        let Some(reference) = unless_spent(reference_result)?.flatten() else {
+        let Some(reference) = none_if_spent(reference_result)?.flatten() else {
             return Ok(None);
         };
         let stretches = ComparedStretches::new(&reference.run.sound, &self.compared_spans);
@@ -151,16 +153,16 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     fn find_island(&self, island: &Assembled) -> Result<Option<PilotOutcome>, Error> {
         let substeps = first_substeps(island, self.budget);
         let first_run = self.runs.play((&island.island_plan, substeps), self.allowance);
-        let Some(first_run) = unless_spent(first_run)? else {
+        let Some(first_run) = none_if_spent(first_run)? else {
             return Ok(None);
         };
         let first_candidate = Candidate::new(island.clone(), substeps, None).with_counted_cost(&first_run);
         let reference_result = find_reference(&self.reference_search(), &first_candidate, self.allowance);
-        let Some(reference) = unless_spent(reference_result)?.flatten() else {
+        let Some(reference) = none_if_spent(reference_result)?.flatten() else {
             return Ok(Some(self.outcome_of_first_run(first_candidate, first_run)?));
         };
         let stretches = ComparedStretches::new(&reference.run.sound, &self.compared_spans);
-        let growth = unless_spent(self.chaotic_growth_db(&reference, &stretches))?.flatten();
+        let growth = none_if_spent(self.chaotic_growth_db(&reference, &stretches))?.flatten();
         let is_unknown = !reference.shows_regular_motion(self.budget) && reference.error_db > UNCORRELATED_DB;
         if growth.is_none() && is_unknown {
             return Ok(Some(self.outcome_of_first_run(first_candidate, first_run)?)); // no two runs agree
@@ -284,7 +286,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         {
             let safe_candidate = Candidate::new(island.clone(), island.island_plan.contact_substeps, None);
             let played_plan = (&safe_candidate.island.island_plan, safe_candidate.contact_substeps);
-            let safe_run = unless_spent(self.runs.play(played_plan, self.allowance))?;
+            let safe_run = none_if_spent(self.runs.play(played_plan, self.allowance))?;
             if let Some(safe_run) = safe_run.filter(|safe_run| !safe_run.is_unusable) {
                 (candidate, run) = (safe_candidate, safe_run);
             }
@@ -349,13 +351,13 @@ fn affordable_runs(
     allowance: &Allowance,
 ) -> Result<(RunCache, ComparedSpans), TrialError> {
     let (runs, spans) = (RunCache::new(excerpt), ComparedSpans::new(played.0, excerpt.n_frames));
-    let (spent_before, _) = allowance.seconds_spent();
+    let spent_before = allowance.spent_seconds();
     let affordable_share = Cell::new(1.0);
     // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.
     let frames_after_event = |frames: usize| frames.saturating_sub(spans.event_frame()) as f64;
     runs.play_while(played, allowance, |frames, _| {
-        let run_work = allowance.seconds_spent().0 - spent_before;
-        let affordable = allowance.share_left(SEARCH_COST_RUNS * run_work);
+        let run_work = allowance.spent_seconds() - spent_before;
+        let affordable = allowance.share_left(SEARCH_COST_IN_FIRST_RUNS * run_work);
         affordable_share.set(affordable * frames_after_event(frames) / frames_after_event(excerpt.n_frames));
         affordable == 1.0 || frames <= spans.shortened(1).end()
     })?;

@@ -12,8 +12,8 @@ use crate::island::bodies::BodyPlan;
 use crate::network::Error;
 use crate::plan::constants::OVERSAMPLING_MAX;
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::horizon;
+use crate::plan::trial::allowance::{Allowance, none_if_spent};
+use crate::plan::trial::horizon::{self, PlannedRun};
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 
 /// Most contact substeps a step that a record may hold.
@@ -123,9 +123,12 @@ impl PilotResult {
             long_comparison,
         } = self;
         if let (Some(measured), Some(long_comparison)) = (chosen.measured_error, long_comparison) {
-            let played_pair = [&chosen.island.island_plan, &long_comparison.finer_island.island_plan]
-                .map(|island_plan| (island_plan, long_comparison.contact_substeps));
-            chosen.measured_error = unless_spent(horizon::extend_error(measured, budget, played_pair, trial_context))?;
+            let played_pair =
+                [&chosen.island.island_plan, &long_comparison.finer_island.island_plan].map(|island_plan| PlannedRun {
+                    island_plan,
+                    contact_substeps: long_comparison.contact_substeps,
+                });
+            chosen.measured_error = none_if_spent(horizon::extend_error(measured, budget, played_pair, trial_context))?;
         }
         chosen.measured_error = chosen
             .measured_error

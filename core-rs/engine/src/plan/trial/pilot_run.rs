@@ -377,7 +377,7 @@ fn play_perturbed_while(
 ) -> Result<Option<PilotRun>, TrialError> {
     let n_frames = excerpt.n_frames;
     allowance.record_frames(excerpt.end());
-    let (drawn_before, _) = allowance.seconds_spent();
+    let spent_before = allowance.spent_seconds();
     let mut meter = WorkMeter::new(island_plan, allowance);
     // A run that the allowance cannot pay for is not begun.
     meter
@@ -422,7 +422,7 @@ fn play_perturbed_while(
     }
     Ok(Some(PilotRun {
         first_frame: excerpt.first_frame,
-        work_seconds: allowance.seconds_spent().0 - drawn_before,
+        work_seconds: allowance.spent_seconds() - spent_before,
         loudest_share: silent_outputs.loudest_share(&squares),
         energy_gains,
         sound,

@@ -10,7 +10,7 @@ use crate::island::modal::Modal;
 use crate::maths::pow;
 use crate::network::{Error, LinkKind};
 use crate::plan::constants::PRUNE_TRIALS_MAX;
-use crate::plan::trial::allowance::{Allowance, unless_spent};
+use crate::plan::trial::allowance::{Allowance, none_if_spent};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_affordable, play};
 use crate::plan::trial::waveform_error::{ComparedSpans, difference_db};
 
@@ -47,7 +47,7 @@ pub(in crate::plan) fn prune(
         run.sound.clone()
     } else {
         let run = play(&reference.island_plan, contact_substeps, excerpt, allowance);
-        let Some(run) = unless_spent(run)? else {
+        let Some(run) = none_if_spent(run)? else {
             return Ok(reference);
         };
         run.sound
@@ -60,7 +60,7 @@ pub(in crate::plan) fn prune(
             break;
         }
         let run = play(&pruned_island.island_plan, contact_substeps, excerpt, allowance);
-        let Some(run) = unless_spent(run)? else {
+        let Some(run) = none_if_spent(run)? else {
             break;
         };
         let dropped_loudness = difference_db(&run.sound, &reference_sound, &spans);

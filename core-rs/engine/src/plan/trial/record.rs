@@ -223,9 +223,7 @@ pub(in crate::plan) fn find_record(
         .iter()
         .find_map(|key| {
             let work_and_record = store.get(key)?.split_header()?;
-            allowance
-                .begin_replay_if_enough(&work_and_record.0)
-                .then_some(work_and_record)
+            allowance.can_replay(&work_and_record.0).then_some(work_and_record)
         })
 }
 

@@ -202,13 +202,13 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
             if !is_affordable(&candidate.island.island_plan, n_frames) || !is_paid_for {
                 break;
             }
-            let (spent_before, _) = allowance.seconds_spent();
+            let spent_before = allowance.spent_seconds();
             let played_plan = (&candidate.island.island_plan, substeps);
             let run = match self.runs.play(played_plan, allowance) {
                 Err(TrialError::AllowanceSpent) if best_reference.is_some() => break,
                 run => run?,
             };
-            work_spent = allowance.seconds_spent().0 - spent_before;
+            work_spent = allowance.spent_seconds() - spent_before;
             if run.is_unusable {
                 last_runs = [None, None];
                 continue;

@@ -16,9 +16,9 @@ use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::maths::{amplitude_ratio, sqrt};
 use crate::network::Error;
 use crate::plan::constants::{
-    CREATED_ENERGY_SHARE_MAX, EQUAL_ERRORS_DB, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX, SPECTRUM_NOISE,
+    CREATED_ENERGY_SHARE_MAX, EQUAL_ERRORS_DB, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX, SPECTRUM_NOISE_DB,
 };
-use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::allowance::{Allowance, TrialError, none_if_spent};
 use crate::plan::trial::candidates::{Candidate, Candidates, CostRule, has_fine_links};
 use crate::plan::trial::chaos::{ChaoticComparison, ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
@@ -61,7 +61,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
         let (cheapest, nearest) = self.try_candidates(false)?;
         let cheapest = match cheapest {
             Some(tried) => {
-                let lower_order = unless_spent(self.with_lower_order(&tried))?.flatten();
+                let lower_order = none_if_spent(self.with_lower_order(&tried))?.flatten();
                 Some(lower_order.unwrap_or(tried))
             }
             None => None,
@@ -78,7 +78,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
         };
         let between_frames = match (cheapest_trial.candidate.island.island_plan.oversampling, cost_rule) {
             (1, _) | (_, CostRule::Busiest) => None,
-            (_, CostRule::Mean) => unless_spent(self.with_contacts_between_frames(&cheapest_trial))?.flatten(),
+            (_, CostRule::Mean) => none_if_spent(self.with_contacts_between_frames(&cheapest_trial))?.flatten(),
         };
         Ok(Some(between_frames.unwrap_or(cheapest_trial)))
     }
@@ -110,8 +110,8 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
     ) -> Result<Option<CandidateTrial>, TrialError> {
         let mut candidate = candidate.clone();
         candidate.island.island_plan.contact_order = order;
-        let (spent_before, _) = self.allowance.seconds_spent();
-        let should_continue = |_, _: &[f64]| self.allowance.seconds_spent().0 - spent_before <= limit.run.work_seconds;
+        let spent_before = self.allowance.spent_seconds();
+        let should_continue = |_, _: &[f64]| self.allowance.spent_seconds() - spent_before <= limit.run.work_seconds;
         let played_plan = (&candidate.island.island_plan, candidate.contact_substeps);
         let run = self.runs.play_while(played_plan, self.allowance, should_continue)?;
         let run = run.filter(|run| !run.is_unusable && !self.creates_energy(&candidate.island, run));
@@ -167,7 +167,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
                 continue;
             }
             // Once the allowance is spent, what was tried is all there is.
-            let Some(tried_result) = unless_spent(self.measure(candidate, nearest.as_ref()))? else {
+            let Some(tried_result) = none_if_spent(self.measure(candidate, nearest.as_ref()))? else {
                 break;
             };
             let Some(tried) = tried_result else { continue };
@@ -286,9 +286,9 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
             (Budget::Error(_), Some(parting)) => {
                 let error_aim = self.error_limit_db();
                 (parting.attack_error_db > error_aim && parting.is_attainable(error_aim))
-                    || parting.third_octave_db > SPECTRUM_NOISE
+                    || parting.third_octave_db > SPECTRUM_NOISE_DB
             }
-            (_, Some(parting)) => parting.third_octave_db > SPECTRUM_NOISE,
+            (_, Some(parting)) => parting.third_octave_db > SPECTRUM_NOISE_DB,
             (_, None) => self.budget_excess(tried) > 1.0,
         }
     }
@@ -304,7 +304,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
     fn is_worth_its_cost(&self, tried: &CandidateTrial, other: &CandidateTrial) -> bool {
         match (&tried.chaotic_comparison, &other.chaotic_comparison) {
             (Some(parting), Some(other_parting)) => {
-                let spectral_limit = other_parting.third_octave_db.max(SPECTRUM_NOISE);
+                let spectral_limit = other_parting.third_octave_db.max(SPECTRUM_NOISE_DB);
                 parting.third_octave_db < spectral_limit - EQUAL_ERRORS_DB
                     || (parting.attack_error_db < other_parting.attack_error_db - EQUAL_ERRORS_DB
                         && parting.third_octave_db <= spectral_limit)

@@ -4,7 +4,7 @@ use crate::assembly::budget::Budget;
 use crate::assembly::unit::IslandPlan;
 use crate::hearing::{Audible, Scatter};
 use crate::maths::{amplitude_ratio, log10, pow, sqrt};
-use crate::plan::constants::{EARLY_COMPARISON, PILOT_SECONDS, PILOT_SPANS};
+use crate::plan::constants::{EARLY_MARGIN_DB, EARLY_SPAN_DIVISOR, PILOT_SECONDS, PILOT_SPANS};
 use crate::plan::trial::pilot_run::frames_per_second;
 use crate::waveform::worst_ratio;
 
@@ -92,7 +92,7 @@ impl ComparedSpans {
     pub(in crate::plan) fn checkpoints(&self) -> [usize; 3] {
         let [first_end, second_end, _] = self.span_ends;
         [
-            first_end - (first_end - self.event_frame()) * (EARLY_COMPARISON.0 - 1) / EARLY_COMPARISON.0,
+            first_end - (first_end - self.event_frame()) * (EARLY_SPAN_DIVISOR - 1) / EARLY_SPAN_DIVISOR,
             first_end,
             second_end,
         ]
@@ -136,7 +136,7 @@ impl<'a> EarlyComparison<'a> {
             return None;
         }
         self.n_checked = checks_passed;
-        let early_margin = if checks_passed == 1 { EARLY_COMPARISON.1 } else { 0.0 };
+        let early_margin = if checks_passed == 1 { EARLY_MARGIN_DB } else { 0.0 };
         let early_spans = self.spans.limited_to(checkpoints[checks_passed - 1]);
         let bound_level = difference_db(sound, self.reference_sound, &early_spans) - early_margin;
         self.lower_bound_db = self.lower_bound_db.max(bound_level);
@@ -211,7 +211,7 @@ mod tests {
                 }
             }
             assert_eq!(bound_count, 3);
-            assert!(comparison.lower_bound_db > full_difference - EARLY_COMPARISON.1);
+            assert!(comparison.lower_bound_db > full_difference - EARLY_MARGIN_DB);
         }
     }
 }

@@ -32,9 +32,11 @@ impl Simulation {
         let unit_plan = &self.plan.units[unit];
         match (unit_plan, self.unit_content(unit)) {
             (ComputationUnit::IslandPlan(island_plan), UnitContent::Island(content)) => {
-                content.key(island_plan, frames, previous_key)
+                content.hash_of_span(island_plan, frames, previous_key)
             }
-            (ComputationUnit::Bank(bank), UnitContent::Bank(content)) => content.key(bank, frames, previous_key),
+            (ComputationUnit::Bank(bank), UnitContent::Bank(content)) => {
+                content.hash_of_span(bank, frames, previous_key)
+            }
             _ => String::new(),
         }
     }

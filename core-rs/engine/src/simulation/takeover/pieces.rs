@@ -62,7 +62,7 @@ impl Takeover {
                     |mat| old_plan.network.mat_name(mat),
                 );
                 let (free_key, old_key) = (&voice_script.free_key, &old_voice.free_key);
-                let mat_pairs = if free_key.is_compatible_with(old_key, new_name_of, old_name_of)
+                let new_and_old_mats = if free_key.is_compatible_with(old_key, new_name_of, old_name_of)
                     && (island_plan.oversampling, island_plan.frame_interval)
                         == (old_plan.oversampling, old_plan.frame_interval)
                 {
@@ -86,7 +86,7 @@ impl Takeover {
                 let voice = VoiceTakeover {
                     old_voice: old_voice_index,
                     new_voice: new_voice_index,
-                    mat_pairs,
+                    new_and_old_mats,
                     gesture_pairs,
                 };
                 self.items.push((old_unit, new_unit, ItemTakeover::Voice(voice)));

@@ -19,7 +19,7 @@ const MESSAGE_TIMEOUT: Duration = Duration::from_millis(50);
 /// Opens a stream from the named source, or from the default one; starts no server.
 pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<OpenedInput, AudioError> {
     let mut connection = ServerConnection::connect(c"ergon").map_err(unavailable_error)?;
-    let source = find(&mut connection, spec.target.as_deref())?;
+    let source = find_source(&mut connection, spec.target.as_deref())?;
     let block = spec.block.unwrap_or(BLOCK_FRAMES);
     let source_channels = usize::from(source.sample_spec.channels);
     let mut device = server_words(source.description.as_deref().unwrap_or(&source.name));
@@ -35,7 +35,7 @@ pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<Opened
     })
 }
 
-fn find(connection: &mut ServerConnection, device: Option<&str>) -> Result<SourceInfo, AudioError> {
+fn find_source(connection: &mut ServerConnection, device: Option<&str>) -> Result<SourceInfo, AudioError> {
     let source_name = device_name(connection, device, "source", |server| server.default_source_name)?;
     let source_query = protocol::GetSourceInfo {
         index: None,

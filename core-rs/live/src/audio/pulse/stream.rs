@@ -38,7 +38,7 @@ pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<Opened
         });
     }
     let mut connection = ServerConnection::connect(c"ergon").map_err(unavailable_error)?;
-    let sink = find(&mut connection, spec.target.as_deref())?;
+    let sink = find_sink(&mut connection, spec.target.as_deref())?;
     let block = spec.block.unwrap_or(BLOCK_FRAMES);
     let rate = sink.sample_spec.sample_rate;
     let mut remarks = Vec::new();
@@ -71,7 +71,7 @@ pub(super) fn server_words(text: &CStr) -> String {
     text.to_string_lossy().into_owned()
 }
 
-fn find(connection: &mut ServerConnection, device: Option<&str>) -> Result<SinkInfo, AudioError> {
+fn find_sink(connection: &mut ServerConnection, device: Option<&str>) -> Result<SinkInfo, AudioError> {
     let sink_name = device_name(connection, device, "sink", |server| server.default_sink_name)?;
     let sink_query = protocol::GetSinkInfo {
         index: None,

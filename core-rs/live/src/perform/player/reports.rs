@@ -18,9 +18,9 @@ impl Player {
         };
         for (hand, row) in self.hand_samples.iter_mut().enumerate() {
             let hand_status = self.status.hands.get(hand).copied().unwrap_or_default();
-            let sample = self.hand_axes[hand].map(|(slot, axis)| (&self.slots[slot].sample, axis));
+            let axis_sample = self.hand_axes[hand].map(|(slot, axis)| (&self.slots[slot].sample, axis));
             let row_flags = [
-                (flag::FRESH, sample.is_some_and(|(sample, _)| sample.is_fresh)),
+                (flag::FRESH, axis_sample.is_some_and(|(sample, _)| sample.is_fresh)),
                 (flag::TOUCH, hand_status.is_touched),
                 (flag::FORCE_ENABLED, hand_status.is_motor_enabled),
                 (flag::STAND_IN, !hand_status.is_real),
@@ -35,7 +35,7 @@ impl Player {
                     .filter(|(_, is_set)| *is_set)
                     .map(|(flag, _)| flag)
                     .sum(),
-                clock: sample.and_then(|(sample, _)| sample.t_dev_us).unwrap_or(0),
+                clock: axis_sample.and_then(|(sample, _)| sample.t_dev_us).unwrap_or(0),
             };
         }
         // If no clock sets the pace, wait for the disk.
@@ -59,22 +59,22 @@ impl Player {
         status.load_max = status.load_max.max(tick_load);
         (status.frame, status.ticks) = (self.frame, status.ticks + 1);
         let muted_count = self.piece.simulation.n_muted() as u32;
-        let is_increased = muted_count > status.n_muted_parts;
+        let has_more_muted = muted_count > status.n_muted_parts;
         status.n_muted_parts = muted_count;
         status.ring_frames = self.connections.ring_writer.filled_frames();
-        if is_increased {
+        if has_more_muted {
             self.send_event(EventKind::PartMuted);
         }
         let finer_count = self.piece.simulation.n_finer() as u32;
-        let is_increased = finer_count > self.status.n_finer_parts;
+        let has_more_finer = finer_count > self.status.n_finer_parts;
         self.status.n_finer_parts = finer_count;
-        if is_increased {
+        if has_more_finer {
             self.send_event(EventKind::PartRefined);
         }
         let gained_count = self.piece.simulation.n_energy_gains() as u32;
-        let is_increased = gained_count > self.status.n_energy_gains;
+        let has_more_gains = gained_count > self.status.n_energy_gains;
         self.status.n_energy_gains = gained_count;
-        if is_increased {
+        if has_more_gains {
             self.send_event(EventKind::EnergyCreated);
         }
     }
@@ -85,17 +85,17 @@ impl Player {
             let hand_status = &mut self.status.hands[hand];
             (hand_status.position, hand_status.force, hand_status.is_real) =
                 (source.x, self.piece_forces[hand], source.is_real);
-            let Some((slot, axis_index)) = self.hand_axes[hand] else {
+            let Some((slot_index, axis_index)) = self.hand_axes[hand] else {
                 continue;
             };
-            let slot = &self.slots[slot];
-            hand_status.sent_force = slot.sent_forces[axis_index];
+            let keyboard_slot = &self.slots[slot_index];
+            hand_status.sent_force = keyboard_slot.sent_forces[axis_index];
             hand_status.force_scale = self.force_scales[hand].current();
-            hand_status.is_touched = source.is_real && slot.sample.is_touched[axis_index];
-            hand_status.is_motor_enabled = source.is_real && slot.sample.is_force_enabled[axis_index];
-            hand_status.is_hot = source.is_real && slot.sample.is_hot;
-            [hand_status.let_go, hand_status.stalls] = slot.interruptions();
-            let axis_trip = slot.trip_cause(axis_index);
+            hand_status.is_touched = source.is_real && keyboard_slot.sample.is_touched[axis_index];
+            hand_status.is_motor_enabled = source.is_real && keyboard_slot.sample.is_force_enabled[axis_index];
+            hand_status.is_hot = source.is_real && keyboard_slot.sample.is_hot;
+            [hand_status.let_go, hand_status.stalls] = keyboard_slot.interruptions();
+            let axis_trip = keyboard_slot.trip_cause(axis_index);
             if let Some(trip_cause) = axis_trip.filter(|_| !hand_status.is_tripped) {
                 let trip_event = PerformanceEvent {
                     frame: self.frame,

@@ -79,7 +79,7 @@ impl InstantLaw<'_> {
     /// Factor from a rate of elongation [m/frame] to the rate that the law takes.
     pub(super) fn rate_factor(&self) -> f64 {
         match self.kind {
-            LinkRunKind::Lnl { rate, .. } | LinkRunKind::Bristle { rate, .. } => *rate,
+            LinkRunKind::Lnl { velocity_factor, .. } | LinkRunKind::Bristle { velocity_factor, .. } => *velocity_factor,
             _ => 1.0,
         }
     }

@@ -14,7 +14,7 @@ pub(super) type MotionWeights = [f64; 2 * STAGES + 2];
 pub(super) struct FrameDivision {
     pub(super) n_parts: usize,
     /// Instants of the Gauss points   (parts·3)
-    pub(super) gauss_instants: Vec<f64>,
+    pub(super) gauss_times: Vec<f64>,
     /// Weights of the values at the instants of a frame in the value at each Gauss point   (parts·3, n)
     pub(super) interpolation: Vec<f64>,
     /// The same weights, and those in the slopes there, and in value and slope at the start of the frame, instant by
@@ -81,7 +81,7 @@ impl LawScript {
             divisions: parts.take_while(|&parts| parts <= parts_max).map(divide).collect(),
             deviation_max: DEVIATION_MAX / (part_excess * part_excess * part_excess),
             end_interpolation: [&end_instant.values, &end_instant.slopes]
-                .map(|stage_weights| script.basis.weights(stage_weights)),
+                .map(|polynomial_values| script.basis.weights(polynomial_values)),
             end_responses: end_pairs.iter().map(end_response).collect(),
             extrapolation: GAUSS_POINTS.map(|c| lagrange_weights(1.0 + c)),
             extrapolation_from_previous: GAUSS_POINTS.map(|c| two_part_weights(1.0 + c, 0)),
@@ -95,17 +95,17 @@ impl LawScript {
 impl FrameDivision {
     fn new(script: &FineScript, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
         let (n_instants, part_length) = (script.basis.n_polynomials(), 1.0 / parts as f64);
-        let gauss_instants: Vec<f64> = (0..parts)
+        let gauss_times: Vec<f64> = (0..parts)
             .flat_map(|part| GAUSS_POINTS.map(|c| (part as f64 + c) * part_length))
             .collect();
-        let gauss_polynomials: Vec<Instant> = gauss_instants.iter().map(|&s| Instant::new(n_instants, s)).collect();
+        let gauss_instants: Vec<Instant> = gauss_times.iter().map(|&s| Instant::new(n_instants, s)).collect();
         let mut later_responses = Vec::new();
         if parts > 1 {
             let instants: Vec<Instant> = (script.basis.instants.iter())
                 .map(|&s| Instant::new(n_instants, s))
                 .collect();
             for &ends in pairs {
-                for gauss_instant in &gauss_polynomials {
+                for gauss_instant in &gauss_instants {
                     later_responses.extend(
                         instants
                             .iter()
@@ -114,19 +114,19 @@ impl FrameDivision {
                 }
             }
         }
-        let weights = |values: fn(&Instant) -> &[f64; POLYNOMIALS_MAX]| -> Vec<Vec<f64>> {
-            gauss_polynomials
+        let weights = |polynomials: fn(&Instant) -> &[f64; POLYNOMIALS_MAX]| -> Vec<Vec<f64>> {
+            gauss_instants
                 .iter()
-                .map(|instant| script.basis.weights(values(instant)))
+                .map(|instant| script.basis.weights(polynomials(instant)))
                 .collect()
         };
-        let (values, slope_weights) = (weights(|instant| &instant.values), weights(|instant| &instant.slopes));
+        let (value_weights, slope_weights) = (weights(|instant| &instant.values), weights(|instant| &instant.slopes));
         let frame_start = Instant::new(n_instants, 0.0);
         let start_weights = [&frame_start.values, &frame_start.slopes].map(|values| script.basis.weights(values));
         let motion_weights = |part: usize, instant: usize| {
             let mut motion_weights = [0.0; 2 * STAGES + 2];
             for stage in 0..STAGES {
-                motion_weights[stage] = values[STAGES * part + stage][instant];
+                motion_weights[stage] = value_weights[STAGES * part + stage][instant];
                 motion_weights[STAGES + stage] = slope_weights[STAGES * part + stage][instant];
             }
             (motion_weights[2 * STAGES], motion_weights[2 * STAGES + 1]) =
@@ -138,13 +138,13 @@ impl FrameDivision {
             motion_weights: (0..parts * n_instants)
                 .map(|index| motion_weights(index / n_instants, index % n_instants))
                 .collect(),
-            interpolation: values.concat(),
+            interpolation: value_weights.concat(),
             force_responses: pairs
                 .iter()
                 .map(|&ends| script.force_response(ends, part_length))
                 .collect(),
             later_responses,
-            gauss_instants,
+            gauss_times,
         }
     }
 }

@@ -34,16 +34,19 @@ pub(super) struct EvenSteps {
 impl SlideScript {
     pub(super) fn new(script: &FineScript) -> Self {
         let dry_friction = |(link, run): (usize, &LinkRun)| match &run.kind {
-            LinkRunKind::Dry { law: friction, rate } => Some((link, (*friction, *rate))),
+            LinkRunKind::Dry {
+                law: friction,
+                velocity_factor,
+            } => Some((link, (*friction, *velocity_factor))),
             _ => None,
         };
         let dry_links = script.links.iter().enumerate().filter_map(dry_friction);
         let (links, dry_laws): (Vec<usize>, Vec<(Dry, f64)>) = dry_links.unzip();
-        let step_count = |(&link, &(friction, rate)): (&usize, &(Dry, f64))| {
+        let step_count = |(&link, &(friction, velocity_factor)): (&usize, &(Dry, f64))| {
             let (first_joint, second_joint) = script.link_joints[link];
             friction
                 .with(script.links[link].z)
-                .steps(rate * script.velocity_jump(first_joint, second_joint) * script.rate.step())
+                .steps(velocity_factor * script.velocity_jump(first_joint, second_joint) * script.rate.step())
         };
         let step_factor = links.iter().zip(&dry_laws).map(step_count).fold(1.0, f64::max);
         let slow_steps = (script.steps_min / 2).max(1);

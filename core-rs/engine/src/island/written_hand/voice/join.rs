@@ -30,37 +30,37 @@ impl JoiningCurve {
 
 impl Voice {
     /// Begin the next gesture, or the curve that joins it, when its time has come.
-    pub(super) fn begin_gestures(&mut self, script: &VoiceScript, scene: &mut VoiceScene<'_>, n: u64) {
+    pub(super) fn begin_gestures(&mut self, script: &VoiceScript, scene: &mut VoiceScene<'_>, frame: u64) {
         let frame_rate = scene.scheme.rate;
         while let Some(&gesture_index) = script.gesture_indices.get(self.begun_count) {
-            let gesture = &scene.gestures[gesture_index];
-            let time_now = n as f64 / frame_rate;
+            let framed = &scene.gestures[gesture_index];
+            let time_now = frame as f64 / frame_rate;
             let has_joined = self
                 .running_gesture
                 .as_ref()
                 .is_some_and(|running_gesture| running_gesture.gesture_index == gesture_index);
-            if n >= gesture.first_frame {
+            if frame >= framed.first_frame {
                 self.begun_count += 1;
                 scene.reports[gesture_index].start = time_now;
                 if has_joined {
                     continue;
                 }
-                let late_curve = self.late_joining_curve(script, scene, gesture, n);
+                let late_curve = self.late_joining_curve(script, scene, framed, frame);
                 scene.reports[gesture_index].is_first_point_missed = late_curve.is_some();
                 self.running_gesture = Some(RunningGesture::new(gesture_index, late_curve));
                 continue;
             }
-            let time_left = gesture.gesture.start - time_now;
+            let time_left = framed.gesture.start - time_now;
             let is_in_time =
-                n >= gesture.join_frame && time_left >= JOINING_SECONDS_MIN.min(gesture.gesture.manner.join_seconds);
+                frame >= framed.join_frame && time_left >= JOINING_SECONDS_MIN.min(framed.gesture.manner.join_seconds);
             if self.running_gesture.is_none() && is_in_time {
-                let key_knot = self.key_motion(script, scene, gesture.gesture.manner.touch, n);
-                let is_at_entry = (key_knot.x - gesture.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
+                let key_knot = self.key_knot(script, scene, framed.gesture.manner.touch, frame);
+                let is_at_entry = (key_knot.x - framed.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
                     && (key_knot.v / frame_rate).abs() <= JOINING_DISTANCE_MIN;
-                if !is_at_entry && gesture.gesture.manner.join_seconds > 0.0 {
+                if !is_at_entry && framed.gesture.manner.join_seconds > 0.0 {
                     self.running_gesture = Some(RunningGesture::new(
                         gesture_index,
-                        Some(JoiningCurve::new(key_knot, gesture.gesture.entry_knot)),
+                        Some(JoiningCurve::new(key_knot, framed.gesture.entry_knot)),
                     ));
                 }
             }
@@ -73,33 +73,33 @@ impl Voice {
         &self,
         script: &VoiceScript,
         scene: &VoiceScene<'_>,
-        gesture: &FramedGesture,
-        n: u64,
+        framed: &FramedGesture,
+        frame: u64,
     ) -> Option<JoiningCurve> {
-        let FramedSegment::Path { path, .. } = gesture.segments.first()? else {
+        let FramedSegment::Path { path, .. } = framed.segments.first()? else {
             return None;
         };
-        let knot_now = self.key_motion(script, scene, gesture.gesture.manner.touch, n);
+        let knot_now = self.key_knot(script, scene, framed.gesture.manner.touch, frame);
         // If one gesture ends as the next begins, off the grid of frames, the key has not quite reached the point that
         // they share.
-        let gesture_before = self
+        let previous_gesture = self
             .begun_count
             .checked_sub(2)
             .map(|earlier_index| &scene.gestures[script.gesture_indices[earlier_index]]);
-        let shares_point = gesture_before.is_some_and(|earlier_gesture| {
-            n.abs_diff(earlier_gesture.last_frame()) < gesture.frames_per_score_frame()
-                && (earlier_gesture.gesture.last_position - gesture.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
+        let shares_point = previous_gesture.is_some_and(|earlier_gesture| {
+            frame.abs_diff(earlier_gesture.last_frame()) < framed.frames_per_score_frame()
+                && (earlier_gesture.gesture.last_position - framed.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
         });
         let is_on_path = shares_point
-            || [path.evaluate(knot_now.t).0, gesture.gesture.entry_knot.x]
+            || [path.evaluate(knot_now.t).0, framed.gesture.entry_knot.x]
                 .iter()
                 .any(|x| (knot_now.x - x).abs() <= JOINING_DISTANCE_MIN);
-        if is_on_path || gesture.gesture.manner.join_seconds == 0.0 {
+        if is_on_path || framed.gesture.manner.join_seconds == 0.0 {
             return None;
         }
-        let last_time = gesture.last_frame() as f64 / scene.scheme.rate;
-        let t = (knot_now.t + gesture.gesture.manner.join_seconds)
-            .min(path.stop_time())
+        let last_time = framed.last_frame() as f64 / scene.scheme.rate;
+        let t = (knot_now.t + framed.gesture.manner.join_seconds)
+            .min(path.end_time())
             .min(last_time);
         let (x, v, a) = path.evaluate(t);
         (t > knot_now.t).then(|| JoiningCurve::new(knot_now, Knot { t, x, v, a }))

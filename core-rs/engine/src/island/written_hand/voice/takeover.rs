@@ -12,7 +12,7 @@ pub(crate) struct VoiceTakeover {
     pub(crate) old_voice: usize,
     pub(crate) new_voice: usize,
     /// Pairs of MATs of the free keys, new and old; `None`: the two keys are equal.
-    pub(crate) mat_pairs: Option<Vec<(usize, usize)>>,
+    pub(crate) new_and_old_mats: Option<Vec<(usize, usize)>>,
     /// Pairs of equal gestures, old and new; rising.
     pub(crate) gesture_pairs: Vec<(usize, usize)>,
 }
@@ -53,11 +53,11 @@ pub(crate) fn equal_gestures(
 }
 
 impl Voice {
-    /// Begin at frame `n`: gestures that began before it are skipped.
-    pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) {
-        let is_past = |&gesture_index: &usize| gestures[gesture_index].first_frame < n;
+    /// Begin at frame `frame`: gestures that began before it are skipped.
+    pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[FramedGesture], frame: u64) {
+        let is_past = |&gesture_index: &usize| gestures[gesture_index].first_frame < frame;
         self.begun_count = script.gesture_indices.partition_point(is_past);
-        self.free_motion.seek(n);
+        self.free_motion.seek(frame);
     }
 
     /// Take over the state of `old`, with the gesture that it plays if this voice has it too. If not, the key moves
@@ -69,7 +69,7 @@ impl Voice {
         old_script: &VoiceScript,
         takeover: &VoiceTakeover,
     ) {
-        match &takeover.mat_pairs {
+        match &takeover.new_and_old_mats {
             None => std::mem::swap(&mut self.free_motion, &mut old.free_motion),
             Some(pairs) => {
                 let (modules, old_modules) = (&mut self.free_motion.modules, &old.free_motion.modules);
@@ -79,7 +79,7 @@ impl Voice {
                 self.free_motion.set_slow_bodies();
             }
         }
-        let latest_gesture = |voice: &Self, script: &VoiceScript| {
+        let latest_gesture_index = |voice: &Self, script: &VoiceScript| {
             let running_index = voice
                 .running_gesture
                 .as_ref()
@@ -91,7 +91,8 @@ impl Voice {
                     .map(|last| script.gesture_indices[last])
             })
         };
-        let gesture_before = latest_gesture(old, old_script).map(|old_gesture| takeover.new_gesture(old_gesture));
+        let previous_gesture_index =
+            latest_gesture_index(old, old_script).map(|old_gesture| takeover.new_gesture(old_gesture));
         self.particles = std::mem::take(&mut old.particles);
         self.is_led = old.is_led;
         self.running_gesture = old.running_gesture.take().and_then(|running_gesture| {
@@ -103,7 +104,7 @@ impl Voice {
         });
         // The position requested for this frame is kept only if the comparison goes into the report of the same
         // gesture.
-        let is_same_gesture = gesture_before == Some(latest_gesture(self, script));
+        let is_same_gesture = previous_gesture_index == Some(latest_gesture_index(self, script));
         self.requested_position = if is_same_gesture {
             old.requested_position
         } else {
