@@ -105,12 +105,12 @@ def _print_pack(console: Console, path: Path) -> None:
 
 
 def _print_sound(console: Console, path: Path, source: str | None, trust: bool) -> None:
-    from ergon.exchange.sound import read_info, survey
+    from ergon.exchange.sound import digest_samples, read_info
     from ergon.exchange.wave_header import NotWaveError
 
     try:
         wav = read_info(path)
-        samples_digest, first_nan_frame = survey(path)
+        samples_digest, first_nan_frame = digest_samples(path)
     except NotWaveError as error:
         raise Refused(f"{path}: {error}") from None
     if console.json:
