@@ -105,12 +105,12 @@ def _read_fields(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]
     return module_fields
 
 
-def check_value(shape: Text, value_text: str, word_offset: int) -> None:
+def check_value(shape: Text, value_text: str, value_offset: int) -> None:
     """Check that a value fits a shape. Raises TextError with its place."""
     try:
         shape.parse(value_text)
     except TextError as error:
-        error.offset += word_offset
+        error.offset += value_offset
         raise
 
 
@@ -203,10 +203,10 @@ def _read_channels(slot_text: str, *_: Any) -> tuple[str, ...]:
     channel_words = slot_text.split()
     if channel_words == ["nearest"]:
         return ("nearest",)
-    for line_word in re.finditer(r"\S+", slot_text):
-        if not re.fullmatch(r"[1-9][0-9]{0,3}", line_word.group()):
-            message = f"{quote(line_word.group())} is not a channel from 1, or nearest"
-            raise TextError(message, offset=line_word.start(), length=len(line_word.group()))
+    for word_match in re.finditer(r"\S+", slot_text):
+        if not re.fullmatch(r"[1-9][0-9]{0,3}", word_match.group()):
+            message = f"{quote(word_match.group())} is not a channel from 1, or nearest"
+            raise TextError(message, offset=word_match.start(), length=len(word_match.group()))
     return tuple(channel_words)
 
 
