@@ -10,7 +10,7 @@ from ergon.api.options import FileOptions
 from .console import Console, plural
 from .outcome import Refused
 from .summary import print_finer_steps
-from .units import octets, seconds
+from .units import octets_text, seconds_text
 
 _EXCLUDED_OPTIONS = ("from_", "until", "stems", "channels", "bits", "hands")
 
@@ -61,13 +61,16 @@ def _print_summary(console: Console, prepared: PreparedFreeze, *, is_dry_run: bo
         )
         return
     holds_word = "would hold" if is_dry_run else "holds"
-    length_text, outputs_text = seconds(n_frames / prepared.stage.rate), plural(n_taps, "output")
+    length_text, outputs_text = (
+        seconds_text(n_frames / prepared.stage.rate),
+        plural(n_taps, "output"),
+    )
     console.say(
         f"{prepared.folder} {holds_word} {', '.join(taps)}: {length_text}, {outputs_text}, "
-        f"{octets(n_bytes)}"
+        f"{octets_text(n_bytes)}"
     )
     if prepared.stage.fade_start is not None:
-        tail_text = seconds((n_frames - prepared.stage.fade_start) / prepared.stage.rate)
+        tail_text = seconds_text((n_frames - prepared.stage.fade_start) / prepared.stage.rate)
         console.say(
             f"of this, {tail_text} come after the last event, for the tail of the score is `auto` "
             "and "

@@ -239,20 +239,20 @@ def _read_removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-PART_NAME = Value("a new name", _read_new_part_name, lambda _: ())
+PART_NAME_VALUE = Value("a new name", _read_new_part_name, lambda _: ())
 BASE_VALUE = Value(
     "an instrument, or a file and a name such as bell/bell", _read_base, _base_completions
 )
-LINK_END = Value("a key or a module, such as k1 or bell.m", _read_end, _end_completions)
-OTHER_END = values.excluding_earlier(LINK_END, "a")
-LINK_KIND = Value(
+LINK_END_VALUE = Value("a key or a module, such as k1 or bell.m", _read_end, _end_completions)
+OTHER_END_VALUE = values.excluding_earlier(LINK_END_VALUE, "a")
+LINK_KIND_VALUE = Value(
     "a kind of link, such as BUT or REF",
     _read_kind,
     lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINK_KINDS),
 )
-LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _read_fields, _field_completions)
-PLAYER_NAME = _known_or_new_name("players")
-KEY_NAME = _known_or_new_name("keys")
+LINK_FIELDS_VALUE = Value("fields, such as K=4kN/m gap=1mm", _read_fields, _field_completions)
+PLAYER_NAME_VALUE = _known_or_new_name("players")
+KEY_NAME_VALUE = _known_or_new_name("keys")
 INSTRUMENT_VALUE = values.name_value("an instrument", "instruments", "available")
 CHANNELS_VALUE = Value("channels, such as 3 or 3 4", _read_channels, _channel_completions)
 REMOVABLE_VALUE = Value(
