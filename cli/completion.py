@@ -125,7 +125,7 @@ def _fish() -> str:
 
     script_lines = [_FISH]
     for command_name in COMMANDS:
-        summary = command_entry(COMMANDS, command_name)[2]
+        summary = command_entry(COMMANDS, command_name).help_line
         script_lines.append(
             f"complete -c ergon -n __fish_use_subcommand -f -a {command_name} -d {_quoted(summary)}"
         )

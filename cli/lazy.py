@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -17,10 +17,18 @@ ROOT = "ergon"  # the name of the group of all commands
 _HELP_ADVICE = "`ergon help` lists all commands"
 
 
-def command_entry(table: Table, name: str) -> tuple[str, str, str]:
+class CommandEntry(NamedTuple):
     """The module of a command, its attribute there, and its line of help."""
+
+    module: str
+    attribute: str
+    help_line: str
+
+
+def command_entry(table: Table, name: str) -> CommandEntry:
+    """The entry of a command in a table."""
     entry = table[name]
-    return (name, name, entry) if isinstance(entry, str) else entry
+    return CommandEntry(name, name, entry) if isinstance(entry, str) else CommandEntry(*entry)
 
 
 class LazyGroup(click.Group):
@@ -48,8 +56,8 @@ class LazyGroup(click.Group):
         """Import and return a command; None when there is no such name."""
         if cmd_name not in self.table:
             return None
-        module, attribute, _ = command_entry(self.table, cmd_name)
-        command = getattr(import_module(f"ergon.cli.{module}"), attribute)
+        entry = command_entry(self.table, cmd_name)
+        command = getattr(import_module(f"ergon.cli.{entry.module}"), entry.attribute)
         assert isinstance(command, click.Command)
         if command.epilog is None:
             command.epilog = examples.section(self.path_of(cmd_name))
@@ -143,7 +151,7 @@ class LazyGroup(click.Group):
             with formatter.section(title):
                 formatter.write_dl(
                     [
-                        (f"{name:{name_width}}", command_entry(self.table, name)[2])
+                        (f"{name:{name_width}}", command_entry(self.table, name).help_line)
                         for name in command_names
                     ]
                 )

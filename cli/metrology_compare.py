@@ -170,8 +170,9 @@ def log(console: Console, files: tuple[str, ...]) -> None:
             f"{'date':12}{'M [g]':>10}{'K [N/m]':>10}{'Z [Ns/m]':>10}{'dry [mN]':>10}"
             f"{'moves [um]':>12}{'modes [Hz]':>16}   file\n"
         )
+    first_calibration, _ = calibrations[0]
     for calibration_read, calibration_path in calibrations:
-        replay_rms = replay_difference(calibrations[0][0].parameters, calibration_read.parameters)
+        replay_rms = replay_difference(first_calibration.parameters, calibration_read.parameters)
         figure_values = calibration_read.figures
         if console.json:
             console.record(
