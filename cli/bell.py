@@ -13,7 +13,7 @@ from ergon.workshop.api.bell import bell as find_bell
 from . import options
 from .console import Console, plural
 from .tables import table
-from .units import seconds
+from .units import seconds_text
 
 if TYPE_CHECKING:
     from ergon.workshop.bells.bell import Bell
@@ -91,7 +91,7 @@ def _bell_text(bell: Bell) -> str:
                 if deviation is None
                 else f"{1731.23 * deviation.frequencies[mode_index] / bell.f[mode_index]:.2g} "
                 "cents",
-                seconds(float(bell.t60[mode_index])),
+                seconds_text(float(bell.t60[mode_index])),
                 ""
                 if deviation is None
                 else f"{100.0 * _t60_deviation(bell, mode_index) / bell.t60[mode_index]:.2g} %",

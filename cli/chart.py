@@ -89,10 +89,10 @@ def chart(
     from ergon.workshop.lab.machine import machine
     from ergon.workshop.lab.scene import Score
 
-    chosen_methods = laboratory.words(methods, METHODS, "--methods")
+    chosen_methods = laboratory.parse_choice_list(methods, METHODS, "--methods")
     planned_settings = planner_settings(_error_db_max(error))
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
-    output_stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
+    output_stem = laboratory.output_stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
     chosen_settings = [*settings(chosen_methods, PRECISIONS, upto), *planned_settings]
     total_work = n_frames_to_compute(chosen_settings, round(seconds * piece.rate))
@@ -114,7 +114,7 @@ def chart(
         )
     _report(console, measured_chart)
     table = chart_table.csv(measured_chart, chart_title, machine_text)
-    laboratory.write(
+    laboratory.write_table_and_pictures(
         console, output_stem, table, lambda: draw(measured_chart, chart_title, machine_text), force
     )
     if measured_chart.reference is None:

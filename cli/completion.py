@@ -121,11 +121,11 @@ def _zsh() -> str:
 
 def _fish() -> str:
     from .app import COMMANDS
-    from .lazy import row
+    from .lazy import command_entry
 
     script_lines = [_FISH]
     for command_name in COMMANDS:
-        summary = row(COMMANDS, command_name)[2]
+        summary = command_entry(COMMANDS, command_name).help_line
         script_lines.append(
             f"complete -c ergon -n __fish_use_subcommand -f -a {command_name} -d {_quoted(summary)}"
         )

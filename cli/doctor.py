@@ -115,7 +115,7 @@ def _measure_safety(console: Console) -> None:
     for table_row in rows:
         if not console.json:
             console.data(f"{table_row.fault}  (bound: {faults.bounds_text(table_row)})\n")
-        for table_cell in table_row.cells:
+        for table_cell in table_row.results:
             if table_cell.exceeds:
                 exceeding.append(f"{table_row.fault}, {table_cell.device}")
             if console.json:

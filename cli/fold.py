@@ -10,7 +10,7 @@ import click
 from . import options
 from .console import Console, plural
 from .outcome import check_stdout
-from .units import decibels, level, seconds
+from .units import decibels, level_text, seconds_text
 
 if TYPE_CHECKING:
     from ergon.exchange.wave_header import Bits
@@ -79,9 +79,9 @@ def fold(
             sha256=folded.sha256,
         )
     else:
-        peaks_text = f"peak {level(decibels(folded.peak), 'dBFS')}"
+        peaks_text = f"peak {level_text(decibels(folded.peak), 'dBFS')}"
         if folded.peak:
-            peaks_text += f", true peak {level(decibels(folded.true_peak), 'dBTP')}"
+            peaks_text += f", true peak {level_text(decibels(folded.true_peak), 'dBTP')}"
         channels_text = plural(folded.n_channels, "channel")
-        duration_text = seconds(folded.n_frames / folded.rate)
+        duration_text = seconds_text(folded.n_frames / folded.rate)
         console.say(f"{folded.path}: {channels_text}, {duration_text}, {peaks_text}")

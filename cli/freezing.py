@@ -10,9 +10,9 @@ from ergon.api.options import FileOptions
 from .console import Console, plural
 from .outcome import Refused
 from .summary import print_finer_steps
-from .units import octets, seconds
+from .units import octets_text, seconds_text
 
-_EXCLUDED = ("from_", "until", "stems", "channels", "bits", "hands")
+_EXCLUDED_OPTIONS = ("from_", "until", "stems", "channels", "bits", "hands")
 
 
 def freeze_parts(
@@ -22,10 +22,10 @@ def freeze_parts(
     output_path: str | None,
     file_options: FileOptions,
     *,
-    dry: bool,
+    is_dry_run: bool,
 ) -> None:
     """Compute `parts_text`, names with commas or spaces between them, into a folder."""
-    for name in _EXCLUDED:
+    for name in _EXCLUDED_OPTIONS:
         if getattr(file_options, name) is not None:
             option = f"--{name.strip('_')}"
             raise Refused(f"--freeze writes whole parts as they are, and excludes {option}")
@@ -39,20 +39,20 @@ def freeze_parts(
     }
     freeze_options = FreezeOptions(**shared_fields)
     prepared = prepare(path, part_names, output_path, freeze_options, console)
-    if not dry:
+    if not is_dry_run:
         write(prepared, freeze_options, console)
-    _say(console, prepared, dry=dry)
-    if not dry:
+    _print_summary(console, prepared, is_dry_run=is_dry_run)
+    if not is_dry_run:
         print_finer_steps(console, prepared.stage.simulation)
 
 
-def _say(console: Console, prepared: PreparedFreeze, *, dry: bool) -> None:
+def _print_summary(console: Console, prepared: PreparedFreeze, *, is_dry_run: bool) -> None:
     taps, n_frames = prepared.taps, prepared.n_frames
     n_taps = sum(map(len, taps.values()))
     n_bytes = n_frames * n_taps * 8
     if console.json:
         console.record(
-            "would_freeze" if dry else "frozen",
+            "would_freeze" if is_dry_run else "frozen",
             folder=str(prepared.folder),
             parts=list(taps),
             frames=n_frames,
@@ -60,14 +60,17 @@ def _say(console: Console, prepared: PreparedFreeze, *, dry: bool) -> None:
             disk_bytes=n_bytes,
         )
         return
-    holds_word = "would hold" if dry else "holds"
-    length_text, outputs_text = seconds(n_frames / prepared.stage.rate), plural(n_taps, "output")
+    holds_word = "would hold" if is_dry_run else "holds"
+    length_text, outputs_text = (
+        seconds_text(n_frames / prepared.stage.rate),
+        plural(n_taps, "output"),
+    )
     console.say(
         f"{prepared.folder} {holds_word} {', '.join(taps)}: {length_text}, {outputs_text}, "
-        f"{octets(n_bytes)}"
+        f"{octets_text(n_bytes)}"
     )
     if prepared.stage.fade_start is not None:
-        tail_text = seconds((n_frames - prepared.stage.fade_start) / prepared.stage.rate)
+        tail_text = seconds_text((n_frames - prepared.stage.fade_start) / prepared.stage.rate)
         console.say(
             f"of this, {tail_text} come after the last event, for the tail of the score is `auto` "
             "and "

@@ -19,7 +19,7 @@ from .console import Console, plural
 from .file_info import is_score, print_content, unknown_form_message
 from .outcome import Findings, Refused
 from .tables import table
-from .units import octets, seconds
+from .units import octets_text, seconds_text
 
 if TYPE_CHECKING:
     from ergon.exchange.wave_header import WaveInfo
@@ -100,17 +100,17 @@ def _print_pack(console: Console, path: Path) -> None:
     console.data(f"{path}: {plural(len(files), 'file')}, packed by ergon {pack.version}\n")
     console.data(f"score: {pack.score}\n")
     console.data(
-        table([(name, octets(n_bytes), f"sha256 {digest}") for name, n_bytes, digest in files])
+        table([(name, octets_text(n_bytes), f"sha256 {digest}") for name, n_bytes, digest in files])
     )
 
 
 def _print_sound(console: Console, path: Path, source: str | None, trust: bool) -> None:
-    from ergon.exchange.sound import read_info, survey
+    from ergon.exchange.sound import digest_samples, read_info
     from ergon.exchange.wave_header import NotWaveError
 
     try:
         wav = read_info(path)
-        samples_digest, first_nan_frame = survey(path)
+        samples_digest, first_nan_frame = digest_samples(path)
     except NotWaveError as error:
         raise Refused(f"{path}: {error}") from None
     if console.json:
@@ -156,9 +156,9 @@ def _sound_text(path: Path, wav: WaveInfo, samples_digest: str) -> str:
     bits = wav.format.bits
     bits_text = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
     lines = [
-        f"{path}: {seconds(wav.n_frames / wav.format.rate)} ({wav.n_frames:,} frames), "
+        f"{path}: {seconds_text(wav.n_frames / wav.format.rate)} ({wav.n_frames:,} frames), "
         f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {bits_text}, "
-        f"{wav.container}, {octets(wav.samples_offset + wav.samples_size)}",
+        f"{wav.container}, {octets_text(wav.samples_offset + wav.samples_size)}",
     ]
     if wav.title:
         lines.append(f"title:   {wav.title}")
@@ -174,7 +174,7 @@ def _sound_text(path: Path, wav: WaveInfo, samples_digest: str) -> str:
         f"mark:    {name or 'without a name'}, {frame / wav.format.rate:.3f} s (frame {frame:,})"
         for name, frame in wav.marks
     ]
-    lines += [f"passed over: chunk {name}, {octets(size)}" for name, size in wav.unread_chunks]
+    lines += [f"passed over: chunk {name}, {octets_text(size)}" for name, size in wav.unread_chunks]
     lines.append(f"samples: sha256 {samples_digest}")
     return "\n".join(map(printable, lines)) + "\n"
 
@@ -230,7 +230,7 @@ def _print_score(console: Console, path: str, trust: bool) -> None:
         return
     lines = [
         f"{path}: {piece.title or 'without a title'}",
-        f"  {seconds(duration)}, to {end_text}; {plural(stage.n_channels, 'channel')} at "
+        f"  {seconds_text(duration)}, to {end_text}; {plural(stage.n_channels, 'channel')} at "
         f"{stage.rate:g} Hz; {plural(stage.network.n_mat, 'MAT')}, "
         f"{plural(stage.network.n_lia, 'LIA')}",
     ]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FORMS = ("csv", "svg", "png")
 
 
-def stem(
+def output_stem(
     output_text: str | None,
     source_name: str,
     noun: str,
@@ -37,17 +37,19 @@ def stem(
 
     if output_text is None:
         base = "score" if source_name == STDIN else Path(source_name).stem
-        stem_path = Path(f"{base}-{noun}")
+        checked_stem = Path(f"{base}-{noun}")
     else:
-        stem_path = Path(output_text)
-        if stem_path.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
-            stem_path = stem_path.with_suffix("")
-    for path in targets(stem_path):
+        checked_stem = Path(output_text)
+        if checked_stem.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
+            checked_stem = checked_stem.with_suffix("")
+    for path in targets(checked_stem):
         check_target(path, force=force, inputs=input_files)
-    return stem_path
+    return checked_stem
 
 
-def words(list_text: str | None, allowed_words: Sequence[str], option: str) -> tuple[str, ...]:
+def parse_choice_list(
+    list_text: str | None, allowed_words: Sequence[str], option: str
+) -> tuple[str, ...]:
     """The words of a list `a,b`, each of which must be known; without a text, all known words."""
     if list_text is None:
         return tuple(allowed_words)
@@ -66,13 +68,17 @@ def words(list_text: str | None, allowed_words: Sequence[str], option: str) -> t
 
 @contextmanager
 def workers(
-    on: str | None, path: str | None, loaded: Loaded | None, trust: bool, console: Console
+    cluster_address: str | None,
+    path: str | None,
+    loaded: Loaded | None,
+    trust: bool,
+    console: Console,
 ) -> Iterator[Workers | None]:
     """Other processes that compute points of a chart or map of the score; None without --on.
 
     Raises OptionError and ClusterError.
     """
-    if on is None:
+    if cluster_address is None:
         yield None
         return
     from ergon.api.cluster import open_cluster
@@ -81,22 +87,22 @@ def workers(
 
     if trust:
         raise Refused("--on excludes --trust; leave one of the two out")
-    content = None if path is None or loaded is None else bundle_score(path, loaded)
-    with open_cluster(on, console) as cluster:
-        yield Workers(cluster, content)
+    score_bundle = None if path is None or loaded is None else bundle_score(path, loaded)
+    with open_cluster(cluster_address, console) as cluster:
+        yield Workers(cluster, score_bundle)
 
 
-def write(
-    console: Console, stem: Path, table_text: str, draw: Callable[[], Figure], force: bool
+def write_table_and_pictures(
+    console: Console, output_stem: Path, table_text: str, draw: Callable[[], Figure], force: bool
 ) -> None:
     """Write the table and the pictures; without matplotlib, the table alone, then raise Refused."""
     from ergon.exchange.safe import file_group
     from ergon.workshop.lab.pictures import MatplotlibMissingError, pictures, targets
 
-    csv_path, matplotlib_error = targets(stem)[0], None
+    csv_path, matplotlib_error = targets(output_stem)[0], None
     content_by_path = {csv_path: table_text.encode()}
     try:
-        content_by_path |= pictures(draw, stem)
+        content_by_path |= pictures(draw, output_stem)
     except MatplotlibMissingError as error:
         matplotlib_error = error
     with file_group(force=force) as files:

@@ -9,7 +9,7 @@ import click
 from . import options
 from .console import Console, plural
 from .outcome import DeviceMissing, Refused
-from .units import seconds as as_seconds
+from .units import seconds_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -113,7 +113,7 @@ def _write(
         console.record("wrote", file=output_path, channels=n_channels, seconds=total_seconds)
     else:
         console.say(
-            f"wrote {output_path}: {plural(n_channels, 'channel')}, {as_seconds(total_seconds)}"
+            f"wrote {output_path}: {plural(n_channels, 'channel')}, {seconds_text(total_seconds)}"
         )
 
 

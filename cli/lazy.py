@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -17,10 +17,18 @@ ROOT = "ergon"  # the name of the group of all commands
 _HELP_ADVICE = "`ergon help` lists all commands"
 
 
-def row(table: Table, name: str) -> tuple[str, str, str]:
+class CommandEntry(NamedTuple):
     """The module of a command, its attribute there, and its line of help."""
+
+    module: str
+    attribute: str
+    help_line: str
+
+
+def command_entry(table: Table, name: str) -> CommandEntry:
+    """The entry of a command in a table."""
     entry = table[name]
-    return (name, name, entry) if isinstance(entry, str) else entry
+    return CommandEntry(name, name, entry) if isinstance(entry, str) else CommandEntry(*entry)
 
 
 class LazyGroup(click.Group):
@@ -48,8 +56,8 @@ class LazyGroup(click.Group):
         """Import and return a command; None when there is no such name."""
         if cmd_name not in self.table:
             return None
-        module, attribute, _ = row(self.table, cmd_name)
-        command = getattr(import_module(f"ergon.cli.{module}"), attribute)
+        entry = command_entry(self.table, cmd_name)
+        command = getattr(import_module(f"ergon.cli.{entry.module}"), entry.attribute)
         assert isinstance(command, click.Command)
         if command.epilog is None:
             command.epilog = examples.section(self.path_of(cmd_name))
@@ -76,7 +84,7 @@ class LazyGroup(click.Group):
         except click.NoSuchOption as error:
             if self.name != ROOT:
                 raise
-            message = self._misplaced(argument_words, error)
+            message = self._misplaced_option_message(argument_words, error)
             raise click.UsageError(message, ctx) from None
 
     def resolve_command(
@@ -87,7 +95,7 @@ class LazyGroup(click.Group):
         """
         command_name = args[0]
         if command_name not in self.table and not command_name.startswith("-"):
-            raise click.UsageError(self._unknown(args), ctx)
+            raise click.UsageError(self._unknown_command_message(args), ctx)
         resolved_name, command, command_words = super().resolve_command(ctx, args)
         if command is not None and not isinstance(command, click.Group):
             names = (word for option in command.params for word in option.opts)
@@ -98,7 +106,7 @@ class LazyGroup(click.Group):
             command_words = renamed.respelt(self.path_of(command_name), command_words)
         return resolved_name, command, command_words
 
-    def _misplaced(self, command_words: list[str], error: click.NoSuchOption) -> str:
+    def _misplaced_option_message(self, command_words: list[str], error: click.NoSuchOption) -> str:
         if line := habits.reordered(command_words, self.table):
             return f"the command comes first: {line}"
         if advised_line := habits.instead(command_words[:1]):
@@ -110,7 +118,7 @@ class LazyGroup(click.Group):
             )
         return f"{error.format_message()} {_HELP_ADVICE}."
 
-    def _unknown(self, args: list[str]) -> str:
+    def _unknown_command_message(self, args: list[str]) -> str:
         from ergon.notation.text.spelling import nearest
 
         from . import manual
@@ -142,5 +150,8 @@ class LazyGroup(click.Group):
         for title, command_names in self.sections.items():
             with formatter.section(title):
                 formatter.write_dl(
-                    [(f"{name:{name_width}}", row(self.table, name)[2]) for name in command_names]
+                    [
+                        (f"{name:{name_width}}", command_entry(self.table, name).help_line)
+                        for name in command_names
+                    ]
                 )

@@ -22,7 +22,7 @@ _BYTES_MAX = 1 << 20  # largest calibration file
 _DEVIATIONS_MAX = 3.0  # standard deviations: a larger difference is not chance
 
 
-def calibration(calibration_path: str) -> Calibration:
+def read_calibration(calibration_path: str) -> Calibration:
     """Read a calibration that ergon metrology has written. Raises Refused if it is not one."""
     from ergon.workshop.metrology.calibration_file import read
     from ergon.workshop.metrology.gesture import MeasurementError
@@ -42,9 +42,9 @@ def calibration(calibration_path: str) -> Calibration:
 
 @click.command()
 @click.argument("first_path", metavar="A")
-@click.argument("other", metavar="B")
+@click.argument("second_path", metavar="B")
 @options.with_console
-def compare(console: Console, first_path: str, other: str) -> None:
+def compare(console: Console, first_path: str, second_path: str) -> None:
     """Compare two calibrations: figure by figure, and how differently the two keys move.
 
     The replay difference is the rms of the difference of both models under one gesture of knocks: a
@@ -53,7 +53,10 @@ def compare(console: Console, first_path: str, other: str) -> None:
     """
     from ergon.workshop.metrology.comparison import chi_squared, differences, replay_difference
 
-    first_calibration, second_calibration = calibration(first_path), calibration(other)
+    first_calibration, second_calibration = (
+        read_calibration(first_path),
+        read_calibration(second_path),
+    )
     figure_differences = differences(first_calibration, second_calibration)
     chi_square, n_figures = chi_squared(first_calibration, second_calibration)
     replay_rms = replay_difference(first_calibration.parameters, second_calibration.parameters)
@@ -127,7 +130,7 @@ def _print_judgement(
     deviating = sorted(
         (pair for pair in deviations if pair[0] > _DEVIATIONS_MAX), key=lambda pair: -pair[0]
     )
-    without_deviation = [
+    in_one_file_only = [
         _figure_name(difference)
         for difference in figure_differences
         if difference.first_value is None or difference.second_value is None
@@ -139,8 +142,8 @@ def _print_judgement(
         console.say(f"more than {_DEVIATIONS_MAX:g} standard deviations apart: {deviating_text}")
     elif deviations:
         console.say(f"no figure differs by more than {_DEVIATIONS_MAX:g} standard deviations")
-    if without_deviation:
-        console.say(f"only one has {', '.join(without_deviation)}")
+    if in_one_file_only:
+        console.say(f"only one has {', '.join(in_one_file_only)}")
     if n_figures:
         console.say(
             f"chi squared {chi_square:.3g} of {n_figures} figures with their covariance; of one "
@@ -159,7 +162,7 @@ def log(console: Console, files: tuple[str, ...]) -> None:
     from ergon.workshop.metrology.comparison import replay_difference
 
     calibrations = sorted(
-        ((calibration(file), file) for file in files),
+        ((read_calibration(file), file) for file in files),
         key=lambda calibration_and_file: calibration_and_file[0].date,
     )
     if not console.json:
@@ -167,8 +170,9 @@ def log(console: Console, files: tuple[str, ...]) -> None:
             f"{'date':12}{'M [g]':>10}{'K [N/m]':>10}{'Z [Ns/m]':>10}{'dry [mN]':>10}"
             f"{'moves [um]':>12}{'modes [Hz]':>16}   file\n"
         )
+    first_calibration, _ = calibrations[0]
     for calibration_read, calibration_path in calibrations:
-        replay_rms = replay_difference(calibrations[0][0].parameters, calibration_read.parameters)
+        replay_rms = replay_difference(first_calibration.parameters, calibration_read.parameters)
         figure_values = calibration_read.figures
         if console.json:
             console.record(
@@ -205,7 +209,7 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
     from ergon.workshop.metrology.gesture import MeasurementError
 
     try:
-        measured_gains = gains(calibration(plain), calibration(loaded), mass)
+        measured_gains = gains(read_calibration(plain), read_calibration(loaded), mass)
     except MeasurementError as error:
         raise Refused(str(error)) from None
     if console.json:
@@ -236,7 +240,7 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
         console.data(f"the motor gives {_gain_text(measured_gains['force'])} N for a newton\n")
 
 
-def _gain_text(gain: Gain, times: float = 1.0) -> str:
+def _gain_text(gain: Gain, scale: float = 1.0) -> str:
     """A figure and its standard deviation."""
-    text = f"{times * gain.value:.5g}"
-    return text if gain.deviation is None else f"{text} ± {times * gain.deviation:.2g}"
+    text = f"{scale * gain.value:.5g}"
+    return text if gain.deviation is None else f"{text} ± {scale * gain.deviation:.2g}"

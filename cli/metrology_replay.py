@@ -11,7 +11,7 @@ import click
 
 from . import metrology_score, options
 from .console import Console
-from .metrology_compare import calibration
+from .metrology_compare import read_calibration
 from .metrology_fit import gesture, write_texts
 from .options import Quantity
 from .outcome import Refused
@@ -72,7 +72,7 @@ def replay(
     from ergon.workshop.metrology import comparison
     from ergon.workshop.metrology.gesture import sensor_noise, sensor_step
 
-    key_calibration = calibration(file)
+    key_calibration = read_calibration(file)
     if output is not None:
         check_target(Path(output), force=force, inputs=[Path(file)])
     is_take = Path(real).is_file()

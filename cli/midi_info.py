@@ -11,7 +11,7 @@ from ergon.common.terminal import printable
 
 from .console import Console, plural
 from .outcome import Refused
-from .units import seconds
+from .units import seconds_text
 
 if TYPE_CHECKING:
     from ergon.scores.gesture.midi_survey import MidiSurvey, MidiTrack
@@ -70,7 +70,7 @@ def midi(console: Console, path: Path) -> None:
         )
         return
     lines = [
-        f"{path}: MIDI file of format {midi_survey.format}, {seconds(duration)} "
+        f"{path}: MIDI file of format {midi_survey.format}, {seconds_text(duration)} "
         f"({midi_survey.length:g} quarters of {plural(midi_survey.ticks_per_quarter, 'tick')}), "
         f"{plural(len(midi_survey.tracks), 'track')}"
     ]

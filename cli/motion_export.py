@@ -11,7 +11,7 @@ from . import options
 from .console import Console
 from .motion_info import read
 from .outcome import Refused
-from .units import seconds
+from .units import seconds_text
 
 if TYPE_CHECKING:
     from typing import BinaryIO
@@ -90,7 +90,7 @@ def export(
         )
     else:
         verb = "would write" if dry else "wrote"
-        duration_text = seconds(motion.duration)
+        duration_text = seconds_text(motion.duration)
         console.say(
             f"{verb} {output}: {point_count:,} points at {n_instants:,} instants, {duration_text}"
         )

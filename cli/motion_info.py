@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from .console import Console, plural
 from .outcome import Refused
-from .units import octets, seconds
+from .units import octets_text, seconds_text
 
 if TYPE_CHECKING:
     from ergon._core import Motion
@@ -75,8 +75,8 @@ def motion(console: Console, path: Path) -> None:
         )
         return
     info_lines = [
-        f"{path}: {seconds(archive.duration)} at {manifest['fps']:g} frames a second, "
-        f"{plural(sum(points_by_part), 'point')}, {octets(n_file_bytes)}, {file_state}"
+        f"{path}: {seconds_text(archive.duration)} at {manifest['fps']:g} frames a second, "
+        f"{plural(sum(points_by_part), 'point')}, {octets_text(n_file_bytes)}, {file_state}"
     ]
     if manifest.get("title"):
         info_lines.append(f"title:   {manifest['title']}")

@@ -9,7 +9,7 @@ from ergon.api.options import ReadOptions
 from . import options
 from .console import Console, plural
 from .outcome import check_stdout
-from .units import octets
+from .units import octets_text
 
 
 @click.command()
@@ -35,6 +35,8 @@ def pack(console: Console, score_path: str, output: str | None, force: bool, tru
         console.record("packed", file=packed.path, **fields)
         return
     for name, data in sorted(packed_files.items()):
-        console.detail(f"{name}: {octets(len(data))}")
+        console.detail(f"{name}: {octets_text(len(data))}")
     if packed.path != "-":
-        console.say(f"{packed.path}: {plural(len(packed_files), 'file')}, {octets(packed.size)}")
+        console.say(
+            f"{packed.path}: {plural(len(packed_files), 'file')}, {octets_text(packed.size)}"
+        )

@@ -105,15 +105,15 @@ def plan(
             highest_modes=dict(accuracy_plan.highest_modes),
         )
         if worker_shares is not None:
-            dearest = worker_shares.dearest
+            costliest_piece = worker_shares.costliest_piece
             console.record(
                 "shares",
                 workers=list(worker_shares.loads),
-                home=worker_shares.home,
-                longest=worker_shares.longest,
-                bound=worker_shares.bound,
-                dearest=None if dearest is None else list(dearest.parts),
-                dearest_cost=None if dearest is None else dearest.cost,
+                home=worker_shares.home_load,
+                longest=worker_shares.largest_load,
+                bound=worker_shares.speedup_max,
+                dearest=None if costliest_piece is None else list(costliest_piece.parts),
+                dearest_cost=None if costliest_piece is None else costliest_piece.cost,
             )
     elif why is not None:
         console.data(
@@ -132,27 +132,28 @@ def plan(
 
 def _shares_text(worker_shares: Shares) -> str:
     """The loads of the processes, and what bounds the time."""
-    if worker_shares.dearest is None:
+    if worker_shares.costliest_piece is None:
         return "nothing to share: banks, and what costs less than its sound, are computed here\n"
-    speed_up = worker_shares.total / worker_shares.longest
+    speed_up = worker_shares.total / worker_shares.largest_load
     loads_text = f"on {plural(worker_shares.count, 'worker')}: "
     loads_text += ", ".join(f"{load:.2g}" for load in worker_shares.loads[:_LOADS_SHOWN_MAX])
     loads_text += (
         f"{', …' if worker_shares.count > _LOADS_SHOWN_MAX else ''}; here "
-        f"{worker_shares.home:.2g}, and the mix; "
+        f"{worker_shares.home_load:.2g}, and the mix; "
     )
     loads_text += f"{speed_up:.1f} times as fast as one, "
-    if worker_shares.home > worker_shares.dearest.cost:
+    if worker_shares.home_load > worker_shares.costliest_piece.cost:
         return (
-            f"{loads_text}never more than {worker_shares.bound:.1f} times: the rest is computed "
-            "here\n"
+            f"{loads_text}never more than {worker_shares.speedup_max:.1f} times: the rest is "
+            "computed here\n"
         )
-    part_names = " + ".join(worker_shares.dearest.parts[:_PARTS_SHOWN_MAX])
-    ellipsis = ", …" if len(worker_shares.dearest.parts) > _PARTS_SHOWN_MAX else ""
+    part_names = " + ".join(worker_shares.costliest_piece.parts[:_PARTS_SHOWN_MAX])
+    ellipsis = ", …" if len(worker_shares.costliest_piece.parts) > _PARTS_SHOWN_MAX else ""
     loads_text += (
-        f"never more than {worker_shares.bound:.1f} times: {part_names}{ellipsis} cannot be split "
+        f"never more than {worker_shares.speedup_max:.1f} times: {part_names}{ellipsis} cannot be "
+        "split "
     )
-    return f"{loads_text}(cost {worker_shares.dearest.cost:.2g})\n"
+    return f"{loads_text}(cost {worker_shares.costliest_piece.cost:.2g})\n"
 
 
 def _rows_of(plan_rows: list[PlanRow], module: str) -> list[PlanRow]:

@@ -93,16 +93,16 @@ def _plot_notes(
 ) -> None:
     """Draw the notes of a piece: a line for each, as high as its pitch."""
     from ergon.view.curve import Curve
-    from ergon.view.roll import heights, picture
+    from ergon.view.roll import note_heights_and_lanes, notes_svg
 
     notes, bars, plot_title = struck_bars(loaded, console)
     if console.json:
         for note in notes:
             console.record("note", **asdict(note))
     if svg is not None:
-        _write(console, svg, picture(bars, title=plot_title), force, loaded.inputs)
+        _write(console, svg, notes_svg(bars, title=plot_title), force, loaded.inputs)
     elif not console.json:
-        keys, lanes = heights(bars)
+        keys, lanes = note_heights_and_lanes(bars)
         instants = [instant for note in notes for instant in (note.begin, note.end, note.end)]
         curve_heights = [key_or_gap for key in keys for key_or_gap in (key, key, nan)]
         axis_label = "time [s]; upwards keys of MIDI, 60 is C4"

@@ -91,7 +91,7 @@ def render(
 
         if watch or file_options.motion:
             raise Refused(f"--freeze excludes {'--watch' if watch else '--motion'}")
-        freeze_parts(console, score_path, freeze, output, file_options, dry=dry)
+        freeze_parts(console, score_path, freeze, output, file_options, is_dry_run=dry)
     elif watch:
         _watch(console, score_path, output, file_options)
     else:

@@ -11,7 +11,7 @@ from ergon.api.simulate import never_closed_warnings, never_stuck_warnings, simu
 from ergon.api.strokes import closed_once_warnings
 
 from .console import Console, plural
-from .units import metres
+from .units import metres_text
 
 if TYPE_CHECKING:
     from ergon.rendering.follow import GestureFidelity
@@ -45,7 +45,7 @@ def _print_swings(console: Console, excursions: Sequence[Excursion]) -> None:
                 "swing", mass=excursion.point.name, low_m=excursion.low, high_m=excursion.high
             )
         elif excursion.high > excursion.low:
-            low, high = metres(excursion.low), metres(excursion.high)
+            low, high = metres_text(excursion.low), metres_text(excursion.high)
             console.data(f"{excursion.point.name}: from {low} to {high}\n")
         else:
             console.data(f"{excursion.point.name}: does not move\n")
@@ -72,7 +72,7 @@ def _print_contacts(
                 f"{closings.contact.name} ({contact_names}): closed "
                 f"{plural(closings.n_closings, 'time')}, first "
                 "at "
-                f"{first_contact}, {metres(closings.depth_max)} deep at most\n"
+                f"{first_contact}, {metres_text(closings.depth_max)} deep at most\n"
             )
 
 
@@ -108,8 +108,8 @@ def _print_followed(console: Console, piece: Piece, fidelities: Sequence[Gesture
             gesture_words += "followed exactly"
         else:
             gesture_words += (
-                f"followed within {metres(fidelity.rms)} rms, worst {metres(fidelity.worst)} at "
-                f"{instant_text}"
+                f"followed within {metres_text(fidelity.rms)} rms, worst "
+                f"{metres_text(fidelity.worst)} at {instant_text}"
             )
             gesture_words += f", pushed by {fidelity.pushed_by}" if fidelity.pushed_by else ""
         if fidelity.missed:
@@ -119,5 +119,5 @@ def _print_followed(console: Console, piece: Piece, fidelities: Sequence[Gesture
         console.data(gesture_words + "\n")
         console.detail(
             f"  {plural(fidelity.n_ergons, 'ergon')}, the strongest {fidelity.strongest:.3g} m/s; "
-            f"free key from {metres(fidelity.low)} to {metres(fidelity.high)}"
+            f"free key from {metres_text(fidelity.low)} to {metres_text(fidelity.high)}"
         )

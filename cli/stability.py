@@ -110,7 +110,7 @@ def stability(
         None if score_path is None else score.read(score_path, ReadOptions(trust=trust), console)
     )
     inputs = () if loaded is None else loaded.inputs
-    stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
+    stem = laboratory.output_stem(output, score_path or method, "stability", force, inputs)
     survey_settings = (method, seconds, accurate, metric_name)
     maps, plot_title = _maps(loaded, Path(score_path or "").stem, map_names, survey_settings)
     total_spots = sum(drawn_map.n_spots for drawn_map in maps.values())
@@ -124,7 +124,9 @@ def stability(
     else:
         console.data(map_table.lines(surveys))
     table = map_table.csv(surveys, f"{method}, {plot_title}")
-    laboratory.write(console, stem, table, lambda: draw(surveys, plot_title), force)
+    laboratory.write_table_and_pictures(
+        console, stem, table, lambda: draw(surveys, plot_title), force
+    )
 
 
 def _maps(
@@ -138,7 +140,7 @@ def _maps(
     piece = None if loaded is None else score.piece_of(loaded)
     method_names, seconds, accurate, metric = survey_settings
     available_maps = map_catalogue.maps(method_names, piece, seconds, accurate, metric)
-    chosen_maps = laboratory.words(map_names, tuple(available_maps), "--maps")
+    chosen_maps = laboratory.parse_choice_list(map_names, tuple(available_maps), "--maps")
     condition = "it makes no energy" if metric == "energy" else "its sound is right"
     picture_title = f"where {method_names} is stable, and where {condition}"
     if piece is not None:

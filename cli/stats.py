@@ -18,7 +18,7 @@ from .console import Console, plural
 from .outcome import Refused
 from .recording import SUFFIX
 from .tables import table
-from .units import metres, seconds
+from .units import metres_text, seconds_text
 
 _SHARES_SHOWN_MAX = 3  # shares of modes that are printed for a point
 
@@ -128,7 +128,9 @@ def _points_text(part_stats: PartStats) -> str:
     ]
     for struck_point in part_stats.points:
         bound_text = (
-            "no bound" if math.isinf(struck_point.compliance) else metres(struck_point.compliance)
+            "no bound"
+            if math.isinf(struck_point.compliance)
+            else metres_text(struck_point.compliance)
         )
         mean = f"{struck_point.centroid:.1f} Hz"
         table_rows.append(
@@ -168,7 +170,7 @@ def _kilograms(mass_kg: float) -> str:
 
 
 def _seconds(value: float) -> str:
-    return "no loss" if math.isinf(value) else seconds(value)
+    return "no loss" if math.isinf(value) else seconds_text(value)
 
 
 def _record(console: Console, part_stats: PartStats) -> None:

@@ -12,7 +12,7 @@ from ergon.common.terminal import printable
 from .console import Console, plural
 from .outcome import Refused
 from .recording import NAMES_MAX
-from .units import metres, seconds
+from .units import metres_text, seconds_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,7 +45,7 @@ def print_hand_stats(console: Console, path: str, hands: tuple[str, ...], cutoff
 def _lines(hand: HandStats) -> Iterator[str]:
     lost = f"{hand.n_lost:,} lost" if hand.n_lost else "none lost"
     missed_text = f", {hand.n_held:,} without a new position" if hand.n_held else ""
-    duration_text = "" if hand.movement is None else f"{seconds(hand.movement.duration)}, "
+    duration_text = "" if hand.movement is None else f"{seconds_text(hand.movement.duration)}, "
     yield (
         f"{hand.hand[:NAMES_MAX]}: {duration_text}{plural(hand.n_ticks, 'tick')}, "
         f"{lost}{missed_text}"
@@ -58,13 +58,13 @@ def _lines(hand: HandStats) -> Iterator[str]:
 
 def _movement_lines(movement: MovementStats) -> Iterator[str]:
     yield (
-        f"  position      {metres(movement.low)} to {metres(movement.high)}, rms "
-        f"{metres(movement.rms)} about "
-        f"its mean; {metres(movement.path)} in all"
+        f"  position      {metres_text(movement.low)} to {metres_text(movement.high)}, rms "
+        f"{metres_text(movement.rms)} about "
+        f"its mean; {metres_text(movement.path)} in all"
     )
     yield (
-        f"  speed         peak {metres(movement.speed_peak)}/s, rms {metres(movement.speed_rms)}/s "
-        f"below {movement.cutoff:g} Hz"
+        f"  speed         peak {metres_text(movement.speed_peak)}/s, rms "
+        f"{metres_text(movement.speed_rms)}/s below {movement.cutoff:g} Hz"
     )
     yield (
         f"  acceleration  peak {movement.acceleration_peak:.3g} m/s², rms "

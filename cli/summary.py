@@ -10,7 +10,7 @@ from ergon.rendering.balance import dominant_instrument
 from ergon.rendering.loudness import TRUE_PEAK_DB_MAX
 
 from .console import Console, plural
-from .units import decibels, level, loudness_of, octets, seconds
+from .units import decibels, level_text, loudness_of, octets_text, seconds_text
 
 if TYPE_CHECKING:
     from ergon.api.render import Completed
@@ -92,16 +92,16 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
     loudness_text = loudness_of(mix.loudness, mix.peak, duration)
     shown_hash = mix.sha256 if console.verbose else mix.sha256[:_HASH_DIGITS_SHOWN]
     console.say(
-        f"{_name_of(mix)}: {seconds(duration)}, {channels_text}, {speed:.3g} × real "
-        f"time{recalled_text}, "
-        f"peak {level(peak, 'dBFS')}, true peak {level(decibels(mix.true_peak), 'dBTP')}, "
+        f"{_name_of(mix)}: {seconds_text(duration)}, {channels_text}, {speed:.3g} × real "
+        f"time{recalled_text}, peak {level_text(peak, 'dBFS')}, true peak "
+        f"{level_text(decibels(mix.true_peak), 'dBTP')}, "
         f"loudness {loudness_text}{gain_text}, sha256 {shown_hash}"
     )
     if job.start == 0 and not job.is_part:
         _say_if_quieter(console, job.level, mix)
     for instrument in render_files.instruments:
         console.say(
-            f"{instrument.name}: peak {level(decibels(instrument.peak), 'dBFS')}, "
+            f"{instrument.name}: peak {level_text(decibels(instrument.peak), 'dBFS')}, "
             f"loudness {loudness_of(instrument.loudness, instrument.peak, duration)}"
         )
     if (dominant := dominant_instrument(render_files.instruments)) is not None:
@@ -111,10 +111,10 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
             "lower the gain of its route, or raise the others'"
         )
     if job.motion is not None:
-        motion_length = seconds(job.motion.last_sample_frame / job.format.rate)
+        motion_length = seconds_text(job.motion.last_sample_frame / job.format.rate)
         console.say(f"{job.motion.path}: what moves, {motion_length}")
     for stem in render_files.stems:
-        console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
+        console.say(f"{stem.path}: peak {level_text(decibels(stem.peak), 'dBFS')}")
 
 
 def _warn_of_levels(console: Console, completed: Completed) -> None:
@@ -226,10 +226,10 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     bound_text = "at most " if job.has_open_end else ""
     n_module_steps = simulated * (stage.network.n_mat + stage.network.n_lia)
     job_lines = [
-        f"{job.target}: {bound_text}{seconds(job.n_frames / job.format.rate)}, {channels_text}, "
-        f"{format_text}",
-        f"disk: {octets(output_bytes)} in {plural(n_files, 'file')}, {octets(n_bytes_kept)} more "
-        "while it runs",
+        f"{job.target}: {bound_text}{seconds_text(job.n_frames / job.format.rate)}, "
+        f"{channels_text}, {format_text}",
+        f"disk: {octets_text(output_bytes)} in {plural(n_files, 'file')}, "
+        f"{octets_text(n_bytes_kept)} more while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{simulated:,} frames, {n_module_steps:.3g} module-steps",
         f"stability: {guarantee}, as planned; {_plain_stability(margin)}",

@@ -14,7 +14,7 @@ from . import options
 from .console import Console, plural
 from .outcome import Refused
 from .recording import NAMES_MAX, SUFFIX, read_quietly
-from .units import metres, seconds
+from .units import metres_text, seconds_text
 
 if TYPE_CHECKING:
     from ergon._core import Recording
@@ -79,9 +79,8 @@ def _recording(console: Console, path: Path) -> None:
         return
     rate = hand_recording.rate / hand_recording.frames
     lines = [
-        f"{path}: {seconds(hand_recording.duration)}, {plural(len(ticks), 'tick')} at {rate:.2f} "
-        "Hz "
-        f"({hand_recording.frames} frames of {hand_recording.rate:g} Hz)"
+        f"{path}: {seconds_text(hand_recording.duration)}, {plural(len(ticks), 'tick')} at "
+        f"{rate:.2f} Hz ({hand_recording.frames} frames of {hand_recording.rate:g} Hz)"
     ]
     if first_instant is not None:
         lines.append(f"  begins {first_instant:.3f} s into the piece")
@@ -90,7 +89,7 @@ def _recording(console: Console, path: Path) -> None:
         if axis["key"] and axis["key"] != axis["name"]:
             words.append(f" on {axis['key']}")
         if len(ticks):
-            words.append(f": {metres(axis['low'])} … {metres(axis['high'])}")
+            words.append(f": {metres_text(axis['low'])} … {metres_text(axis['high'])}")
             words.append(f", force up to {axis['force_n']:.3g} N")
             if axis["tripped"]:
                 words.append(f", limiter tripped in {plural(axis['tripped'], 'tick')}")
@@ -162,7 +161,7 @@ def _table(console: Console, path: Path) -> None:
         return
     length_texts = [plural(table.n_rows, "sample")]
     if duration and rate:
-        length_texts.append(f"{seconds(duration)}, {rate:.3g} Hz on average")
+        length_texts.append(f"{seconds_text(duration)}, {rate:.3g} Hz on average")
     lines = [f"{path}: " + ", ".join(length_texts)]
     lines += [
         f"  {channel.name}: {channel.low_value:g} … {channel.high_value:g}, "

@@ -12,7 +12,7 @@ from . import options
 from .console import Console, plural
 from .outcome import Outcome, Refused
 from .recording import NAMES_MAX, SUFFIX, read_quietly
-from .units import seconds
+from .units import seconds_text
 
 _DEFAULT_FOLDER = "takes"
 
@@ -57,7 +57,7 @@ def _tell(console: Console, path: Path) -> None:
             finished=recording.finished,
         )
         return
-    recording_words = [", ".join(recording.names), seconds(recording.duration)]
+    recording_words = [", ".join(recording.names), seconds_text(recording.duration)]
     if recording.events:
         recording_words.append(plural(len(recording.events), "event"))
     if recording.damage is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 
-def metres(length_metres: float) -> str:
+def metres_text(length_metres: float) -> str:
     """A length with three digits in the unit that suits it."""
     for factor, unit in ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm")):
         if abs(length_metres) >= factor:
@@ -22,7 +22,7 @@ def decibels(ratio: float) -> float:
 _LOUDNESS_BLOCK, _LOUDNESS_GATE = 0.4, -70.0
 
 
-def level(value: float, unit: str) -> str:
+def level_text(value: float, unit: str) -> str:
     """`-1.0 dBFS`; silence says so."""
     return "silent" if value == -math.inf else f"{value:.1f} {unit}"
 
@@ -30,20 +30,20 @@ def level(value: float, unit: str) -> str:
 def loudness_of(loudness_lufs: float, peak: float, duration: float) -> str:
     """`-18.2 LUFS` of a sound with a `peak` (ratio) and a duration [s], or why it has none."""
     if loudness_lufs > -math.inf or peak == 0.0:
-        return level(loudness_lufs, "LUFS")
+        return level_text(loudness_lufs, "LUFS")
     if duration < _LOUDNESS_BLOCK:
         return f"not measured (shorter than {_LOUDNESS_BLOCK:g} s)"
     return f"below {_LOUDNESS_GATE:g} LUFS"
 
 
-def seconds(duration_seconds: float) -> str:
+def seconds_text(duration_seconds: float) -> str:
     """`33.5 s` or `4 min 07 s`."""
     if duration_seconds < 120:
         return f"{duration_seconds:.3g} s"
     return f"{int(duration_seconds // 60)} min {int(duration_seconds % 60):02} s"
 
 
-def octets(byte_count: float) -> str:
+def octets_text(byte_count: float) -> str:
     """`3.1 MB`, in powers of ten as disks are sold."""
     for unit in ("bytes", "kB", "MB", "GB", "TB"):
         if byte_count < 1000 or unit == "TB":

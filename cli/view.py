@@ -14,7 +14,7 @@ from .bundled import ScorePath
 from .console import Console
 from .outcome import Refused
 from .signals import until_interrupted
-from .units import seconds
+from .units import seconds_text
 
 if TYPE_CHECKING:
     from ergon.api.render import PreparedRender
@@ -221,7 +221,7 @@ def _film(console: Console, maker: MovieMaker, shown: Shown) -> None:
     console.say(
         f"{film_made.path}: {film_made.n_pictures:,} pictures of "
         f"{film_made.width}x{film_made.height}, "
-        f"{seconds(film_made.seconds)}, {sound_words}"
+        f"{seconds_text(film_made.seconds)}, {sound_words}"
     )
 
 

@@ -28,7 +28,7 @@ Made by core-rs/third_party.py.
 """
 
 
-def metadata() -> dict[str, Any]:
+def cargo_metadata() -> dict[str, Any]:
     """What cargo knows of all packages."""
     command = ["cargo", "metadata", "--format-version", "1", "--locked"]
     done = subprocess.run(command, cwd=_ROOT, capture_output=True, check=True)
@@ -36,7 +36,7 @@ def metadata() -> dict[str, Any]:
     return metadata_json
 
 
-def linked(metadata_json: dict[str, Any]) -> list[dict[str, Any]]:
+def linked_packages(metadata_json: dict[str, Any]) -> list[dict[str, Any]]:
     """Packages that are linked in, in order of their names."""
     packages = {package["id"]: package for package in metadata_json["packages"]}
     nodes = {node["id"]: node for node in metadata_json["resolve"]["nodes"]}
@@ -50,11 +50,11 @@ def linked(metadata_json: dict[str, Any]) -> list[dict[str, Any]]:
             if is_linked and not is_macro and dependency["pkg"] not in seen:
                 seen.add(dependency["pkg"])
                 waiting.append(dependency["pkg"])
-    others = (packages[key] for key in seen if packages[key]["source"] is not None)
-    return sorted(others, key=lambda package: (package["name"], package["version"]))
+    third_party_packages = (packages[key] for key in seen if packages[key]["source"] is not None)
+    return sorted(third_party_packages, key=lambda package: (package["name"], package["version"]))
 
 
-def texts(package: dict[str, Any]) -> Iterator[str]:
+def licence_texts_of(package: dict[str, Any]) -> Iterator[str]:
     """What licence files a package ships."""
     folder = Path(package["manifest_path"]).parent
     files = {path for pattern in _TEXTS for path in folder.glob(pattern) if path.is_file()}
@@ -65,15 +65,15 @@ def texts(package: dict[str, Any]) -> Iterator[str]:
         yield "\n".join(line.rstrip() for line in text.strip("\n").split("\n"))
 
 
-def page(packages: list[dict[str, Any]]) -> str:
+def licence_page(packages: list[dict[str, Any]]) -> str:
     """The whole file."""
     by_text: dict[str, list[str]] = {}
     rows = []
     for package in packages:
         name = f"{package['name']} {package['version']}"
-        by = ", ".join(author.split(" <")[0] for author in package["authors"])
-        row = f"{name}: {package['license'] or 'see below'}{f', by {by}' if by else ''}"
-        licence_texts = [*texts(package)]
+        authors = ", ".join(author.split(" <")[0] for author in package["authors"])
+        row = f"{name}: {package['license'] or 'see below'}{f', by {authors}' if authors else ''}"
+        licence_texts = [*licence_texts_of(package)]
         rows.append(row if licence_texts else f"{row} (it ships no text of its licence)")
         for text in licence_texts:
             by_text.setdefault(text, []).append(name)
@@ -84,4 +84,4 @@ def page(packages: list[dict[str, Any]]) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(page(linked(metadata())), encoding="utf-8")
+    Path(sys.argv[1]).write_text(licence_page(linked_packages(cargo_metadata())), encoding="utf-8")

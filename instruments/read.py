@@ -211,7 +211,7 @@ def instrument_table(instrument_form: Form) -> Record:
         "a CORDIS-ANIMA network",
         instrument_fields,
         kinds=kinds,
-        elsewhere=_FIELDS_ELSEWHERE,
+        advice_by_name=_FIELDS_ELSEWHERE,
     )
 
 

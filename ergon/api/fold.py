@@ -15,7 +15,7 @@ from ergon.exchange.wave_header import ORIGINATOR, Bits, NotWaveError
 from ergon.rendering.loudness import gain_to_peak
 
 from .errors import OptionError
-from .gain import asked_gain
+from .gain import parse_gain
 from .options import PerformanceOptions
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def _fold_gain(
     fold_options: FoldOptions, format: WaveFormat, peak: float, true_peak: float
 ) -> float:
     """The gain (a ratio) of a fold: as asked, or less where it would clip. Raises OptionError."""
-    gain = 1.0 if fold_options.gain is None else asked_gain(fold_options.gain)
+    gain = 1.0 if fold_options.gain is None else parse_gain(fold_options.gain)
     if format.bits == "float" or gain * peak <= 1.0:
         return gain
     if fold_options.gain is None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 
-def asked_gain(gain_text: str) -> float:
+def parse_gain(gain_text: str) -> float:
     """The ratio of a level such as "-6dB". Raises OptionError."""
     from ergon.notation.tables.quantities import gain
     from ergon.notation.text.errors import TextError
@@ -29,7 +29,7 @@ def asked_gain(gain_text: str) -> float:
         raise OptionError("gain", error.message) from None
 
 
-def gain_of(
+def performance_gain(
     piece: Piece,
     make_stage: Callable[[], Stage],
     gain_text: str | None,
@@ -44,7 +44,7 @@ def gain_of(
     from ergon.live.preflight import find_gain, preflight_frames
 
     if gain_text is not None:
-        return asked_gain(gain_text)
+        return parse_gain(gain_text)
     master = piece.mix.master
     if master is None or not master.is_levelled:
         return 1.0
@@ -56,12 +56,12 @@ def gain_of(
         }
         played_level = replace(scores.played_level(piece), **master_options)
         gain_result = find_gain(stage, played_level, frozen_stems, progress.update)
-    computed_span = (
+    computed_span_text = (
         "the piece" if gain_result.seconds is None else f"its first {gain_result.seconds:.0f} s"
     )
     gain_in_db = f"{20 * log10(gain_result.gain):+.1f} dB"
     report.say(
-        f"gain {gain_in_db}, from a preflight that computed {computed_span} unheard; --gain sets "
-        "another"
+        f"gain {gain_in_db}, from a preflight that computed {computed_span_text} unheard; --gain "
+        "sets another"
     )
     return gain_result.gain

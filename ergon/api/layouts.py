@@ -24,7 +24,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
 
     Raises NoLayoutError, and ScoreError where the file has mistakes.
     """
-    from ergon.notation.text.bounds import SHIPPED, FileBounds
+    from ergon.notation.text.bounds import SHIPPED_SCORES_FOLDER, FileBounds
     from ergon.notation.text.errors import Collector, quote
     from ergon.notation.text.files import Files, is_file
     from ergon.notation.text.spelling import nearest
@@ -35,7 +35,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
     if not is_file(path):
         shipped_layouts = {
             layout_path.stem: layout_path
-            for layout_path in sorted((SHIPPED / "layouts").glob("*.yaml"))
+            for layout_path in sorted((SHIPPED_SCORES_FOLDER / "layouts").glob("*.yaml"))
         }
         if path.name not in shipped_layouts or path.name != str(name):
             nearest_name = nearest(path.stem, shipped_layouts)

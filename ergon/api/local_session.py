@@ -18,7 +18,7 @@ from . import freeze
 from . import score as scores
 from .errors import OptionError, not_started_error
 from .fold import fold_of
-from .gain import gain_of
+from .gain import performance_gain
 from .hands import boards_of, calibrated_boards, driven_players, open_hands
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
@@ -306,7 +306,7 @@ def _performance_config(
         sound_card = sound_card.replace("file:", "clock:", 1)
     gain, reference = gain_and_reference or (None, piece.mix.reference())
     if gain is None or session_options.gain is not None:
-        gain = gain_of(
+        gain = performance_gain(
             piece, partial(_preflight_stage, piece, frozen), session_options.gain, report
         )
     return PlaybackConfig(

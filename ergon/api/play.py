@@ -16,7 +16,7 @@ from . import freeze
 from . import score as scores
 from .errors import OptionError, not_started_error
 from .fold import fold_of
-from .gain import gain_of
+from .gain import performance_gain
 from .hands import (
     boards_of,
     calibrated_boards,
@@ -211,7 +211,7 @@ def _performance_config(
     )
     config = PlaybackConfig(
         audio=play_options.card,
-        gain=gain_of(piece, lambda: stage, play_options.gain, report, stems),
+        gain=performance_gain(piece, lambda: stage, play_options.gain, report, stems),
         limit=limit,
         highpass=HIGHPASS_HZ,
         reference=piece.mix.reference(),

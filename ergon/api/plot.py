@@ -47,7 +47,7 @@ def plot(
     loaded = scores.read(score, options, report)
     if name == NOTES_NAME:
         _, bars, plot_title = struck_bars(loaded, report)
-        return Picture(roll.picture(bars, title=plot_title))
+        return Picture(roll.notes_svg(bars, title=plot_title))
     curves, plot_title = drawn_curves(loaded, name, key, report)
     return Picture(svg.plot(curves, title=plot_title, x_label="position [mm]"))
 

@@ -41,40 +41,43 @@ class NotBundledError(ErgonError):
 def bundle_score(path: str, loaded: Loaded) -> ScoreBundle:
     """A score that was read, with its files. Raises NotBundledError and OSError."""
     scores.piece_of(loaded)
-    texts = {_place_in_bundle(name): document.text for name, document in loaded.files.items()}
-    bytes_by_place = {place: text.encode() for place, text in texts.items()}
-    n_bytes_max = _BYTES_MAX - sum(map(len, bytes_by_place.values()))
+    texts = {_absolute_path(name): document.text for name, document in loaded.files.items()}
+    content_by_path = {file_path: text.encode() for file_path, text in texts.items()}
+    n_bytes_left = _BYTES_MAX - sum(map(len, content_by_path.values()))
     for input_path in loaded.inputs:
-        file_place = _place_in_bundle(str(input_path))
-        if file_place not in bytes_by_place and n_bytes_max >= 0:
-            bytes_by_place[file_place] = read_bounded(Path(file_place), n_bytes_max)
-            n_bytes_max -= len(bytes_by_place[file_place])
-    if n_bytes_max < 0:
+        absolute_path = _absolute_path(str(input_path))
+        if absolute_path not in content_by_path and n_bytes_left >= 0:
+            content_by_path[absolute_path] = read_bounded(Path(absolute_path), n_bytes_left)
+            n_bytes_left -= len(content_by_path[absolute_path])
+    if n_bytes_left < 0:
         raise NotBundledError(
             f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
             "that goes to another process"
         )
-    common_folder = os.path.commonpath([os.path.dirname(place) for place in bytes_by_place])
-    name_by_place = {
-        place: Path(os.path.relpath(place, common_folder)).as_posix() for place in bytes_by_place
+    common_folder = os.path.commonpath(
+        [os.path.dirname(file_path) for file_path in content_by_path]
+    )
+    name_by_path = {
+        file_path: Path(os.path.relpath(file_path, common_folder)).as_posix()
+        for file_path in content_by_path
     }
-    files = {name_by_place[place]: content for place, content in bytes_by_place.items()}
-    return ScoreBundle(score=name_by_place[_place_in_bundle(path)], root=common_folder, files=files)
+    files = {name_by_path[file_path]: content for file_path, content in content_by_path.items()}
+    return ScoreBundle(score=name_by_path[_absolute_path(path)], root=common_folder, files=files)
 
 
-def digest(content: ScoreBundle, *details: object) -> str:
+def digest(bundle: ScoreBundle, *details: object) -> str:
     """A hash of a score, its files and `details`, which say what is done with them (64 hex
     digits).
     """
-    combined_hash = hashlib.sha256(repr((content["score"], *details)).encode())
-    for name, file_bytes in sorted(content["files"].items()):
+    combined_hash = hashlib.sha256(repr((bundle["score"], *details)).encode())
+    for name, file_bytes in sorted(bundle["files"].items()):
         combined_hash.update(f"\0{len(file_bytes)} {name}\0".encode())
         combined_hash.update(file_bytes)
     return combined_hash.hexdigest()
 
 
 @contextmanager
-def unpack(content: ScoreBundle) -> Iterator[Path]:
+def unpack(bundle: ScoreBundle) -> Iterator[Path]:
     """Unpack a score into a temporary folder; gives the path of the score in it.
 
     Raises NotBundledError if a name would lead out of that folder.
@@ -82,7 +85,7 @@ def unpack(content: ScoreBundle) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="ergon-") as folder_name:
         folder = Path(os.path.realpath(folder_name))
         (folder / MARKER).touch()  # all below is one project
-        for file_name, file_data in content["files"].items():
+        for file_name, file_data in bundle["files"].items():
             file_place = PurePosixPath(file_name)
             if (
                 file_place.is_absolute()
@@ -94,16 +97,16 @@ def unpack(content: ScoreBundle) -> Iterator[Path]:
             path = folder.joinpath(*file_place.parts)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(file_data)
-        if content["score"] not in content["files"]:
+        if bundle["score"] not in bundle["files"]:
             raise NotBundledError("the score is not among its files")
-        yield folder / content["score"]
+        yield folder / bundle["score"]
 
 
-def with_local_paths(sentence: str, path: Path, content: ScoreBundle) -> str:
+def with_local_paths(sentence: str, path: Path, bundle: ScoreBundle) -> str:
     """A sentence of the other process, with the names that files have on this machine."""
-    unpacked_root = str(path)[: -len(content["score"])].rstrip("/")
-    return sentence.replace(unpacked_root, content["root"].rstrip("/"))
+    unpacked_root = str(path)[: -len(bundle["score"])].rstrip("/")
+    return sentence.replace(unpacked_root, bundle["root"].rstrip("/"))
 
 
-def _place_in_bundle(name: str) -> str:
+def _absolute_path(name: str) -> str:
     return os.path.abspath("stdin.yaml" if name == scores.STDIN else name)

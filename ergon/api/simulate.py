@@ -13,7 +13,7 @@ from . import score as scores
 from .check import stage_as_checked
 
 if TYPE_CHECKING:
-    from ergon.rendering.bow_sticking import Sliding
+    from ergon.rendering.bow_sticking import StickDetector
     from ergon.rendering.follow import GestureFidelity
     from ergon.rendering.mass_excursions import ContactClosings, Excursion
     from ergon.scores.reading.piece import Piece
@@ -34,7 +34,7 @@ class Simulated:
     contacts: list[ContactClosings]
     rate: float
     left_out: int
-    bows: list[Sliding]
+    bows: list[StickDetector]
     stage: Stage
 
     @property

@@ -23,31 +23,31 @@ class WorkPiece:
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """The work of `count` processes [s per s of sound] and of `home`, by the table of costs.
+    """The work of `count` processes [s per s of sound] and of `home_load`, by the table of costs.
 
-    `dearest` is the most expensive piece, which cannot be split; None if nothing is shared.
+    `costliest_piece` is the most expensive piece, which cannot be split; None if nothing is shared.
     Home, this process, also mixes, which the table does not count.
     """
 
     count: int
     loads: tuple[float, ...]
-    home: float
-    dearest: WorkPiece | None
+    home_load: float
+    costliest_piece: WorkPiece | None
 
     @property
     def total(self) -> float:
         """The work of one process that computes everything."""
-        return sum(self.loads) + self.home
+        return sum(self.loads) + self.home_load
 
     @property
-    def longest(self) -> float:
+    def largest_load(self) -> float:
         """The largest work of a process: the least time that a second of sound takes."""
-        return max(*self.loads, self.home, 0.0)
+        return max(*self.loads, self.home_load, 0.0)
 
     @property
-    def bound(self) -> float:
+    def speedup_max(self) -> float:
         """The largest possible speed-up over one process, with any number of processes."""
-        least_work = max(self.home, self.dearest.cost if self.dearest else 0.0)
+        least_work = max(self.home_load, self.costliest_piece.cost if self.costliest_piece else 0.0)
         return self.total / least_work if least_work else 1.0
 
 
@@ -75,6 +75,6 @@ def share_out(pieces: Sequence[WorkPiece], total_cost: float, count: int) -> Sha
     costs = [piece.cost for piece in pieces]
     process_loads = [sum(costs[i] for i in group) for group in group_by_cost(costs, count)]
     process_loads += [0.0] * (count - len(process_loads))
-    home_cost = max(0.0, total_cost - sum(costs))
-    dearest = max(pieces, key=lambda piece: piece.cost, default=None)
-    return Shares(count, tuple(process_loads), home_cost, dearest)
+    home_load = max(0.0, total_cost - sum(costs))
+    costliest_piece = max(pieces, key=lambda piece: piece.cost, default=None)
+    return Shares(count, tuple(process_loads), home_load, costliest_piece)

@@ -42,18 +42,18 @@ def first_bytes(path: Path) -> bytes:
         return file.read(_HEAD_BYTES)
 
 
-def wrong_ending(target: str) -> str | None:
+def find_ending_mistake(target: str) -> str | None:
     """What is wrong with the ending of the name of a sound file, as a sentence without advice; None
     if nothing is.
     """
     path = Path(target)
     if path.suffix.lower() in SUFFIXES or target == "-" or _is_device(path):
         return None
-    end = f"ends in {path.suffix}" if path.suffix else "has no ending"
-    return f"{target} {end}, but sound files end in {' or '.join(SUFFIXES)}"
+    ending_clause = f"ends in {path.suffix}" if path.suffix else "has no ending"
+    return f"{target} {ending_clause}, but sound files end in {' or '.join(SUFFIXES)}"
 
 
-def with_ending(target: str) -> str:
+def with_wave_suffix(target: str) -> str:
     """The name with the ending of a WAVE file."""
     return str(Path(target).with_suffix(WAVE))
 

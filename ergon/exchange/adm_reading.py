@@ -17,7 +17,7 @@ from ergon.common.xml_text import XmlError, parse_xml
 
 from .adm_model import Model, Track, finite_number
 from .channel_layout import ChannelLayout
-from .speaker_labels import common_label, is_effects, masked_labels, place_of
+from .speaker_labels import common_label, is_low_frequency_effects, labels_of_mask, place_of
 
 if TYPE_CHECKING:
     from ergon.space.directions import Angles
@@ -169,14 +169,16 @@ def _is_effects(channel_element: ElementTree.Element) -> bool:
     labels = [
         label.text or "" for label in channel_element.findall("audioBlockFormat/speakerLabel")
     ]
-    return any(map(is_effects, labels)) or any(finite_number(hz) <= _EFFECTS_HZ for hz in bounds)
+    return any(map(is_low_frequency_effects, labels)) or any(
+        finite_number(hz) <= _EFFECTS_HZ for hz in bounds
+    )
 
 
 def _speakers_of_mask(info: WaveInfo) -> ChannelLayout | None:
     """The channels that the mask of the format names. Two are not read so: nearly every program
     writes that mask, whatever the channels are.
     """
-    labels = masked_labels(info.speaker_mask)
+    labels = labels_of_mask(info.speaker_mask)
     if len(labels) != info.format.n_channels or len(labels) < 3:
         return None
     return _speakers_of_channels([_Channel(label, None) for label in labels])

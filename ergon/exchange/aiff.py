@@ -67,7 +67,7 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     yield from blocks_of_bytes(_sample_blocks(path), format)
 
 
-def survey(path: Path) -> tuple[str, int | None]:
+def digest_samples(path: Path) -> tuple[str, int | None]:
     """SHA-256 of the samples as a WAVE file has them, and the first frame that is not finite.
 
     Raises NotWaveError or OSError.

@@ -159,7 +159,7 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
         yield block / 2.0**31
 
 
-def survey(path: Path) -> tuple[str, None]:
+def digest_samples(path: Path) -> tuple[str, None]:
     """SHA-256 of the sample bytes, as `FlacWriter.sha256` gives it; integers are all finite. Raises
     NotWaveError.
     """

@@ -20,7 +20,7 @@ from ergon.common.xml_text import XmlError, parse_xml
 from ergon.common.yaml_text import YamlError, parse_yaml
 from ergon.space.directions import Angles, angles, point, unit_vectors
 
-from .speaker_labels import is_effects
+from .speaker_labels import is_low_frequency_effects
 
 FILE_BYTES_MAX = 4 << 20  # bytes of a file
 SPEAKERS_MAX = 1024
@@ -166,7 +166,7 @@ def _read_ear(data: bytes) -> ReadLayout:
     for i, speaker_row in enumerate(speaker_rows):
         channel_number = _finite_number(speaker_row.get("channel", i), "channel")
         names = _speaker_names(speaker_row)
-        if any(map(is_effects, names)) or _is_true(speaker_row.get("is_lfe")):
+        if any(map(is_low_frequency_effects, names)) or _is_true(speaker_row.get("is_lfe")):
             label = printable("/".join(names)[:40])
             left_out.append(
                 f"output {channel_number + 1:g} ({label}) is for low-frequency effects, no "

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, BinaryIO, Protocol
 from ergon.common.sound_files import (
     FLAC,
     WAVE,
+    find_ending_mistake,
     first_bytes,
     kind_of,
-    with_ending,
-    wrong_ending,
+    with_wave_suffix,
 )
 
 from . import aiff, flac, wave
@@ -29,16 +29,16 @@ _RATE_RANGE_HZ = (1_000, 1_000_000)  # [Hz] of scores; the work of filters grows
 class _SoundReader(Protocol):
     def read_info(self, path: Path) -> WaveInfo: ...
     def read_blocks(self, path: Path) -> Iterator[NDArray[np.float64]]: ...
-    def survey(self, path: Path) -> tuple[str, int | None]: ...
+    def digest_samples(self, path: Path) -> tuple[str, int | None]: ...
 
 
 _READERS: Mapping[str, _SoundReader] = {"wave": wave, "flac": flac, "aiff": aiff}
 
 
-def check_ending(target: str) -> None:
+def check_ending(target_path: str) -> None:
     """Raise FileRefusedError if the ending of a name is not that of a sound file."""
-    if (ending_mistake := wrong_ending(target)) is not None:
-        raise FileRefusedError(f"{ending_mistake}; write {with_ending(target)}")
+    if (ending_mistake := find_ending_mistake(target_path)) is not None:
+        raise FileRefusedError(f"{ending_mistake}; write {with_wave_suffix(target_path)}")
 
 
 def check_format(target_path: str, format: WaveFormat) -> None:
@@ -51,9 +51,9 @@ def check_format(target_path: str, format: WaveFormat) -> None:
         raise FileRefusedError(f"{target_path}: {reason}")
 
 
-def suffix_of(target: str) -> str:
+def suffix_of(target_path: str) -> str:
     """The ending of files of the same kind as a target."""
-    return FLAC if _is_flac(Path(target)) else WAVE
+    return FLAC if _is_flac(Path(target_path)) else WAVE
 
 
 def writer(
@@ -79,11 +79,11 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     return _reader(path).read_blocks(path)
 
 
-def survey(path: Path) -> tuple[str, int | None]:
+def digest_samples(path: Path) -> tuple[str, int | None]:
     """SHA-256 of the sample bytes, as the writer gave it, and the first frame with a sample that is
     not finite. Raises NotWaveError or OSError.
     """
-    return _reader(path).survey(path)
+    return _reader(path).digest_samples(path)
 
 
 def _reader(path: Path) -> _SoundReader:

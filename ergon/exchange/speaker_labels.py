@@ -62,10 +62,10 @@ _COMMON_LABELS = [
 _MASK_LABELS = [label.replace("110", "135") for label in _COMMON_LABELS[:18]]
 _SIDES_MASK, _BACKS_MASK, _BACK_CENTRE_MASK = 0x600, 0x30, 0x100
 # Of sides and backs, a file that has only one pair has the surround of 5.1 (BS.2051, system B).
-_SURROUND_110 = {"M+135": "M+110", "M-135": "M-110", "M+090": "M+110", "M-090": "M-110"}
+_SURROUND_LABEL_BY_LABEL = {"M+135": "M+110", "M-135": "M-110", "M+090": "M+110", "M-090": "M-110"}
 
 
-def is_effects(label: str) -> bool:
+def is_low_frequency_effects(label: str) -> bool:
     """Whether a label, or a URN that ends in one, is that of low-frequency effects."""
     return bool(_EFFECTS_PATTERN.match(label.strip().rpartition(":")[2]))
 
@@ -80,20 +80,20 @@ def common_label(channel_format: str) -> str | None:
     return _COMMON_LABELS[label_number - 1] if is_known else None
 
 
-def masked_labels(mask: int) -> list[str]:
+def labels_of_mask(mask: int) -> list[str]:
     """The labels of the channels of a mask; empty if it has bits that are not known."""
     if mask >> len(_MASK_LABELS):
         return []
     labels = [label for bit, label in enumerate(_MASK_LABELS) if mask >> bit & 1]
     has_backs, has_sides = bool(mask & _BACKS_MASK), bool(mask & _SIDES_MASK)
     if has_backs != has_sides and not (has_sides and mask & _BACK_CENTRE_MASK):
-        labels = [_SURROUND_110.get(label, label) for label in labels]
+        labels = [_SURROUND_LABEL_BY_LABEL.get(label, label) for label in labels]
     return labels
 
 
 def place_of(speaker_label: str) -> Angles | None:
     """Where a loudspeaker is, at the distance 1; None for low-frequency effects."""
-    if is_effects(speaker_label):
+    if is_low_frequency_effects(speaker_label):
         return None
     label_match = _LABEL_PATTERN.fullmatch(speaker_label)
     if label_match is None:

@@ -151,7 +151,7 @@ def hash_samples(path: Path) -> str:
     return digest.hexdigest()
 
 
-def survey(path: Path) -> tuple[str, int | None]:
+def digest_samples(path: Path) -> tuple[str, int | None]:
     """The same hash, and the first frame with a sample that is not finite. Raises NotWaveError or
     OSError.
     """

@@ -32,7 +32,7 @@ class FaultRow:
     """One fault on every device."""
 
     fault: str
-    cells: Sequence[FaultResult]
+    results: Sequence[FaultResult]
 
 
 def measure_faults() -> list[FaultRow]:
@@ -53,7 +53,7 @@ def measure_faults() -> list[FaultRow]:
             measurement.exceeds,
         )
         fault_rows.setdefault(measurement.fault, []).append(cell)
-    return [FaultRow(fault, cells) for fault, cells in fault_rows.items()]
+    return [FaultRow(fault, results) for fault, results in fault_rows.items()]
 
 
 def _result_text(measurement: _core.FaultMeasurement) -> str:
@@ -68,5 +68,5 @@ def _result_text(measurement: _core.FaultMeasurement) -> str:
 
 def bounds_text(row: FaultRow) -> str:
     """The bounds of a row, in words; only one if all devices have the same."""
-    bounds = sorted({cell.bound for cell in row.cells if cell.bound is not None})
+    bounds = sorted({cell.bound for cell in row.results if cell.bound is not None})
     return ", ".join(f"{1e3 * seconds:g} ms" for seconds in bounds) or "none"

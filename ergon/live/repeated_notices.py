@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 # Kinds of events that may come many times a second. Others, such as trips, are shown each time.
-REPEATING = frozenset({"lost", "muted", "gained", "finer", "sound"})
+REPEATING_EVENT_KINDS = frozenset({"lost", "muted", "gained", "finer", "sound"})
 _PAUSE = 10.0  # [s] of the piece between two lines of one kind
 
 
@@ -17,18 +17,18 @@ class _NoticeCount:
 
     line_frame: int
     count: int = 0
-    seconds: float = 0.0
+    stopped_seconds: float = 0.0
     frame: int = 0
     sentence: str = ""
 
     def take_line(self) -> tuple[int, str]:
         """The line of the notices since the last line; the count starts again."""
-        if self.seconds:
-            words = f"{self.count} times more, for {self.seconds:.3f} s in all"
+        if self.stopped_seconds:
+            words = f"{self.count} times more, for {self.stopped_seconds:.3f} s in all"
             notice_sentence = f"the physics thread was stopped {words}"
         else:
             notice_sentence = f"{self.sentence} ({self.count} times more)"
-        self.line_frame, self.count, self.seconds = self.frame, 0, 0.0
+        self.line_frame, self.count, self.stopped_seconds = self.frame, 0, 0.0
         return self.frame, notice_sentence
 
 
@@ -41,15 +41,15 @@ class RepeatedNotices:
         self._counts_by_key: dict[str, _NoticeCount] = {}
 
     def add_notice(
-        self, frame: int, event_kind: str, sentence: str, seconds: float = 0.0
+        self, frame: int, event_kind: str, sentence: str, stopped_seconds: float = 0.0
     ) -> list[tuple[int, str]]:
         """The lines to show now for a notice of an event: itself, or nothing if it is counted.
 
-        `seconds` is how long the physics thread was stopped, 0 for other kinds.
+        `stopped_seconds` is how long the physics thread was stopped, 0 for other kinds.
         """
-        if event_kind not in REPEATING:
+        if event_kind not in REPEATING_EVENT_KINDS:
             return [(frame, sentence)]
-        count_key = event_kind if seconds else sentence
+        count_key = event_kind if stopped_seconds else sentence
         notice_count = self._counts_by_key.get(count_key)
         if notice_count is None or (
             not notice_count.count and frame >= notice_count.line_frame + self._pause_frames
@@ -57,7 +57,7 @@ class RepeatedNotices:
             self._counts_by_key[count_key] = _NoticeCount(frame)
             return [(frame, sentence)]
         notice_count.count += 1
-        notice_count.seconds += seconds
+        notice_count.stopped_seconds += stopped_seconds
         notice_count.frame, notice_count.sentence = frame, sentence
         return self.due_lines(frame)
 
@@ -73,7 +73,9 @@ class RepeatedNotices:
         """Lines of the kinds whose last line came at frame `latest_frame` or before; None: of all
         kinds.
         """
-        pending_notices = (notice for notice in self._counts_by_key.values() if notice.count)
+        pending_notices = (
+            notice_count for notice_count in self._counts_by_key.values() if notice_count.count
+        )
         return sorted(
             notice_count.take_line()
             for notice_count in pending_notices

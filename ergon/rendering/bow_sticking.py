@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 _STICK_SECONDS_MIN = 5e-4  # [s] that ends must stay together to count as sticking
 _SEARCH_SPEED_MAX = 10.0  # [m/s] up to which friction is examined
-_SEARCHED_SPEEDS = 20_001
+_N_SEARCHED_SPEEDS = 20_001
 _FALLING_FRICTION_RATIO = 0.95  # a bow's friction falls below this share of its maximum
 
 
 @dataclass(slots=True)
-class Sliding:
+class StickDetector:
     """Whether a bow stuck after it had first slipped: it sticks at speeds between `low_speed` and
     `high_speed` [m/s].
     """
@@ -53,12 +53,12 @@ class Sliding:
                 self.has_stuck = self.has_stuck or self._n_sticking_frames >= frames_min
 
 
-def sticking_detector(friction_link: ProbedLink) -> Sliding | None:
+def sticking_detector(friction_link: ProbedLink) -> StickDetector | None:
     """A detector for a link whose friction falls beyond a maximum, as a bow's does; None for other
     links.
     """
     sticking_speeds = friction_extremes(friction_link.module.fields)
-    return None if sticking_speeds is None else Sliding(friction_link, *sticking_speeds)
+    return None if sticking_speeds is None else StickDetector(friction_link, *sticking_speeds)
 
 
 def friction_extremes(law_fields: Any) -> tuple[float, float] | None:
@@ -73,9 +73,9 @@ def friction_extremes(law_fields: Any) -> tuple[float, float] | None:
         law = _core.Law(None, law_fields["damping"], law_fields.get("constants") or {})
     except (ValueError, _core.LawError):
         return None
-    speeds = np.linspace(-_SEARCH_SPEED_MAX, _SEARCH_SPEED_MAX, _SEARCHED_SPEEDS)
-    friction_forces = np.zeros(_SEARCHED_SPEEDS)
-    law.forces(np.zeros(_SEARCHED_SPEEDS), speeds, friction_forces)
+    speeds = np.linspace(-_SEARCH_SPEED_MAX, _SEARCH_SPEED_MAX, _N_SEARCHED_SPEEDS)
+    friction_forces = np.zeros(_N_SEARCHED_SPEEDS)
+    law.forces(np.zeros(_N_SEARCHED_SPEEDS), speeds, friction_forces)
     if not np.isfinite(friction_forces).all():
         return None
     lowest_index, highest_index = int(np.argmin(friction_forces)), int(np.argmax(friction_forces))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from .bow_sticking import Sliding, sticking_detector
+from .bow_sticking import StickDetector, sticking_detector
 from .render import frames_of
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class ContactClosings:
 
 def measure_excursions(
     stage: Any, probed: ProbedPiece, progress: Callable[[int], None]
-) -> tuple[list[Excursion], list[ContactClosings], list[Sliding]]:
+) -> tuple[list[Excursion], list[ContactClosings], list[StickDetector]]:
     """Run the stage of a probed piece to its end; what its points, contacts and bows did."""
     excursions = [Excursion(point) for point in probed.points]
     closings = [ContactClosings(contact) for contact in probed.contacts]

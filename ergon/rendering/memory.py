@@ -125,7 +125,7 @@ class RenderMemory:
             mix_keys,
             n_frames=stage.n_frames,
             n_channels=stage.n_channels,
-            score=job.stamp.score,
+            score_hash=job.stamp.score,
             state_key=mixer_key,
         )
         self.levels = KnownLevels(store, level_keys, balance_keys)

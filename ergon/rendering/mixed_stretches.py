@@ -53,21 +53,25 @@ class Outcome:
         """Whether there is nothing to report."""
         return not self.parts_finer and not self.energy_gains
 
-    def to_fields(self, score: str) -> list[Any]:
-        """The outcome in lists, as JSON writes it; `score` is the hash of the score."""
-        return [list(self.parts_finer), list(self.energy_gains), "" if self.is_empty else score]
+    def to_fields(self, score_hash: str) -> list[Any]:
+        """The outcome in lists, as JSON writes it; `score_hash` is the hash of the score."""
+        return [
+            list(self.parts_finer),
+            list(self.energy_gains),
+            "" if self.is_empty else score_hash,
+        ]
 
     @classmethod
-    def from_fields(cls, outcome_fields: Sequence[Any], score: str) -> Outcome | None:
+    def from_fields(cls, outcome_fields: Sequence[Any], score_hash: str) -> Outcome | None:
         """The outcome in `outcome_fields`; None if it names modules of another score, whose names
         may differ. Raises ValueError, TypeError or LookupError where it is no outcome.
         """
-        finer_parts, gains, stored_score = outcome_fields
+        finer_parts, gains, stored_hash = outcome_fields
         outcome = cls(
             tuple(_core.FinerPart(*part_fields) for part_fields in finer_parts),
-            tuple(_core.EnergyGain(*part_fields) for part_fields in gains),
+            tuple(_core.EnergyGain(*gain_fields) for gain_fields in gains),
         )
-        return outcome if outcome.is_empty or stored_score == score else None
+        return outcome if outcome.is_empty or stored_hash == score_hash else None
 
     def finer(self) -> list[_core.FinerPart]:
         """As `Simulation.finer`."""
@@ -125,7 +129,7 @@ class KnownMix:
 class MixedStretches:
     """The mix of a piece, by the hash of all that it depends on up to the end of each stretch.
 
-    `keys` are these hashes, of stretches up to frame `n_frames`; `score` is the hash of the
+    `keys` are these hashes, of stretches up to frame `n_frames`; `score_hash` is the hash of the
     score.
     """
 
@@ -136,11 +140,11 @@ class MixedStretches:
         *,
         n_frames: int,
         n_channels: int,
-        score: str,
+        score_hash: str,
         state_key: Callable[[int], str],
     ) -> None:
         """Read nothing yet; `state_key` gives the key of the mixer's state after a stretch."""
-        self._store, self._keys, self._score = store, keys, score
+        self._store, self._keys, self._score_hash = store, keys, score_hash
         self._n_frames, self._n_channels = n_frames, n_channels
         self._state_key = state_key
         self._read_stretches: dict[
@@ -263,7 +267,7 @@ class MixedStretches:
             ):
                 return True
             blocks = [stretch_before.frames]
-        state = [*outcome.to_fields(self._score), silence_search]
+        state = [*outcome.to_fields(self._score_hash), silence_search]
         return self._store.put(self._keys[stretch_index], blocks, json.dumps(state).encode())
 
     def _stop_frame(self, index: int) -> int:
@@ -275,7 +279,7 @@ class MixedStretches:
             return None
         try:
             *fields, silence_search = json.loads(stored.state)
-            outcome = Outcome.from_fields(fields, self._score)
+            outcome = Outcome.from_fields(fields, self._score_hash)
             silence_search = (
                 None if silence_search is None else (int(silence_search[0]), int(silence_search[1]))
             )
@@ -308,10 +312,10 @@ class MixRecorder:
             if self._frame == stop_frame:
                 self._put(self.outcomes.pop(stop_frame, None), None)
                 continue
-            stretch_frames = mixed[: stop_frame - self._frame]
-            self._blocks.append(stretch_frames)
-            self._frame += len(stretch_frames)
-            mixed = mixed[len(stretch_frames) :]
+            taken_frames = mixed[: stop_frame - self._frame]
+            self._blocks.append(taken_frames)
+            self._frame += len(taken_frames)
+            mixed = mixed[len(taken_frames) :]
 
     def end(self, outcome: Outcome, silence_search: SilenceSearch | None) -> None:
         """Store the last stretch if it is complete, or if the end `silence_search` of the render

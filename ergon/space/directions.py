@@ -52,23 +52,25 @@ def angles(place: Point) -> Angles:
     """Azimuth and elevation [degrees] and distance [m] of a point; (0, 0, 0) for the middle."""
     x, y, z = place
     horizontal_length = sqrt(x * x + y * y)
-    degrees = 180.0 / pi
-    azimuth = _core.atan2(-x, y) * degrees if horizontal_length else 0.0
-    elevation = _core.atan2(z, horizontal_length) * degrees if horizontal_length or z else 0.0
+    degrees_per_radian = 180.0 / pi
+    azimuth = _core.atan2(-x, y) * degrees_per_radian if horizontal_length else 0.0
+    elevation = (
+        _core.atan2(z, horizontal_length) * degrees_per_radian if horizontal_length or z else 0.0
+    )
     return azimuth + 0.0, elevation, sqrt(horizontal_length * horizontal_length + z * z)
 
 
-def equidistant(plan_point: Point) -> tuple[float, float]:
+def equidistant(point_in_room: Point) -> tuple[float, float]:
     """(x, y) [m] of a point in a plan whose radius grows in proportion to the angle from the
     zenith.
 
     The zenith is the middle; a point at the horizon is drawn at its own distance.
     """
-    x, y, _ = plan_point
+    x, y, _ = point_in_room
     horizontal_length = sqrt(x * x + y * y)
     if not horizontal_length:
         return 0.0, 0.0
-    _, elevation, distance = angles(plan_point)
+    _, elevation, distance = angles(point_in_room)
     scale = distance * (1.0 - elevation / 90.0) / horizontal_length
     return x * scale, y * scale
 

@@ -16,7 +16,7 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 _WIDTH, _HEIGHT = 960, 480  # pixels
 _MIDDLE_C = 60.0  # key above the lines where no note has a pitch
 _KEY_NAMES = {0: "C", 4: "E", 7: "G"}  # names of the keys with a line, by their number in an octave
-_ALL_LINES_RANGE = 24  # keys, up to which E and G have lines too
+_FULL_LABELS_RANGE_MAX = 24  # keys, up to which E and G have lines too
 _LANES_PER_PICTURE = 20  # lines of instruments without a pitch that would fill the picture
 _CHARACTER_WIDTH = 7.5  # pixels across
 _NOTE_GAP = 1.0  # pixels between a note and the next: strokes that follow each other stay apart
@@ -35,7 +35,7 @@ class Bar:
     strength: float
 
 
-def heights(bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
+def note_heights_and_lanes(bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
     """The height of each note, in keys of MIDI, and of the line of each instrument without a
     pitch: these lie below all keys, in the order in which they begin.
     """
@@ -44,15 +44,17 @@ def heights(bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
         (min(pitched_keys), max(pitched_keys)) if pitched_keys else (_MIDDLE_C, _MIDDLE_C)
     )
     keys_per_lane = max(2, ceil((key_max - key_min) / _LANES_PER_PICTURE))
-    unpitched = dict.fromkeys(bar.name for bar in bars if bar.key is None)
-    lanes = {name: float(floor(key_min) - keys_per_lane * n) for n, name in enumerate(unpitched, 1)}
+    unpitched_names = dict.fromkeys(bar.name for bar in bars if bar.key is None)
+    lanes = {
+        name: float(floor(key_min) - keys_per_lane * n) for n, name in enumerate(unpitched_names, 1)
+    }
     return [lanes[bar.name] if bar.key is None else bar.key for bar in bars], lanes
 
 
-def picture(bars: Sequence[Bar], *, title: str = "") -> str:
+def notes_svg(bars: Sequence[Bar], *, title: str = "") -> str:
     """A whole SVG document; `bars` has at least one."""
     t_axis = axis([0.0, *(bar.end for bar in bars)], 10, tight=True)
-    bar_heights, lanes = heights(bars)
+    bar_heights, lanes = note_heights_and_lanes(bars)
     left = max(
         64, round(16 + _CHARACTER_WIDTH * max((len(shorten(name)) for name in lanes), default=0))
     )
@@ -75,7 +77,7 @@ def _key_axis(keys: Sequence[float], lanes: Mapping[str, float]) -> Axis:
     """An axis of keys with the names of notes, and those of instruments on their lines."""
     key_min, key_max = floor(min(keys)) - 1, ceil(max(keys)) + 1
     labelled_key_min = floor(max(lanes.values(), default=key_min - 1.0)) + 1
-    labelled_pitch_classes = _KEY_NAMES if key_max - key_min < _ALL_LINES_RANGE else (0,)
+    labelled_pitch_classes = _KEY_NAMES if key_max - key_min < _FULL_LABELS_RANGE_MAX else (0,)
     labelled_keys = [
         key for key in range(labelled_key_min, key_max + 1) if key % 12 in labelled_pitch_classes
     ]

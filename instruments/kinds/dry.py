@@ -42,13 +42,13 @@ def _check(friction_values: Values) -> None:
         friction_values.error(
             "E103", f"{friction_values.context.label('')}: a DRY needs to or between"
         )
-    sliding_friction, static_friction = friction_values["F"], friction_values["static"]
-    is_below = (
-        isinstance(sliding_friction, float)
-        and isinstance(static_friction, float)
-        and static_friction < sliding_friction
+    sliding_level, static_level = friction_values["F"], friction_values["static"]
+    is_static_below_sliding = (
+        isinstance(sliding_level, float)
+        and isinstance(static_level, float)
+        and static_level < sliding_level
     )
-    if is_below and friction_values["K"] is not None:
+    if is_static_below_sliding and friction_values["K"] is not None:
         message = (
             f"{friction_values.context.label('static')}: static is below F; with K the level falls "
             "from "
@@ -77,7 +77,7 @@ def _add(
     friction_fields: DryFields,
     reach: float,
 ) -> int:
-    friction_level, static_level, speed = (
+    sliding_level, static_level, speed = (
         friction_fields["F"],
         friction_fields["static"] or friction_fields["F"],
         friction_fields["speed"],
@@ -87,7 +87,7 @@ def _add(
             friction_name,
             first_mat,
             second_mat,
-            F=friction_level,
+            F=sliding_level,
             static_level=static_level,
             speed=speed,
         )
@@ -97,7 +97,7 @@ def _add(
         first_mat,
         second_mat,
         sigma0=friction_fields["K"],
-        Fc=friction_level,
+        Fc=sliding_level,
         Fs=static_level,
         vs=speed,
     )

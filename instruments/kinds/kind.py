@@ -131,17 +131,17 @@ def module_kind(
     fields_of: Callable[[Quantities], tuple[Field, ...]],
     *,
     free: Callable[[Quantities], Shape] | None = None,
-    meant: Mapping[str, str] | None = None,
+    synonyms: Mapping[str, str] | None = None,
     space: Callable[[Quantities], tuple[Field, ...]] | None = None,
     **more: Any,
 ) -> Kind:
     """A kind whose fields are those of `fields_of`, with units or without, and of `space` in space;
-    `free` reads fields of other names, and `meant` has names that others use.
+    `free` reads fields of other names, and `synonyms` has names that others use.
     """
 
     def table(columns: tuple[Field, ...], quantities: Quantities) -> Record:
         free_shape = free(quantities) if free else None
-        return Record("module", doc, columns, free=free_shape, meant=meant or {})
+        return Record("module", doc, columns, free=free_shape, synonyms=synonyms or {})
 
     tables: dict[Form, Record] = {"si": table(fields_of(SI), SI), "ca": table(fields_of(CA), CA)}
     if space:

@@ -87,7 +87,7 @@ STRING = module_kind(
     "generator",
     "masses in a row",
     _fields,
-    meant={"held": "ends"},
+    synonyms={"held": "ends"},
     glidable_parameters=("f", "t60"),
     check=_check,
     source_fields=MATTER_FIELDS,

@@ -297,7 +297,9 @@ def tables(
         "SOL": ("mat", Record("module", "a fixed point in space", (_X0,))),
         "CHAIN": (
             "generator",
-            Record("module", "points in a row, joined by springs", _CHAIN, meant={"held": "ends"}),
+            Record(
+                "module", "points in a row, joined by springs", _CHAIN, synonyms={"held": "ends"}
+            ),
         ),
         "CLOTH": ("generator", Record("module", "a net of points and springs", _CLOTH)),
         "DISC": ("generator", Record("module", "a round net of triangles", _DISC)),

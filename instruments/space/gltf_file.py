@@ -102,13 +102,13 @@ def ignored_contents(root: Mapping[str, Any]) -> list[str]:
     contents: list[str] = []
 
     def add_count(n: int, noun: str) -> None:
-        first, _, others = noun.partition(" ")
+        noun_head, _, noun_rest = noun.partition(" ")
         if n:
-            contents.append(f"{n:,} {first}{'' if n == 1 else 's'} {others}".rstrip())
+            contents.append(f"{n:,} {noun_head}{'' if n == 1 else 's'} {noun_rest}".rstrip())
 
     for name in _IGNORED_SECTIONS:
-        others = root.get(name)
-        add_count(len(others) if isinstance(others, (list, dict)) else bool(others), name[:-1])
+        section = root.get(name)
+        add_count(len(section) if isinstance(section, (list, dict)) else bool(section), name[:-1])
     parts = [*_primitives(root)]
     add_count(sum("POSITION" not in part["attributes"] for part in parts), "part without places")
     add_count(sum(bool(part.get("targets")) for part in parts), "part that bends by morph targets")
@@ -184,8 +184,8 @@ class _Reader:
             first, other = point_indices[a], point_indices[b]
             if first != other:
                 self._edges[min(first, other), max(first, other)] = None
-        for corner in _triangles(part.get("mode", 4), corner_numbers):
-            a, b, c = (point_indices[index] for index in corner)
+        for triangle in _triangles(part.get("mode", 4), corner_numbers):
+            a, b, c = (point_indices[index] for index in triangle)
             if len({a, b, c}) == 3:
                 self._faces.append((a, b, c))
         if len(self._edges) > MAX_EDGES:
@@ -339,9 +339,9 @@ def _floats(values: Any, n: int) -> list[float]:
 
 def _matrix_product(a: _Matrix, b: _Matrix) -> _Matrix:
     matrix_rows = []
-    for index in a:
-        row = [sum(index[k] * b[k][column] for k in range(3)) for column in range(4)]
-        matrix_rows.append((row[0], row[1], row[2], row[3] + index[3]))
+    for a_row in a:
+        row = [sum(a_row[k] * b[k][column] for k in range(3)) for column in range(4)]
+        matrix_rows.append((row[0], row[1], row[2], row[3] + a_row[3]))
     return tuple(matrix_rows)
 
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 CONCAVE_CORNERS_MAX = 1_000  # corners of a face with a notch; the work grows with their square
 
 _Point = Sequence[float]
-_Flat = tuple[float, float]
+_FlatPoint = tuple[float, float]
 
 
 def triangles_of_face(corners: Sequence[_Point]) -> list[tuple[int, int, int]] | None:
@@ -18,7 +18,7 @@ def triangles_of_face(corners: Sequence[_Point]) -> list[tuple[int, int, int]] |
     """
     n = len(corners)
     flat_corners = _flat_corners(corners)
-    if all(_turn(flat_corners, i - 2, i - 1, i) >= 0.0 for i in range(n)):
+    if all(_twice_signed_area(flat_corners, i - 2, i - 1, i) >= 0.0 for i in range(n)):
         return [(0, a, b) for a, b in pairwise(range(1, n))]
     if n > CONCAVE_CORNERS_MAX:
         return None
@@ -37,7 +37,7 @@ def triangles_of_face(corners: Sequence[_Point]) -> list[tuple[int, int, int]] |
     return [*triangles, *((rest[0], a, b) for a, b in pairwise(rest[1:]))]
 
 
-def _flat_corners(corners: Sequence[_Point]) -> list[_Flat]:
+def _flat_corners(corners: Sequence[_Point]) -> list[_FlatPoint]:
     """The corners along the axis on which the face is seen largest, counter-clockwise."""
     normal = [0.0, 0.0, 0.0]  # by Newell's sums, which also hold of a face that is not plane
     x0, y0, z0 = corners[0]
@@ -52,24 +52,24 @@ def _flat_corners(corners: Sequence[_Point]) -> list[_Flat]:
     return [(point[i], point[j]) for point in relative_corners]
 
 
-def _turn(points: Sequence[_Flat], a: int, b: int, c: int) -> float:
+def _twice_signed_area(points: Sequence[_FlatPoint], a: int, b: int, c: int) -> float:
     """Twice the area of a triangle: above 0 where the way from `a` over `b` to `c` turns left."""
     (ax, ay), (bx, by), (cx, cy) = points[a], points[b], points[c]
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
-def _is_ear(points: Sequence[_Flat], ear: tuple[int, int, int], rest: Sequence[int]) -> bool:
+def _is_ear(points: Sequence[_FlatPoint], ear: tuple[int, int, int], rest: Sequence[int]) -> bool:
     """Whether a triangle of three neighbours lies in the face: it turns left, and no other corner
     lies in it or on its border.
     """
     a, b, c = ear
-    if _turn(points, a, b, c) <= 0.0:
+    if _twice_signed_area(points, a, b, c) <= 0.0:
         return False
     places = {points[corner] for corner in ear}
     return not any(
         points[other] not in places
-        and _turn(points, a, b, other) >= 0.0
-        and _turn(points, b, c, other) >= 0.0
-        and _turn(points, c, a, other) >= 0.0
+        and _twice_signed_area(points, a, b, other) >= 0.0
+        and _twice_signed_area(points, b, c, other) >= 0.0
+        and _twice_signed_area(points, c, a, other) >= 0.0
         for other in rest
     )

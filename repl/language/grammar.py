@@ -117,7 +117,7 @@ def _split_word(word: Word, length: int) -> tuple[Word, Word]:
 def _add_first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None:
     if not line_words:
         hints.completions.extend(values.name_completions(scope.players))
-        for verb in verbs.VERBS:
+        for verb in verbs.LEADING_VERBS:
             hints.completions.append(values.Completion(verb, verbs.forms_of(verb)[0].effect))
         hints.completions.extend(values.name_completions(scope.gestures))
         hints.completions.extend(values.name_completions(scope.blocks))

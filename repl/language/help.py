@@ -8,7 +8,7 @@ from pathlib import Path
 from ergon.common.module_arguments import module_arguments
 from ergon.repl.language.midi import SOURCES
 from ergon.repl.language.playing import OPTION_HINTS
-from ergon.repl.language.verbs import GROUPS, SHORTEST_BY_VERB, forms_of
+from ergon.repl.language.verbs import GROUPS, SHORT_FORM_BY_VERB, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
 from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.turn_chain import TURN_FORMS
@@ -63,8 +63,8 @@ def verb_help(verb: str) -> tuple[str, ...]:
     for form in forms_of(verb):
         time_text = " [now | at WHERE | in LENGTH | sync NAME]" if form.takes_time else ""
         help_lines += [f"{form.usage}{time_text}", f"  {form.effect}", f"  {form.example}"]
-    if SHORTEST_BY_VERB[verb] != verb:
-        help_lines.append(f"  in short: {SHORTEST_BY_VERB[verb]}")
+    if SHORT_FORM_BY_VERB[verb] != verb:
+        help_lines.append(f"  in short: {SHORT_FORM_BY_VERB[verb]}")
     return (*help_lines, *(f"  {word:<25} {meaning}" for word, meaning in _verb_words(verb)))
 
 
@@ -121,7 +121,7 @@ def cheat_sheet() -> str:
 
 
 def _shortest_form(verb: str) -> str:
-    return SHORTEST_BY_VERB[verb] if SHORTEST_BY_VERB[verb] != verb else ""
+    return SHORT_FORM_BY_VERB[verb] if SHORT_FORM_BY_VERB[verb] != verb else ""
 
 
 def _markdown_table(

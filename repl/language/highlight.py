@@ -79,7 +79,7 @@ def _verb_index(word_matches: list[re.Match[str]], scope: Scope) -> int:
         first_word in scope.players and verbs.verbs_matching(second_word, verbs.SUBJECT_VERBS)
     ):
         return 1
-    return 0 if len(verbs.verbs_matching(first_word, verbs.VERBS)) == 1 else -1
+    return 0 if len(verbs.verbs_matching(first_word, verbs.LEADING_VERBS)) == 1 else -1
 
 
 def _word_tokens(line_word: str, scope: Scope) -> Iterator[Token]:

@@ -25,14 +25,16 @@ def split_verb(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     is_player = first_word in scope.players
     is_instrument = first_word in playable_instruments(scope)
     is_playable = first_word in scope.gestures or first_word in scope.takes or is_instrument
-    is_name = first_word not in verbs.VERBS or is_instrument  # an instrument may be called `pan`
+    is_name = (
+        first_word not in verbs.LEADING_VERBS or is_instrument
+    )  # an instrument may be called `pan`
     has_subject_verb = second_word in verbs.SUBJECT_VERBS and is_name
     has_subject_verb = has_subject_verb and not (second_word == "every" and is_playable)
     if subject_verbs and (is_player or has_subject_verb):
         return subject_verbs[0], [line_words[0], *line_words[2:]]
     if is_name and _is_stroke(line_words, scope):
         return "hear", line_words
-    matching_verbs = verbs.verbs_matching(first_word, verbs.VERBS)
+    matching_verbs = verbs.verbs_matching(first_word, verbs.LEADING_VERBS)
     if len(matching_verbs) == 1 and not (is_player and first_word != matching_verbs[0]):
         return matching_verbs[0], line_words[1:]
     raise _unknown_verb_error(line_words, matching_verbs, scope)
@@ -56,7 +58,7 @@ def _check_family(instrument_word: Word, second_word: str, scope: Scope) -> None
     if (
         family is not None
         and not is_name
-        and not verbs.verbs_matching(instrument_name, verbs.VERBS)
+        and not verbs.verbs_matching(instrument_name, verbs.LEADING_VERBS)
     ):
         error = values.missing_family_error(instrument_name, family)
         error.offset = instrument_word.start
@@ -122,7 +124,7 @@ def _unknown_verb_error(
         return TextError(
             _instrument_line_advice(line_words, scope), offset=word_start, length=len(first_word)
         )
-    known_words = (*verbs.VERBS, *list(scope.players)[: values.MAX_COMPARED_NAMES])
+    known_words = (*verbs.LEADING_VERBS, *list(scope.players)[: values.MAX_COMPARED_NAMES])
     nearest_verb = verbs.VERB_BY_SYNONYM.get(first_word) or nearest(first_word, known_words)
     is_synonym = first_word in verbs.VERB_BY_SYNONYM
     if (

@@ -140,17 +140,18 @@ COUPLE_FORM = form("couple", "c", "joins two keys by a spring and a damper",
     "couple k1 k2 K=40N/m", couple, *_KEY_SLOTS, *LINK_SLOTS)
 BUILD_FORM = form("=", "=", "adds an instrument like another, or from a file",
     "bell2 = bell/bell transpose 7st", build,
-    Slot("name", "NAME", structure.PART_NAME),
+    Slot("name", "NAME", structure.PART_NAME_VALUE),
     Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", structure.BASE_VALUE,
     takes_many=True), begins_with_subject=True)
 LINK_FORM = form("link", "li", "joins two modules, or a key and a module, by a link",
     "link k1 bell.m BUT K=4kN/m", Link,
-    Slot("a", "MODULE", structure.LINK_END), Slot("b", "MODULE", structure.OTHER_END),
-    Slot("kind", "KIND", structure.LINK_KIND),
-    Slot("fields", "FIELD=VALUE …", structure.LINK_FIELDS, takes_many=True))
+    Slot("a", "MODULE", structure.LINK_END_VALUE), Slot("b", "MODULE", structure.OTHER_END_VALUE),
+    Slot("kind", "KIND", structure.LINK_KIND_VALUE),
+    Slot("fields", "FIELD=VALUE …", structure.LINK_FIELDS_VALUE, takes_many=True))
 TAKES_FORM = form("takes", "t", "the player takes a key; who and what is new is added",
     "mia takes k3 like k1", Takes,
-    Slot("player", "NAME", structure.PLAYER_NAME), Slot("key", "KEY", structure.KEY_NAME),
+    Slot("player", "NAME", structure.PLAYER_NAME_VALUE),
+    Slot("key", "KEY", structure.KEY_NAME_VALUE),
     Slot("like", "KEY", values.KEY_VALUE, "like", optional=True), begins_with_subject=True)
 REMOVE_FORM = form("remove", "rem", "removes what has a name, and what belongs to it alone",
     "remove bell", Remove, Slot("name", "NAME", structure.REMOVABLE_VALUE))

@@ -17,7 +17,7 @@ from ergon.repl.language.playing import Define
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, with_name
 from ergon.repl.language.striking import StrikeModules
-from ergon.repl.language.verbs import VERBS
+from ergon.repl.language.verbs import LEADING_VERBS
 from ergon.scores.reading.families import library
 
 MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
@@ -77,7 +77,7 @@ def parse_block_line(line_text: str, scope: Scope) -> Command:
 
 def _check_block(defined_block: DefineBlock, block_scope: Scope) -> None:
     """Refuse a block whose name is a verb, or that has a line which no block may hold."""
-    if defined_block.name in VERBS:
+    if defined_block.name in LEADING_VERBS:
         name_word = defined_block.words["name"]
         message = f"{quote(defined_block.name)} is a verb: give the block another name"
         raise TextError(message, offset=name_word.start, length=len(defined_block.name))

@@ -67,7 +67,7 @@ def _read_fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dic
     placed_words = [(match.start(), match.group()) for match in _WORD_PATTERN.finditer(slot_text)]
     if slot_text.strip() == _OFF_WORD:
         return {}
-    for field_name, pattern in TUNING.lone.items():
+    for field_name, pattern in TUNING.value_pattern_by_field.items():
         if len(placed_words) == 1 and (match := re.fullmatch(pattern, placed_words[0][1])):
             return {field_name: match[1]}
     tuning_fields: dict[str, str] = {}
@@ -79,7 +79,7 @@ def _read_fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dic
             message = (
                 f"{quote(field_name)} says nothing of a tuning; it has {field_list}, each once"
             )
-            suggestion = TUNING.meant.get(field_name) or nearest(field_name, TUNING.by_name)
+            suggestion = TUNING.synonyms.get(field_name) or nearest(field_name, TUNING.by_name)
             raise TextError(
                 message, offset=name_offset, length=len(field_name), suggestion=suggestion
             )

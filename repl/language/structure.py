@@ -105,12 +105,12 @@ def _read_fields(slot_text: str, scope: Scope, earlier_values: Mapping[str, Any]
     return module_fields
 
 
-def check_value(shape: Text, value_text: str, word_offset: int) -> None:
+def check_value(shape: Text, value_text: str, value_offset: int) -> None:
     """Check that a value fits a shape. Raises TextError with its place."""
     try:
         shape.parse(value_text)
     except TextError as error:
-        error.offset += word_offset
+        error.offset += value_offset
         raise
 
 
@@ -203,10 +203,10 @@ def _read_channels(slot_text: str, *_: Any) -> tuple[str, ...]:
     channel_words = slot_text.split()
     if channel_words == ["nearest"]:
         return ("nearest",)
-    for line_word in re.finditer(r"\S+", slot_text):
-        if not re.fullmatch(r"[1-9][0-9]{0,3}", line_word.group()):
-            message = f"{quote(line_word.group())} is not a channel from 1, or nearest"
-            raise TextError(message, offset=line_word.start(), length=len(line_word.group()))
+    for word_match in re.finditer(r"\S+", slot_text):
+        if not re.fullmatch(r"[1-9][0-9]{0,3}", word_match.group()):
+            message = f"{quote(word_match.group())} is not a channel from 1, or nearest"
+            raise TextError(message, offset=word_match.start(), length=len(word_match.group()))
     return tuple(channel_words)
 
 
@@ -239,20 +239,20 @@ def _read_removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-PART_NAME = Value("a new name", _read_new_part_name, lambda _: ())
+PART_NAME_VALUE = Value("a new name", _read_new_part_name, lambda _: ())
 BASE_VALUE = Value(
     "an instrument, or a file and a name such as bell/bell", _read_base, _base_completions
 )
-LINK_END = Value("a key or a module, such as k1 or bell.m", _read_end, _end_completions)
-OTHER_END = values.excluding_earlier(LINK_END, "a")
-LINK_KIND = Value(
+LINK_END_VALUE = Value("a key or a module, such as k1 or bell.m", _read_end, _end_completions)
+OTHER_END_VALUE = values.excluding_earlier(LINK_END_VALUE, "a")
+LINK_KIND_VALUE = Value(
     "a kind of link, such as BUT or REF",
     _read_kind,
     lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINK_KINDS),
 )
-LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _read_fields, _field_completions)
-PLAYER_NAME = _known_or_new_name("players")
-KEY_NAME = _known_or_new_name("keys")
+LINK_FIELDS_VALUE = Value("fields, such as K=4kN/m gap=1mm", _read_fields, _field_completions)
+PLAYER_NAME_VALUE = _known_or_new_name("players")
+KEY_NAME_VALUE = _known_or_new_name("keys")
 INSTRUMENT_VALUE = values.name_value("an instrument", "instruments", "available")
 CHANNELS_VALUE = Value("channels, such as 3 or 3 4", _read_channels, _channel_completions)
 REMOVABLE_VALUE = Value(

@@ -191,11 +191,11 @@ VERB_BY_SYNONYM = {
     "open": "load",
     "unsolo": "unmute",
 }
-SHORTEST_BY_VERB = {form.verb: form.short for form in FORMS}
+SHORT_FORM_BY_VERB = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(
     dict.fromkeys(form.verb for form in FORMS if form.begins_with_subject and form.verb != "=")
 )
-VERBS = tuple(
+LEADING_VERBS = tuple(
     dict.fromkeys(form.verb for form in FORMS if not form.begins_with_subject)
 )  # they begin a line
 
@@ -213,14 +213,14 @@ def verbs_matching(verb_start: str, candidates: tuple[str, ...]) -> tuple[str, .
         return (verb_start,)
     matching_verbs = tuple(verb for verb in candidates if verb.startswith(verb_start))
     long_enough_verbs = tuple(
-        verb for verb in matching_verbs if len(verb_start) >= len(SHORTEST_BY_VERB[verb])
+        verb for verb in matching_verbs if len(verb_start) >= len(SHORT_FORM_BY_VERB[verb])
     )
     return long_enough_verbs or matching_verbs
 
 
 def find_verb(verb_word: str) -> str:
     """The verb that a word means. Raises TextError."""
-    all_verbs = (*VERBS, *SUBJECT_VERBS, "=")
+    all_verbs = (*LEADING_VERBS, *SUBJECT_VERBS, "=")
     matching_verbs = verbs_matching(verb_word, all_verbs)
     if len(matching_verbs) > 1:
         raise ambiguous_verb_error(verb_word, matching_verbs)

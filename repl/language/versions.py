@@ -41,7 +41,7 @@ class Back(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Keep(Command):
+class KeepAsScore(Command):
     """Write the last `length` of the piece as a score."""
 
     length: Length
@@ -83,14 +83,14 @@ def play_scene(
     names: tuple[str, str | None], over: Length | None, *, when: When, words: Words
 ) -> Scene:
     """Play a scene, or go from one scene to another, which needs a length. Raises TextError."""
-    first_scene, second_scene = names
-    if second_scene is None:
-        return Scene(first_scene, None, over, when=when, words=words)
+    scene_name, target_name = names
+    if target_name is None:
+        return Scene(scene_name, None, over, when=when, words=words)
     if over is None:
         names_word = words["names"]
         message = "the way from one scene to another needs a length: scene A -> B over 4bar"
         raise TextError(message, offset=names_word.start, length=len(names_word.text))
-    return Scene(second_scene, first_scene, over, when=when, words=words)
+    return Scene(target_name, scene_name, over, when=when, words=words)
 
 
 # fmt: off
@@ -101,7 +101,7 @@ BACK_FORM = form("back", "b", "goes back by a number of versions",
 HISTORY_FORM = form("history", "hi", "lists the versions, with their bars",
     "history", History, takes_time=False)
 KEEP_FORM = form("keep", "k", "writes what was played last as a score of its own",
-    "keep 8bar as verse-2", Keep, Slot("length", "LENGTH", amounts.LENGTH_VALUE),
+    "keep 8bar as verse-2", KeepAsScore, Slot("length", "LENGTH", amounts.LENGTH_VALUE),
     Slot("name", "NAME", values.NEW_NAME, "as"), takes_time=False)
 SCENE_FORM = form("scene", "sce", "plays kept bars from their beginning, again and again",
     "scene verse-2 -> refrain over 4bar", play_scene,

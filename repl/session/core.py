@@ -178,7 +178,7 @@ class SessionCore:
             line_time = NOW  # nothing is heard of it
         reads_files = any(type(command) in version_edits.READS_FILES for command in commands)
         edit = version_edits.combine_edits(commands)
-        kind = kind_of(commands, has_levels=bool(self.schedule.head.strike_levels))
+        kind = kind_of(commands, has_strike_levels=bool(self.schedule.head.strike_levels))
         beat_text, queued_version = self.queue(
             Entry(line_text, edit, kind, line_time, reads_files=reads_files)
         )
@@ -203,7 +203,7 @@ class SessionCore:
             line_number = self._n_lines
 
         request = Request(entry, line_number, self.quant, self.schedule.n_drops)
-        with self.computing.limited(entry.steps):
+        with self.computing.limited(entry.step_limit):
             draft = self.schedule.insert(request, lambda draft: self._note_line(entry, draft))
         self.log.note_thawed(draft.checked_version)
         self.hand_over_due()
@@ -255,11 +255,11 @@ class SessionCore:
             beat=waiting_line.beat,
             goes=entry.sets_running,
             resets=entry.resets,
-            restores=entry.restored_number,
+            restores=entry.restored_line_number,
             where=version.piece.tempo_map.written(waiting_line.beat),
             **optional_fields,
         )
-        if entry.restored_number is None and entry.is_typed:
+        if entry.restored_line_number is None and entry.is_typed:
             self.history.add(waiting_line.number)
             if entry.replaced_number is not None:
                 self.history.remove(entry.replaced_number)

@@ -201,7 +201,7 @@ class Drafts:
             return None
         tempo, lead = (
             waiting_lines.head.piece.tempo_map,
-            self._timing.change_lead(line_kind is LineKind.ENDS),
+            self._timing.change_lead(line_kind is LineKind.STOPS),
         )
         return max(
             start_line.start_frame,

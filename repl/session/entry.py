@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 class Entry:
     """A line that makes a version: what it edits, when, and its place in the history.
 
-    It is a new version, or restores that of the line `restored_number`. In the history it may take
-    the place of the line `replaced_number`; a line that is not `is_typed` is not in the history.
-    The journal keeps texts that were read from files (`reads_files`).
+    It is a new version, or restores that of the line `restored_line_number`. In the history it may
+    take the place of the line `replaced_number`; a line that is not `is_typed` is not in the
+    history. The journal keeps texts that were read from files (`reads_files`).
     """
 
     line: str
@@ -30,7 +30,7 @@ class Entry:
     sets_running: bool | None = None
     enter_beat: float | None = None  # the beat from which the piece starts
     resets: bool = False
-    restored_number: int | None = None
+    restored_line_number: int | None = None
     reads_files: bool = False
     is_redo: bool = False
     replaced_number: int | None = None
@@ -39,7 +39,7 @@ class Entry:
     @property
     def restores_version(self) -> bool:
         """Whether it restores an earlier version."""
-        return self.restored_number not in (None, -1)
+        return self.restored_line_number not in (None, -1)
 
     def numbered_edit(self, line_number: int) -> VersionEdit:
         """The edit of a line whose version has a number."""
@@ -55,11 +55,13 @@ class Entry:
         return self.resets or self.sets_running is False
 
     @property
-    def steps(self) -> int | None:
+    def step_limit(self) -> int | None:
         """The limit of its computation; None for a stop."""
         if self.resets:
             return None
         is_long = (
-            self.reads_files or self.restored_number is not None or self.sets_running is not None
+            self.reads_files
+            or self.restored_line_number is not None
+            or self.sets_running is not None
         )
         return computing.FILES_STEPS if is_long else computing.LINE_STEPS

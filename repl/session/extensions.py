@@ -48,29 +48,31 @@ class Extensions:
             return None
         start_frame = self._moments.first_frame(self._making_time.expected_seconds)
         # A line that takes over sooner extends the timeline too.
-        is_soon = any(line.frame <= start_frame and not line.rule.is_quick for line in waiting)
-        return None if is_soon else start_frame
+        is_extended_by_waiting_line = any(
+            line.frame <= start_frame and not line.rule.is_quick for line in waiting
+        )
+        return None if is_extended_by_waiting_line else start_frame
 
     def extended(self, running: RunningVersion, start_frame: int) -> RunningVersion:
         """A version whose timeline goes on from frame `start_frame`. Raises one of `REFUSALS`."""
-        making_begin_frame = self._making_time.begin_frame()
+        making_start_frame = self._making_time.begin_frame()
         try:
             return self._version_maker.extended(running, start_frame)
         finally:
-            self._making_time.add(making_begin_frame)
+            self._making_time.add(making_start_frame)
 
-    def send(self, running_after: RunningVersion) -> None:
+    def send(self, next_running_version: RunningVersion) -> None:
         """Send an extension to the engine."""
         running = self._changes.running
         change = Change(
-            running_after.start_frame,
-            running_after.stage,
+            next_running_version.start_frame,
+            next_running_version.stage,
             running.stage,
-            damping_t60=running_after.damping_t60,
-            force_bounds=running_after.force_bounds,
+            damping_t60=next_running_version.damping_t60,
+            force_bounds=next_running_version.force_bounds,
         )
         try:
-            self._changes.send(change, (), running_after)
+            self._changes.send(change, (), next_running_version)
         except EngineError as error:  # too many changes wait: the next turn tries again
             self._reports.append(TimelineFailed(f"the score could not be continued yet: {error}"))
 

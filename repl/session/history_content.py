@@ -53,10 +53,10 @@ def read_sounding(journal_event: JournalEvent) -> SoundingNames:
     """
     if "sounds_as" not in journal_event.fields:
         return SoundingNames()
-    names_by_sound = journal_event.mapping("sounds_as", str)
-    if not all(NAME.fullmatch(name) for pair in names_by_sound.items() for name in pair):
+    sounding_name_by_name = journal_event.mapping("sounds_as", str)
+    if not all(NAME.fullmatch(name) for pair in sounding_name_by_name.items() for name in pair):
         journal_event.refuse("the field 'sounds_as' has the wrong value")
-    return SoundingNames(names_by_sound)
+    return SoundingNames(sounding_name_by_name)
 
 
 def history_fields(history: PastVersions) -> dict[str, object]:
@@ -116,13 +116,13 @@ def read_history(
         text_budget -= sum(map(len, texts_by_file.values()))
         if text_budget < 0:
             journal_event.refuse("its history is longer than that of a session can be")
-        named_files = {
+        event_fields = {
             "score": row_event.get("score", str),
             "text": texts_by_file.get("", ""),
             "overlay": _without_score(texts_by_file),
         }
         version_texts = read_texts(
-            JournalEvent(journal_event.file, journal_event.number, "history", named_files)
+            JournalEvent(journal_event.file, journal_event.number, "history", event_fields)
         )
         versions.append(
             PastVersion(
@@ -161,8 +161,8 @@ def _text_difference(old_text: str, new_text: str) -> list[object] | None:
     """[characters kept in front, characters kept at the end, new text between]; None if equal."""
     if old_text == new_text:
         return None
-    start, end, new_characters = difference(old_text, new_text)
-    return [start, len(old_text) - end, new_characters]
+    n_front, end_index, new_characters = difference(old_text, new_text)
+    return [n_front, len(old_text) - end_index, new_characters]
 
 
 def _apply_delta(row_event: JournalEvent, old_text: str, delta: object) -> str:

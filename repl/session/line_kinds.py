@@ -43,7 +43,7 @@ class LineKind(Enum):
     """What a line changes, from the least to the most."""
 
     FADERS = 0  # gains alone
-    ENDS = 1  # ends what plays
+    STOPS = 1  # ends what plays
     VALUES = 2  # values and patterns of existing parts
     STRUCTURE = 3  # the structure of the piece
     START = 4  # starts the piece, or jumps
@@ -62,14 +62,14 @@ class KindRule(NamedTuple):
 
 RULE_BY_KIND: Mapping[LineKind, KindRule] = {
     LineKind.FADERS: KindRule(is_quick=True, is_structural=False),
-    LineKind.ENDS: KindRule(is_quick=True, is_structural=False),
+    LineKind.STOPS: KindRule(is_quick=True, is_structural=False),
     LineKind.VALUES: KindRule(is_quick=False, is_structural=False),
     LineKind.STRUCTURE: KindRule(is_quick=False, is_structural=True),
     LineKind.START: KindRule(is_quick=False, is_structural=True),
 }
 
 
-def keep_order(earlier: LineKind, later: LineKind) -> bool:
+def must_keep_order(earlier: LineKind, later: LineKind) -> bool:
     """Whether a line of the kind `later` must not overtake one of the kind `earlier` that slips."""
     return earlier is later or (
         RULE_BY_KIND[earlier].is_structural and RULE_BY_KIND[later].is_structural
@@ -79,7 +79,7 @@ def keep_order(earlier: LineKind, later: LineKind) -> bool:
 # Commands that are not listed change structure.
 _KIND_BY_COMMAND: Mapping[type[Command], LineKind] = {
     **dict.fromkeys((Gain, Mute, Solo, Unmute), LineKind.FADERS),
-    **dict.fromkeys((Hush, Damp), LineKind.ENDS),
+    **dict.fromkeys((Hush, Damp), LineKind.STOPS),
     **dict.fromkeys(
         (Set, Automate, StopLfo, Rest, Tempo, Nudge, Fade, MovePan, Guide),
         LineKind.VALUES,
@@ -88,15 +88,15 @@ _KIND_BY_COMMAND: Mapping[type[Command], LineKind] = {
 }
 
 
-def kind_of(commands: Sequence[Command], *, has_levels: bool = False) -> LineKind:
+def kind_of(commands: Sequence[Command], *, has_strike_levels: bool = False) -> LineKind:
     """The kind of a line, or of a block of lines that take effect together.
 
-    A line that ends all mute or solo needs a stage where strikes have levels (`has_levels`).
+    A line that ends all mute or solo needs a stage where strikes have levels (`has_strike_levels`).
     """
     command_kinds = {
         _KIND_BY_COMMAND.get(type(command), LineKind.STRUCTURE) for command in commands
     }
-    if has_levels and any(isinstance(command, Solo | Unmute) for command in commands):
+    if has_strike_levels and any(isinstance(command, Solo | Unmute) for command in commands):
         command_kinds = {*(command_kinds - {LineKind.FADERS}), LineKind.VALUES}
     if len(command_kinds) == 1:
         return command_kinds.pop()

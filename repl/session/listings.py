@@ -12,7 +12,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language.scope import scores_in
 from ergon.repl.session.disk import folder_of
-from ergon.repl.session.scene_edits import scene_of
+from ergon.repl.session.scene_edits import read_scene
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.gesture import space_path
 from ergon.scores.reading import families
@@ -88,7 +88,7 @@ def scene_lines(score_texts: Texts) -> list[str]:
         scene_rows[scene_name] = ""
         if number < _SCENES_MAX:
             try:
-                scene_rows[scene_name] = _length_text(scene_of(score_texts, scene_name))
+                scene_rows[scene_name] = _length_text(read_scene(score_texts, scene_name))
             except (NotTakenError, EditError) as error:
                 scene_rows[scene_name] = f"cannot be played: {error}"
     return _two_columns(scene_rows) or ["no scene yet; `keep 8bar as verse-2` makes one"]

@@ -52,7 +52,7 @@ class Moments:
         """The first frame for a change that takes `making_seconds` [s] to compute."""
         if line_kind is LineKind.FADERS:
             frame_min = 0
-        elif line_kind is LineKind.ENDS:  # such a line withdraws pending changes
+        elif line_kind is LineKind.STOPS:  # such a line withdraws pending changes
             frame_min = self._changes.running_at(self.tick_after(0.0) - 1).start_frame + 1
         else:
             frame_min = self._changes.running.start_frame + 1
@@ -70,7 +70,7 @@ class Moments:
         kind: LineKind = LineKind.STRUCTURE,
     ) -> LinePlace:
         """The place of a line that is typed now. Raises NotTakenError where its beat is past."""
-        lead_seconds = self._timing.change_lead(kind is LineKind.ENDS)
+        lead_seconds = self._timing.change_lead(kind is LineKind.STOPS)
         soonest_frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
         line_beat, start_frame = place_of(
             when, grid, self._present_state(tempo_map), soonest_frames, lead_seconds

@@ -19,7 +19,7 @@ from ergon.live.osc_out import OscSender, beat_events, frame_of
 from ergon.live.osc_values import InputValues
 from ergon.repl.language.looking import Py, Quit
 from ergon.repl.language.recording import Record, RecordAudio, RecordOff
-from ergon.repl.language.versions import Keep, Load, Reload, Save
+from ergon.repl.language.versions import KeepAsScore, Load, Reload, Save
 from ergon.repl.line_queue import LineQueue
 from ergon.repl.session.played_versions import PlayedVersions
 from ergon.scores.staging.drives import input_id
@@ -42,7 +42,7 @@ _WAITING_MAX = 64  # lines that may wait to be done
 # OSC has no passwords: lines that read or write files, run Python or end the session must be typed.
 # A scene lies beside the score and is called in the midst of a performance, so it may come by OSC.
 _TYPED_ONLY = dict.fromkeys(
-    (Py, Save, Keep, Load, Reload, Record, RecordOff, RecordAudio, Quit),
+    (Py, Save, KeepAsScore, Load, Reload, Record, RecordOff, RecordAudio, Quit),
     "this line has to be typed at a prompt: OSC has no passwords",
 )
 

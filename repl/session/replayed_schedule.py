@@ -36,7 +36,7 @@ class ReplayedSchedule(Schedule):
         line_kinds = {new_line.kind for new_line in line_group}
         if line_kinds == {LineKind.FADERS}:
             self._move_faders(line_group)
-        elif line_kinds == {LineKind.ENDS}:
+        elif line_kinds == {LineKind.STOPS}:
             self._hand_lines(line_group, self.version_maker.cut_version(running, line_group))
         else:
             self._hand_lines(line_group, self.version_maker.staged(running, line_group))

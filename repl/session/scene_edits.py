@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _FileStamps = Sequence[tuple[str, int, int]]  # file, time of the last change [ns], bytes
 
 
-def scene_of(score_texts: Texts, scene_name: str) -> Scene:
+def read_scene(score_texts: Texts, scene_name: str) -> Scene:
     """The scene of a name, from its file beside a score. Raises NotTakenError."""
     folder = folder_of(score_texts)
     path = next(
@@ -50,10 +50,10 @@ def scene_of(score_texts: Texts, scene_name: str) -> Scene:
         folder, trust=score_texts.bounds is not None and score_texts.bounds.allows_any_file
     )
     try:
-        scene, files = _read_scene(_file_stamps([path]), bounds)
+        scene, files = _read_scene_file(_file_stamps([path]), bounds)
         if _file_stamps(map(Path, [name for name, *_ in files])) != files:
-            _read_scene.cache_clear()
-            scene, _ = _read_scene(_file_stamps([path]), bounds)
+            _read_scene_file.cache_clear()
+            scene, _ = _read_scene_file(_file_stamps([path]), bounds)
     except OSError as error:
         raise NotTakenError(f"{path}: {error.strerror}") from None
     except (EditError, NotTakenError) as error:
@@ -62,7 +62,7 @@ def scene_of(score_texts: Texts, scene_name: str) -> Scene:
 
 
 @lru_cache(maxsize=8)  # a scene of 100 modules takes 40 ms to read
-def _read_scene(stamps: _FileStamps, bounds: FileBounds) -> tuple[Scene, _FileStamps]:
+def _read_scene_file(stamps: _FileStamps, bounds: FileBounds) -> tuple[Scene, _FileStamps]:
     """The scene in a file, and the stamps of all files from which it was read."""
     texts = Texts.read(stamps[0][0], bounds)
     scene = Scene.from_texts(texts, piece_of(texts))
@@ -84,19 +84,19 @@ def _play_scene(command: versions.Scene) -> VersionEdit:
     """
     scenes_by_name: dict[str, Scene] = {}
 
-    def scene_named(version: Version, name: str) -> Scene:
+    def cached_scene(version: Version, name: str) -> Scene:
         if name not in scenes_by_name:
-            scenes_by_name[name] = scene_of(version.texts, name)
+            scenes_by_name[name] = read_scene(version.texts, name)
         return scenes_by_name[name]
 
     def edit(version: Version, edit_beat: float) -> Version:
-        target_scene = scene_named(version, command.name)
+        target_scene = cached_scene(version, command.name)
         edited_texts = version.texts
         piece = version.piece
         played_scenes = (
             [target_scene]
             if command.first_scene is None
-            else [scene_named(version, command.first_scene), target_scene]
+            else [cached_scene(version, command.first_scene), target_scene]
         )
         for played_scene in played_scenes:
             edited_texts = scene_matter.with_scene_parts(edited_texts, piece, played_scene)
@@ -109,21 +109,23 @@ def _play_scene(command: versions.Scene) -> VersionEdit:
         base_texts = version.file_texts
         if new_texts and base_texts is not None:  # `use` adds files in the same way
             base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
-        glide_length = None if command.over is None else command.words["over"].text
-        begin_beat, glide = edit_beat, GLIDE_DURATION
+        glide_text = None if command.over is None else command.words["over"].text
+        begin_beat, glide_seconds = edit_beat, GLIDE_DURATION
         first_scene = (
             target_scene
             if command.first_scene is None
-            else scene_named(version, command.first_scene)
+            else cached_scene(version, command.first_scene)
         )
         released_parameters = tuple(scenes.released_parameters(piece, first_scene, edit_beat))
         edited_texts = scenes.with_scene_tempo(
-            edited_texts, piece, target_scene, edit_beat, glide_length
+            edited_texts, piece, target_scene, edit_beat, glide_text
         )
         if command.over is not None:
             tempo_map = piece_of(edited_texts).tempo_map
             glide_end = tempo_map.after(edit_beat, command.over)
-            glide = max(GLIDE_DURATION, tempo_map.seconds(glide_end) - tempo_map.seconds(edit_beat))
+            glide_seconds = max(
+                GLIDE_DURATION, tempo_map.seconds(glide_end) - tempo_map.seconds(edit_beat)
+            )
             if command.first_scene is not None:
                 edited_texts = scenes.play_scene(
                     edited_texts, piece_of(edited_texts), first_scene, edit_beat, glide_end
@@ -138,7 +140,7 @@ def _play_scene(command: versions.Scene) -> VersionEdit:
         played_version = with_texts(version, edited_texts)
         return replace(
             played_version,
-            glide_duration=glide,
+            glide_duration=glide_seconds,
             released_parameters=released_parameters,
             read_files=new_texts,
             file_texts=base_texts,

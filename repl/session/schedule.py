@@ -188,7 +188,7 @@ class Schedule:
     def drop_all(self) -> list[WaitingLine]:
         """Remove all waiting lines and return them, also those that are under way to the engine."""
         with self.lock:
-            self._wait_again(self.changes.withdraw(self.moments.first_frame(0.0, LineKind.ENDS)))
+            self._wait_again(self.changes.withdraw(self.moments.first_frame(0.0, LineKind.STOPS)))
             dropped_lines = [*self.waiting]
             self.n_drops += 1
             self._set_lines(replace(self.lines, lines=(), superseded=()))
@@ -268,7 +268,7 @@ class Schedule:
                         is_slipping = True
                     elif group_kind is LineKind.FADERS:
                         self._move_faders(due_group)
-                    elif group_kind is LineKind.ENDS:
+                    elif group_kind is LineKind.STOPS:
                         self._cut_running(due_group)
                     else:
                         self._hand_staged(due_group)
@@ -288,7 +288,7 @@ class Schedule:
             is_first = len(lines_left) == len(self.waiting)
             if due_kind is LineKind.FADERS:
                 is_due = is_first or can_move_faders(self.running, due_group)
-            elif due_kind is LineKind.ENDS:
+            elif due_kind is LineKind.STOPS:
                 # A beat counts from the beginning of the piece, which then comes first.
                 has_start = any(line.sets_running for line in self.waiting[: -len(lines_left)])
                 can_pass = not has_start or any(line.is_now for line in due_group)
@@ -338,7 +338,7 @@ class Schedule:
         other_endings = [
             line
             for line in waiting_lines
-            if line.kind is LineKind.ENDS and line.start_frame == end_frame
+            if line.kind is LineKind.STOPS and line.start_frame == end_frame
         ]
         lines_left = [line for line in waiting_lines if line not in other_endings]
         group = sorted((*other_endings, *group), key=lambda line: line.number)

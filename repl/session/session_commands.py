@@ -21,14 +21,14 @@ from ergon.repl.language.looking import Help, Look, Py, Quit, Trace, TraceOn
 from ergon.repl.language.recording import Record, RecordAudio, RecordOff
 from ergon.repl.language.stopping import Panic, Release
 from ergon.repl.language.transport import Play, Quant, Stop, Tap, Tempo
-from ergon.repl.language.versions import Back, History, Keep, Redo, Save, Undo
+from ergon.repl.language.versions import Back, History, KeepAsScore, Redo, Save, Undo
 from ergon.repl.session import bars, computing, files, inspection, listings, version_edits
 from ergon.repl.session import midi_commands as midi_commands
 from ergon.repl.session.command_table import SESSION_COMMANDS as SESSION_COMMANDS
 from ergon.repl.session.command_table import executes
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import LineKind
-from ergon.repl.session.scene_edits import scene_of
+from ergon.repl.session.scene_edits import read_scene
 from ergon.repl.session.version import NotTakenError, Version, first_line
 from ergon.repl.session_protocol import Reply
 
@@ -68,7 +68,7 @@ def _play(session: SessionCore, command: Play) -> Reply:
         NOW,
         sets_running=True,
         enter_beat=play_beat,
-        restored_number=-1,
+        restored_line_number=-1,
     )
     beat_text, _ = session.queue(play_entry)
     return Reply(True, f"ok from {beat_text}")
@@ -90,10 +90,10 @@ def _stop(session: SessionCore, command: Stop) -> Reply:
     stop_entry = Entry(
         "stop",
         version_edits.unchanged_version,
-        LineKind.ENDS,
+        LineKind.STOPS,
         line_time,
         sets_running=False,
-        restored_number=-1,
+        restored_line_number=-1,
     )
     beat_text, _ = session.queue(stop_entry)
     return Reply(True, f"ok {beat_text} the piece stops; `play` continues from there")
@@ -223,7 +223,7 @@ def _restore(session: SessionCore, command: Command, history_index: int, line_te
         return past_versions[number].restore(version, beat)
 
     beat_text, queued_version = session.queue(
-        Entry(line_text, restore_version, when=command.when, restored_number=number)
+        Entry(line_text, restore_version, when=command.when, restored_line_number=number)
     )
     session.history.go_to(number)
     change_texts = [
@@ -403,10 +403,10 @@ def _record_audio(session: SessionCore, command: RecordAudio) -> Reply:
     return Reply(True, f"ok recording what is heard in {path}; `record audio off` ends it")
 
 
-@executes(Keep)
-def _keep(session: SessionCore, command: Keep) -> Reply:
+@executes(KeepAsScore)
+def _keep(session: SessionCore, command: KeepAsScore) -> Reply:
     written_files = files.write_last_bars(session, command.length, command.name)
-    scene_of(
+    read_scene(
         session.schedule.head.texts, command.name
     )  # read it now, so that `scene` answers at once
     return Reply(True, f"ok wrote {', '.join(written_files)}")

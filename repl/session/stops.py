@@ -147,7 +147,7 @@ class Stops:
             stop_entry = Entry(
                 "panic",
                 version_edits.end_all_playing,
-                LineKind.ENDS,
+                LineKind.STOPS,
                 NOW,
                 sets_running=False,
                 resets=True,

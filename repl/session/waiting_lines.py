@@ -16,7 +16,7 @@ from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session.clock import Clock, TakeoverBeats, Timing, takeover_beats
-from ergon.repl.session.line_kinds import RULE_BY_KIND, KindRule, LineKind, keep_order
+from ergon.repl.session.line_kinds import RULE_BY_KIND, KindRule, LineKind, must_keep_order
 from ergon.repl.session.version import NotTakenError, Version, is_same_music
 from ergon.scores.staging.refusals import StageError
 
@@ -66,7 +66,7 @@ class WaitingLine:
 
     def lead(self, timing: Timing) -> float:
         """How long before its beat it takes over [s]."""
-        return timing.change_lead(self.kind is LineKind.ENDS)
+        return timing.change_lead(self.kind is LineKind.STOPS)
 
     @property
     def frame(self) -> float:
@@ -104,7 +104,7 @@ class WaitingLine:
         """
         is_restoring = self.restores_version or earlier.restores_version
         is_quick = (earlier if self.restores_version else self).rule.is_quick
-        keeps_order = keep_order(earlier.kind, self.kind) or (is_restoring and not is_quick)
+        keeps_order = must_keep_order(earlier.kind, self.kind) or (is_restoring and not is_quick)
         return self.number > earlier.number and keeps_order
 
 

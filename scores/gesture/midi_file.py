@@ -135,25 +135,28 @@ def _read_notes(path: Path, channel_name: str | None, _: FileState) -> MidiNotes
     )
 
 
-def _channel_event(message: MidiEvent) -> _ChannelEvent:
+def _channel_event(midi_event: MidiEvent) -> _ChannelEvent:
     """What a message does to notes."""
-    message_number, message_value = message.number, message.content[-1] if message.content else 0
-    if message.kind == NOTE_ON:
+    event_number, event_value = (
+        midi_event.number,
+        midi_event.content[-1] if midi_event.content else 0,
+    )
+    if midi_event.kind == NOTE_ON:
         return _ChannelEvent(
-            message.tick, _ON_KIND if message_value else _OFF_KIND, message_number, message_value
+            midi_event.tick, _ON_KIND if event_value else _OFF_KIND, event_number, event_value
         )
-    if message.kind == NOTE_OFF:
-        return _ChannelEvent(message.tick, _OFF_KIND, message_number, message_value)
+    if midi_event.kind == NOTE_OFF:
+        return _ChannelEvent(midi_event.tick, _OFF_KIND, event_number, event_value)
     kind = _OTHER_KIND
-    if message.kind == CONTROLLER and message_number in (SUSTAIN, _RESET_CONTROLLERS):
+    if midi_event.kind == CONTROLLER and event_number in (SUSTAIN, _RESET_CONTROLLERS):
         kind = _PEDAL_KIND
-        message_value *= message_number == SUSTAIN  # a reset lets the pedal up (RP-015)
-    elif message.kind == CONTROLLER and message_number in ALL_OFF_CONTROLLERS:
+        event_value *= event_number == SUSTAIN  # a reset lets the pedal up (RP-015)
+    elif midi_event.kind == CONTROLLER and event_number in ALL_OFF_CONTROLLERS:
         kind = _ALL_OFF_KIND
-    return _ChannelEvent(message.tick, kind, message_number, message_value)
+    return _ChannelEvent(midi_event.tick, kind, event_number, event_value)
 
 
-def _tick_order(event: _ChannelEvent) -> tuple[int, int]:
+def _event_sort_key(event: _ChannelEvent) -> tuple[int, int]:
     """What ends at a tick on one track comes before what begins on another."""
     return event.tick, event.kind
 
@@ -226,12 +229,12 @@ def _notes_of_events(
     a tick, unless its key is struck again there.
     """
     held_notes = _HeldNotes()
-    merged_events = heapq.merge(*events_by_track, key=_tick_order)
+    merged_events = heapq.merge(*events_by_track, key=_event_sort_key)
     ended_notes = [note for event in merged_events for note in held_notes.follow(event)]
     strike_counts = Counter((tick, number) for tick, number, *_ in ended_notes)
     for tick, number, velocity, n_ticks in ended_notes:
-        is_bare = not n_ticks and strike_counts[tick, number] == 1
-        yield tick, number, velocity, 1 if is_bare else n_ticks
+        has_no_length = not n_ticks and strike_counts[tick, number] == 1
+        yield tick, number, velocity, 1 if has_no_length else n_ticks
     for note_number, (begin_tick, velocity) in held_notes.pedal_notes.items():
         yield begin_tick, note_number, velocity, max(end_tick - begin_tick, 1)
     for note_number, (begin_tick, velocity) in held_notes.open_notes.items():

@@ -19,7 +19,8 @@ from ergon.scores.gesture.take_file import TakeError
 MAX_POINTS = 100_000  # movements of notes
 _WHEEL_CENTRE = 8192  # middle of the wheel, which has 14 bits
 # The controllers that say the range of a wheel, and zones.
-CONTROLLERS = _DATA_COARSE, _DATA_FINE, _RPN_FINE, _RPN_COARSE = 6, 38, 100, 101
+_DATA_COARSE, _DATA_FINE, _RPN_FINE, _RPN_COARSE = 6, 38, 100, 101
+CONTROLLERS = _DATA_COARSE, _DATA_FINE, _RPN_FINE, _RPN_COARSE
 _RANGE_PARAMETER, _ZONE_PARAMETER = 0, 6  # registered parameters
 # The master channels of zones, each with the channels that it takes.
 _ZONE_CHANNELS_BY_MASTER = {1: range(2, 17), 16: range(15, 0, -1)}
@@ -92,8 +93,8 @@ class Wheels:
         master = self._master_by_channel.get(channel)
         channels = (channel,) if master is None else (channel, master)
         return sum(
-            self._wheels[channel_number].position * self._wheels[channel_number].range_cents
-            for channel_number in channels
+            self._wheels[moving_channel].position * self._wheels[moving_channel].range_cents
+            for moving_channel in channels
         )
 
     def is_in_zone(self, channel: int) -> bool:
@@ -169,8 +170,8 @@ class Wheels:
     def _set_zone(self, master: int, n_channels: int) -> None:
         """Give a master a number of channels, from its own on; 0 ends the zone."""
         self._master_by_channel = {
-            channel_number: master_channel
-            for channel_number, master_channel in self._master_by_channel.items()
+            zone_channel: master_channel
+            for zone_channel, master_channel in self._master_by_channel.items()
             if master_channel != master
         }
         channels = list(_ZONE_CHANNELS_BY_MASTER[master])[: min(n_channels, 15)]

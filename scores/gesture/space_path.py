@@ -34,8 +34,8 @@ class _Brackets(NamedTuple):
 class _PositionInText(NamedTuple):
     """A position in the text: where its brackets begin, where it begins itself, and its length."""
 
-    start: int
-    text_start: int
+    bracket_start: int
+    position_start: int
     length: int
 
 
@@ -84,13 +84,13 @@ def _bracketed_positions(bracket_match: re.Match[str]) -> _Brackets:
 
 def _check_positions(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
     """Check that each point has as many positions as the first, two or three, and a time."""
-    for bracket_start, bracket_stop, position_texts in points:
+    for bracket_start, bracket_stop, positions in points:
         point_text = path_text[bracket_start:bracket_stop]
-        if not 2 <= len(position_texts) <= len(AXES):
-            message = f"a point in space has two or three positions, not {len(position_texts)}"
+        if not 2 <= len(positions) <= len(AXES):
+            message = f"a point in space has two or three positions, not {len(positions)}"
             raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
-        if len(position_texts) != n_axes:
-            message = f"this point has {len(position_texts)} positions, and the first has {n_axes}"
+        if len(positions) != n_axes:
+            message = f"this point has {len(positions)} positions, and the first has {n_axes}"
             raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
         if path_text[bracket_stop : bracket_stop + 1] != "@":
             message = f"'{point_text[:40]}' has no time; write {point_text[:40]}@1/4"
@@ -125,18 +125,18 @@ def _axis_notation(
     try:
         axis_notation = notation.parse("".join((*pieces, path_text[piece_end:])), curve, events_max)
     except TextError as error:
-        text_offset = max(
+        parsed_offset = max(
             (begin_offset for begin_offset in positions_by_offset if begin_offset <= error.offset),
             default=-1,
         )
-        if text_offset >= 0 and error.offset <= text_offset + max(
-            0, positions_by_offset[text_offset].length - 1
+        if parsed_offset >= 0 and error.offset <= parsed_offset + max(
+            0, positions_by_offset[parsed_offset].length - 1
         ):
-            error.offset += positions_by_offset[text_offset].text_start - text_offset
+            error.offset += positions_by_offset[parsed_offset].position_start - parsed_offset
         raise
     placed_points = []
     for axis_point in axis_notation.points:
-        bracket_start = positions_by_offset[axis_point.offset].start
+        bracket_start = positions_by_offset[axis_point.offset].bracket_start
         length = axis_point.offset + axis_point.length - bracket_start
         placed_points.append(replace(axis_point, offset=bracket_start, length=length))
     return replace(axis_notation, points=tuple(placed_points))

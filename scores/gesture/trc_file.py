@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from io import TextIOWrapper
 from itertools import islice
 from pathlib import Path
 
@@ -60,18 +59,18 @@ def read(path: Path) -> Motion:
 
 
 def _read_header(path: Path) -> _FileHeader:
-    with _file_text(path) as file:
+    with open_text(path) as file:
         numbered_lines = content_lines(file, path)
-        first_number, header_fields, header_values, markers, axis_fields = (
+        (_, first_text), (_, field_text), (_, value_text), (_, marker_text), (axis_line, _) = (
             next(numbered_lines, (0, "")) for _ in range(5)
         )
     marker_names = [
-        name.strip() for name in markers[1].split("\t")[_LEADING_COLUMNS:] if name.strip()
+        name.strip() for name in marker_text.split("\t")[_LEADING_COLUMNS:] if name.strip()
     ]
     if (
-        not first_number[1].startswith(_FIRST_WORD)
-        or not markers[1].startswith("Frame#")
-        or not axis_fields[0]
+        not first_text.startswith(_FIRST_WORD)
+        or not marker_text.startswith("Frame#")
+        or not axis_line
     ):
         raise TakeError(
             "this is not a TRC file: it begins with PathFileType, and its fourth line with Frame#",
@@ -79,17 +78,17 @@ def _read_header(path: Path) -> _FileHeader:
         )
     if len(marker_names) > MAX_CHANNELS:
         raise TakeError(f"the file has more than {MAX_CHANNELS:,} points", path)
-    cells = (text.split("\t") for _, text in (header_fields, header_values))
+    cells = (text.split("\t") for text in (field_text, value_text))
     pairs = zip(*cells, strict=False)
     return _FileHeader(
-        {name.strip(): value.strip() for name, value in pairs}, marker_names, axis_fields[0]
+        {name.strip(): value.strip() for name, value in pairs}, marker_names, axis_line
     )
 
 
 def _frame_rows(header: _FileHeader, path: Path) -> Iterator[tuple[int, list[str]]]:
     """The cells of each frame, with their line. Raises TakeError."""
     row_width = _LEADING_COLUMNS + 3 * len(header.names)
-    with _file_text(path) as file:
+    with open_text(path) as file:
         for line_number, row_text in content_lines(file, path):
             if line_number <= header.line:
                 continue
@@ -118,10 +117,6 @@ def _timed_positions(header: _FileHeader, rate: float, path: Path) -> Iterator[l
         clock.follow(cells[0], cells[1], line_number)
         yield row_positions(cells, range(_LEADING_COLUMNS, len(cells), 3), path, line_number)
     clock.finish()
-
-
-def _file_text(path: Path) -> TextIOWrapper:
-    return open_text(path)
 
 
 def _frame_count(header: _FileHeader, field_name: str, path: Path) -> int:

@@ -63,7 +63,7 @@ class Reader:
         return value
 
 
-def ratio(word: str) -> Fraction | None:
+def parse_ratio(word: str) -> Fraction | None:
     """A number without a sign such as `2`, `1.5` or `3/2`; None if the word is none."""
     ratio_match = _RATIO_PATTERN.fullmatch(word)
     if ratio_match is None or max(len(part or "") for part in ratio_match.groups()) > MAX_DIGITS:
@@ -72,22 +72,22 @@ def ratio(word: str) -> Fraction | None:
     return Fraction(ratio_match[1]) / divisor if divisor else None
 
 
-def _ratio_reader(low_ratio: Fraction, high_bound: int) -> Callable[[str], Fraction | None]:
-    """A reader of numbers from `low_ratio` to `high_bound`."""
+def _ratio_reader(minimum: Fraction, maximum: int) -> Callable[[str], Fraction | None]:
+    """A reader of numbers from `minimum` to `maximum`."""
 
     def read(word: str) -> Fraction | None:
-        value = ratio(word)
-        return value if value is not None and low_ratio <= value <= high_bound else None
+        value = parse_ratio(word)
+        return value if value is not None and minimum <= value <= maximum else None
 
     return read
 
 
-def _count_reader(low_bound: int, high_bound: int) -> Callable[[str], int | None]:
+def _count_reader(minimum: int, maximum: int) -> Callable[[str], int | None]:
     """A reader of numbers without fractions."""
 
     def read(word: str) -> int | None:
         is_count = word.isascii() and word.isdigit() and len(word) <= MAX_DIGITS
-        return int(word) if is_count and low_bound <= int(word) <= high_bound else None
+        return int(word) if is_count and minimum <= int(word) <= maximum else None
 
     return read
 
@@ -105,7 +105,7 @@ def _read_semitones(typed_word: str) -> float | None:
         )
     else:
         factor = (
-            ratio(typed_word.removeprefix("x"))
+            parse_ratio(typed_word.removeprefix("x"))
             if "/" in typed_word or typed_word[:1] == "x"
             else None
         )
@@ -117,9 +117,9 @@ def _read_semitones(typed_word: str) -> float | None:
     return semitones if abs(semitones) <= MAX_SEMITONES else None
 
 
-def _amount_reader(high: int) -> Callable[[str], float | None]:
+def _amount_reader(maximum: int) -> Callable[[str], float | None]:
     """A reader of numbers from 0 that need not be exact."""
-    read = _ratio_reader(Fraction(0), high)
+    read = _ratio_reader(Fraction(0), maximum)
     return lambda word: None if (value := read(word)) is None else float(value)
 
 
@@ -134,7 +134,7 @@ def _read_repeats(typed_word: str) -> int | Repeats | None:
 def _read_seconds(typed_word: str) -> float | None:
     """`20ms` or `-0.02s`, up to a second either way, and not nothing."""
     units_per_second = 1000 if typed_word.endswith("ms") else 1
-    number = ratio(typed_word.removeprefix("-").removesuffix("s").removesuffix("m"))
+    number = parse_ratio(typed_word.removeprefix("-").removesuffix("s").removesuffix("m"))
     if not typed_word.endswith("s") or number is None or not 0 < number <= units_per_second:
         return None
     return float(-number / units_per_second if typed_word[0] == "-" else number / units_per_second)
@@ -142,7 +142,7 @@ def _read_seconds(typed_word: str) -> float | None:
 
 def _read_signed_share(typed_word: str) -> Fraction | None:
     """A share from -1 to 1, and not nothing."""
-    share = ratio(typed_word.removeprefix("-"))
+    share = parse_ratio(typed_word.removeprefix("-"))
     if share is None or not 0 < share <= 1:
         return None
     return -share if typed_word[0] == "-" else share
@@ -165,7 +165,7 @@ LENGTH = Reader(
     f"a share of the time until the next stroke, up to {MAX_LENGTH}",
     _ratio_reader(_FACTOR_MIN, MAX_LENGTH),
 )
-STEP = Reader("a share of a cycle from 1/1000 to 1", _ratio_reader(_FACTOR_MIN, 1))
+CYCLE_STEP = Reader("a share of a cycle from 1/1000 to 1", _ratio_reader(_FACTOR_MIN, 1))
 REPEATS = Reader(
     f"a number of strokes from 1 to {MAX_NUMBER:,}, or a rate up to {MAX_RATE}Hz", _read_repeats
 )

@@ -89,7 +89,7 @@ class PlaceSequence:
         pattern_order = pattern.order
         self._steps = lru_cache(_ROUNDS_CACHED)(self._steps_of_round)
         # By how many names each round begins later than the round before.
-        self.n_shifted_places = sum(
+        self.shift_per_round = sum(
             pattern_order.places // shares for shares in iterations(pattern.turns)
         )
         self._steady_steps = (
@@ -151,7 +151,7 @@ class PlaceSequence:
         """The name in a place, whether chance lets it be played or not; None for a rest."""
         round_index, place_in_round = divmod(place + self.pattern.skip, self.pattern.order.places)
         return self._names(round_index)[
-            (place_in_round + round_index * self.n_shifted_places) % self.pattern.order.places
+            (place_in_round + round_index * self.shift_per_round) % self.pattern.order.places
         ]
 
     def transforms(self, place: int) -> tuple[Transform, ...]:
@@ -248,15 +248,15 @@ def _places_of_item(
         # Every round has the same number of places: those that a longer item would need are rests.
         yield from (Place(last_start, None) for _ in range(order_item.places - chosen.places))
         return
-    members = range(len(order_item.items))
+    item_indices = range(len(order_item.items))
     if order_item.way == "shuffle" and draws is not None:
         item_order: Sequence[int] = draws.shuffle(
             order_item.site, round_index, len(order_item.items)
         )
     else:
-        item_order = members
+        item_order = item_indices
     step_width = width / order_item.steps
-    for choice_index in item_order:
-        child = order_item.items[choice_index]
+    for item_index in item_order:
+        child = order_item.items[item_index]
         yield from _places_of_item(child, begin_step, step_width * child.span, draws, round_index)
         begin_step += step_width * child.span

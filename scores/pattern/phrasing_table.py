@@ -69,13 +69,17 @@ PHRASING: Mapping[str, Form] = {
         "before each stroke a short and softer one, by an interval higher",
         "grace 1/32 -1st",
         _grace,
-        ((read.STEP,), (read.STEP, read.SEMITONES), (read.STEP, read.SEMITONES, read.FACTOR)),
+        (
+            (read.CYCLE_STEP,),
+            (read.CYCLE_STEP, read.SEMITONES),
+            (read.CYCLE_STEP, read.SEMITONES, read.FACTOR),
+        ),
     ),
     "arp": Form(
         "the notes of each chord one after another, in an order; a second value is their step",
         "arp up",
         _arp,
-        ((read.ORDER,), (read.ORDER, read.STEP)),
+        ((read.ORDER,), (read.ORDER, read.CYCLE_STEP)),
     ),
     "rolled": Form(
         "the notes of each chord begin one after another in a quarter of its time, or a share",

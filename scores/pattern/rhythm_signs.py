@@ -42,47 +42,47 @@ class Scanner:
 
     def read_amount(self, sign: str) -> Fraction:
         """Read the number after a sign."""
-        number_begin = self.cursor
-        match = NUMBER.match(self.text, number_begin)
+        number_start = self.cursor
+        match = NUMBER.match(self.text, number_start)
         if match is None:
             message = f"'{sign}' needs a plain number directly after it: {_EXAMPLE_BY_SIGN[sign]}"
-            raise self.mistake(message, number_begin - 1)
+            raise self.mistake(message, number_start - 1)
         self.cursor = match.end()
-        sign_length = self.cursor - number_begin
+        number_length = self.cursor - number_start
         if re.match(r"[\w.]", self.text[self.cursor : self.cursor + 1]):
             message = (
                 f"a space must follow the number {quote(match.group())}: {_EXAMPLE_BY_SIGN[sign]}"
             )
             raise self.mistake(message, self.cursor)
-        sign_value = Fraction(match.group())
-        if sign_length > MAX_DIGITS:
+        number = Fraction(match.group())
+        if number_length > MAX_DIGITS:
             message = f"this number is too long; it has at most {MAX_DIGITS} characters"
-        elif sign == "?" and sign_value > 1:
+        elif sign == "?" and number > 1:
             message = "'?' is followed by a probability from 0 to 1: kick?0.3"
-        elif sign_value == 0 and sign != "?":
+        elif number == 0 and sign != "?":
             message = (
                 f"'{sign}' needs a number above 0: {_EXAMPLE_BY_SIGN[sign]}; a rest is written ~"
             )
-        elif sign_value > MAX_NUMBER:
+        elif number > MAX_NUMBER:
             message = f"numbers of a rhythm are at most {MAX_NUMBER:,}"
         else:
-            return sign_value
-        raise self.mistake(message, number_begin, sign_length)
+            return number
+        raise self.mistake(message, number_start, number_length)
 
     def read_euclid(self) -> Euclid:
         """Read `(3,8)` or `(3,8,2)`."""
-        begin_place = self.cursor
-        match = _EUCLID.match(self.text, begin_place)
+        start = self.cursor
+        match = _EUCLID.match(self.text, start)
         if match is None:
-            stop = self.text.find(")", begin_place) + 1 or len(self.text)
+            stop = self.text.find(")", start) + 1 or len(self.text)
             message = "'(' needs plain numbers of pulses and steps: kick(3,8), kick(3,8,2)"
-            raise self.mistake(message, begin_place, stop - begin_place)
+            raise self.mistake(message, start, stop - start)
         self.cursor = match.end()
         pulses, steps, turn = match.groups("0")
         try:
             return parse_euclid(f"{pulses} {steps} rotate {turn}")
         except TextError as error:
-            raise self.mistake(error.message, begin_place, self.cursor - begin_place) from error
+            raise self.mistake(error.message, start, self.cursor - start) from error
 
     def unknown_sign_error(self, sign: str) -> TextError:
         """The mistake of a sign that does not begin a step."""

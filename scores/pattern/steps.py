@@ -174,7 +174,7 @@ def _consecutive_steps(
         )
         is_mixed = (
             pattern_order.way != "in turn"
-            or places.n_shifted_places
+            or places.shift_per_round
             or places.pattern.swing != EVEN_SWING
         )
         if is_mixed or gesture_length is None:

@@ -148,7 +148,7 @@ AUTOMATION_RECORD = Record(
         Field("at", value_kinds.WHEN, "where it begins", required=True),
         Field("until", value_kinds.WHEN, "where the parameter has its own value again"),
     ),
-    meant={"glide": "set", "ramp": "set"},
+    synonyms={"glide": "set", "ramp": "set"},
 )
 _PATTERN_NAMES = ("every", "times", *(field.name for field in PATTERN_TABLE))
 _SET_NAMES = ("to", "over", "curve", *_PATTERN_NAMES)

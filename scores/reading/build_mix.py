@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from ergon.common.sound_files import with_ending, wrong_ending
+from ergon.common.sound_files import find_ending_mistake, with_wave_suffix
 from ergon.instruments.model import Layout
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
@@ -191,12 +191,12 @@ def render(render_values: Values | None, files: Files) -> RenderSpec:
         folder, place = render_values.nodes["file"].document.folder, render_values.place_of("file")
         error_label = f"{render_values.context.label('file')}: "
         files.target(render_values["file"], folder, place, error_label)
-        if (ending_mistake := wrong_ending(render_values["file"])) is not None:
+        if (ending_mistake := find_ending_mistake(render_values["file"])) is not None:
             render_values.error(
                 "E201",
                 f"{error_label}{ending_mistake}",
                 "file",
-                suggestion=with_ending(render_values["file"]),
+                suggestion=with_wave_suffix(render_values["file"]),
             )
     bits = _BITS_BY_WORD[render_values["bits"]]
     return RenderSpec(

@@ -7,7 +7,7 @@ from functools import cache
 from typing import NamedTuple
 
 from ergon.notation.text import document
-from ergon.notation.text.bounds import INSTRUMENTS
+from ergon.notation.text.bounds import SHIPPED_INSTRUMENTS_FOLDER
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files, shipped
@@ -31,7 +31,7 @@ def library() -> Mapping[str, tuple[Member, ...]]:
     out.
     """
     families_by_name = {}
-    for path in sorted(INSTRUMENTS.glob("*.yaml")):
+    for path in sorted(SHIPPED_INSTRUMENTS_FOLDER.glob("*.yaml")):
         family_document = Files(Collector(), path.parent).open(path, None)
         if family_document is not None and (family_members := members(family_document)):
             families_by_name[path.stem] = family_members
@@ -40,7 +40,7 @@ def library() -> Mapping[str, tuple[Member, ...]]:
 
 def file_of(family: str) -> str:
     """The name by which a score uses the file of a family that ships."""
-    name = shipped(INSTRUMENTS / f"{family}.yaml")
+    name = shipped(SHIPPED_INSTRUMENTS_FOLDER / f"{family}.yaml")
     assert name is not None
     return name
 

@@ -34,8 +34,8 @@ INCLUDE_RECORD = Record(
         Field("as", Reference("a prefix for its names, such as v2"), "prefix of its names"),
         Field("transpose", INTERVAL_SHAPE, "how much higher its instruments sound; needs `as`"),
     ),
-    meant={"score": "file"},
-    lone={"file": r"(\S+\.ya?ml)"},
+    synonyms={"score": "file"},
+    value_pattern_by_field={"file": r"(\S+\.ya?ml)"},
 )
 
 

@@ -63,7 +63,7 @@ PLAYER_RECORD = Record(
         ),
         Field("tick", value_kinds.TICK_RATE, "rate at which the device is read", shown="1000 Hz"),
     ),
-    refused={
+    refusal_by_name={
         "follow": "following another player is not built yet",
         "sync": "synchronisation with a player is not built yet",
     },

@@ -141,9 +141,9 @@ def _entry_record(position_kind: Text, doc: str) -> Record:
         doc,
         entry_fields,
         _row_of_values,
-        foreign=foreign_words,
-        meant=FIELD_SYNONYMS["strike"],
-        elsewhere=ADVICE_BY_WORD["strike"],
+        help_by_foreign_name=foreign_words,
+        synonyms=FIELD_SYNONYMS["strike"],
+        advice_by_name=ADVICE_BY_WORD["strike"],
     )
 
 

@@ -69,8 +69,8 @@ ROUTE_RECORD = Record(
         Field("fade", mixing.FADE_SHAPE, "levels at positions of the piece"),
         Field("radiate", mixing.RADIATION_SHAPE, "as a disc in a wall, heard at a distance"),
     ),
-    meant=FIELD_SYNONYMS["route"],
-    elsewhere=ADVICE_BY_WORD["route"],
+    synonyms=FIELD_SYNONYMS["route"],
+    advice_by_name=ADVICE_BY_WORD["route"],
 )
 MASTER_RECORD = Record(
     "master",
@@ -109,7 +109,7 @@ RENDER_RECORD = Record(
         Field("tail", value_kinds.TAIL, "time after the last event; auto: until -80 dB", "auto"),
         Field("channels", CHANNEL_SHAPE, "as in the mix"),
     ),
-    meant=FIELD_SYNONYMS["render"],
-    elsewhere=ADVICE_BY_WORD["render"],
-    lone={"file": r"(.+\.(?:wav|flac|mp3|WAV|FLAC))"},
+    synonyms=FIELD_SYNONYMS["render"],
+    advice_by_name=ADVICE_BY_WORD["render"],
+    value_pattern_by_field={"file": r"(.+\.(?:wav|flac|mp3|WAV|FLAC))"},
 )

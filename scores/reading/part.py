@@ -173,7 +173,7 @@ PLAY_RECORD = Record(
         Field("do", PLAY_DO, "transformations, left to right"),
     ),
     _play_of_values,
-    meant={"repeat": "times"},
+    synonyms={"repeat": "times"},
 )
 # The shape that reads each word's value, here and at the prompt.
 OPTION_SHAPES = {f.name: f.shape for f in (_WHEN_FIELD, *_OPTION_FIELDS)}

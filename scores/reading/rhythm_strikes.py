@@ -104,24 +104,29 @@ def _with_voices(
     strike_levels = strike_values["impulse"] or Levels((MEZZO_FORTE,))
     voices: dict[str, Voice] = {}
     for leaf in leaves:
-        is_strength = (
+        needs_impulse_range = (
             level_of(leaf) or strike_levels.steps[0]
         ).is_strength or strike_levels.has_strengths
         word_voice = _voice_of_word(
-            leaf, place_of_word(leaf), note_targets, label, is_strength=is_strength
+            leaf, place_of_word(leaf), note_targets, label, needs_impulse_range=needs_impulse_range
         )
         if word_voice is None:
             return None
         voices[key_of(leaf)] = word_voice
-    struck_targets = dict.fromkeys(
+    all_targets = dict.fromkeys(
         target for word_voice in voices.values() for targets, _ in word_voice for target in targets
     )
     rhythm = replace(rhythm, do=transforms_text, voices=voices, tuning=tuning.written())
-    return replace(strikes, to=tuple(struck_targets), levels=strike_levels, rhythm=rhythm)
+    return replace(strikes, to=tuple(all_targets), levels=strike_levels, rhythm=rhythm)
 
 
 def _voice_of_word(
-    leaf: Struck, word_place: Place, note_targets: NoteTargets, label: str, *, is_strength: bool
+    leaf: Struck,
+    word_place: Place,
+    note_targets: NoteTargets,
+    label: str,
+    *,
+    needs_impulse_range: bool,
 ) -> Voice | None:
     """What a word of a rhythm strikes; None if an error was reported."""
     leaf_name = Name(name_of(leaf), word_place)
@@ -138,21 +143,23 @@ def _voice_of_word(
     except TextError as error:
         collector.error("E306", f"{label}: {error.message}", word_place)
         return None
-    strike_targets: Iterable[Target]
+    word_targets: Iterable[Target]
     if leaf_name == ANY_WORD and note_targets.instruments:
-        strike_targets = [
-            reached
+        word_targets = [
+            target
             for name in note_targets.instruments
-            for reached in note_targets.part_names.struck_targets(name, label)
+            for target in note_targets.part_names.struck_targets(name, label)
         ]
     else:
-        strike_targets = note_targets.targets(
+        word_targets = note_targets.targets(
             Row(Length(), struck_names, None, word_place, note_words), label
         )
     targets_by_range: dict[ImpulseRange | None, list[Target]] = {}
-    for target in strike_targets:
+    for target in word_targets:
         impulse_range = (
-            note_targets.part_names.required_impulse_range(target, label) if is_strength else None
+            note_targets.part_names.required_impulse_range(target, label)
+            if needs_impulse_range
+            else None
         )
         targets_by_range.setdefault(impulse_range, []).append(target)
     if collector.n_reports > n_reports:

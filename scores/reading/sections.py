@@ -48,15 +48,15 @@ TEMPO_RECORD = Record(
             "a MIDI or MusicXML file whose tempos hold, in the first line and alone there",
         ),
     ),
-    refused={"link": _LINK_ADVICE},
-    elsewhere=ADVICE_BY_WORD["tempo entry"],
-    lone={"bpm": r"(\d+(?:\.\d+)?|\d+(?:\.\d+)? *-> *\d+(?:\.\d+)?) *(?:bpm)?"},
+    refusal_by_name={"link": _LINK_ADVICE},
+    advice_by_name=ADVICE_BY_WORD["tempo entry"],
+    value_pattern_by_field={"bpm": r"(\d+(?:\.\d+)?|\d+(?:\.\d+)? *-> *\d+(?:\.\d+)?) *(?:bpm)?"},
 )
 METERS_RECORD = Record(
     "meter map",
     "the meters of a MIDI or MusicXML file",
     (Field("from", value_kinds.PATH, "a MIDI or MusicXML file whose meters hold", required=True),),
-    otherwise=METER_SECTION_ADVICE,
+    group_help=METER_SECTION_ADVICE,
 )
 RATES_RECORD = Record(
     "rates",
@@ -76,7 +76,7 @@ RATES_RECORD = Record(
             shown="audio",
         ),
     ),
-    lone={"audio": r"(\d+(?:\.\d+)? *k?Hz)"},
+    value_pattern_by_field={"audio": r"(\d+(?:\.\d+)? *k?Hz)"},
 )
 ACCURACY_RECORD = Record(
     "accuracy",
@@ -179,9 +179,9 @@ SCORE_RECORD = Record(
         Field("render", RENDER_RECORD, "the file that is written"),
         Field("accuracy", ACCURACY_RECORD, "error and cost that the plan may have"),
     ),
-    refused={"link": _LINK_ADVICE},
-    elsewhere=ADVICE_BY_WORD["score"],
-    foreign={
+    refusal_by_name={"link": _LINK_ADVICE},
+    advice_by_name=ADVICE_BY_WORD["score"],
+    help_by_foreign_name={
         **dict.fromkeys(
             distinct_fields(CALIBRATION_RECORD), "a calibration is named by a key: `calib: FILE`"
         ),

@@ -26,7 +26,7 @@ from ergon.scores.reading.sweep_fields import PASSING_FIELDS
 
 
 @dataclass(frozen=True)
-class StrikesDoShape(Shape):
+class TransformationsShape(Shape):
     """Transformations as texts: what they mean depends on whether a phrase or a rhythm plays."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
@@ -95,7 +95,7 @@ STRIKES_RECORD = Record(
         Field("transpose", INTERVAL_SHAPE, "how much higher the notes of the phrase are"),
         Field(
             "do",
-            StrikesDoShape(),
+            TransformationsShape(),
             "transformations of a phrase, a rhythm, or strikes by the clock, left to right",
         ),
         Field("mass", value_kinds.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
@@ -108,8 +108,8 @@ STRIKES_RECORD = Record(
         ),
         Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),
     ),
-    meant=FIELD_SYNONYMS["strikes"],
-    elsewhere=ADVICE_BY_WORD["strikes"],
+    synonyms=FIELD_SYNONYMS["strikes"],
+    advice_by_name=ADVICE_BY_WORD["strikes"],
 )
 
 
@@ -136,7 +136,7 @@ PHRASE_RECORD = Record(
         Field("do", phrase_do.DO, "transformations, left to right (after those of `like`)"),
     ),
     _phrase_of_values,
-    elsewhere=ADVICE_BY_WORD["phrase"],
+    advice_by_name=ADVICE_BY_WORD["phrase"],
 )
 
 
@@ -148,8 +148,10 @@ class MelodyShape(Shape):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
-        if not is_bare:
+        is_entries_alone = not isinstance(node, Mapping) and not (
+            isinstance(node, Scalar) and node.is_empty
+        )
+        if not is_entries_alone:
             return self.record.read(node, name, context)
         melody_values = Values(self.record, node, context)
         entries = self.record.by_name["entries"].shape.read(node, name, context)
@@ -173,8 +175,12 @@ class MelodyShape(Shape):
 
     def chosen(self, node: Node) -> Shape:
         """The record, unless the node is its entries alone."""
-        is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
-        return self.record.by_name["entries"].shape.chosen(node) if is_bare else self.record
+        is_entries_alone = not isinstance(node, Mapping) and not (
+            isinstance(node, Scalar) and node.is_empty
+        )
+        return (
+            self.record.by_name["entries"].shape.chosen(node) if is_entries_alone else self.record
+        )
 
 
 _ANY_TYPE = ["object", "array", "string", "null"]

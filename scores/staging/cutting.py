@@ -41,9 +41,9 @@ def cut_stage(
     ongoing = [] if ends_gestures else _ongoing_gestures(stage, cut_instant)
     timeline = stage.timeline.cut(frame, ongoing, stops=is_stopped)
     mat_of, rate = stage.built_network.assembly.mats.get, stage.rate
-    DrawnNotes(timeline, () if resets_masses else stage.drawn_notes, cut_instant, rate).end_others(
-        mat_of, 0
-    )
+    DrawnNotes(
+        timeline, () if resets_masses else stage.drawn_notes, cut_instant, rate
+    ).end_discontinued_notes(mat_of, 0)
     piece = _piece_at_instant(stage.piece, cut_instant) if is_stopped else stage.piece
     paths, paths_until = _paths_from(stage, piece, cut_instant, is_stopped=is_stopped)
     _replace_paths(piece, stage.built_network.assembly, timeline, stage.paths, paths)

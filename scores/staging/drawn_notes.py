@@ -20,8 +20,8 @@ _TAKEOVER_MARGIN = 0.01  # [s] more than from the instant of a takeover to what 
 class DrawnNote:
     """A note of strikes `strikes_name`: an impulse [N·s] moves a MAT, from `begin` to `end` [s].
 
-    `number` counts those that move it from one instant on: a bow that presses, and the pressure on
-    a key that presses it further.
+    `ordinal_at_instant` counts those that move it from one instant on: a bow that presses, and the
+    pressure on a key that presses it further.
     """
 
     strikes_name: str
@@ -29,12 +29,12 @@ class DrawnNote:
     begin: float
     end: float
     impulse: float
-    number: int = 0
+    ordinal_at_instant: int = 0
 
     @property
     def key(self) -> NoteKey:
         """What is the same for a note in two versions: its instant to the microsecond."""
-        return self.strikes_name, self.module_key, round(1e6 * self.begin), self.number
+        return self.strikes_name, self.module_key, round(1e6 * self.begin), self.ordinal_at_instant
 
 
 class DrawnNotes:
@@ -48,13 +48,13 @@ class DrawnNotes:
         self,
         timeline: _core.Timeline,
         old_notes: Sequence[DrawnNote] = (),
-        since_instant: float = -inf,
+        takeover_instant: float = -inf,
         rate: float = inf,
     ) -> None:
         """Take the notes of the stage before, and the instant [s] from which on this one plays."""
-        self._timeline, self._start_instant = timeline, since_instant + 1.0 / rate
+        self._timeline, self._first_frame_instant = timeline, takeover_instant + 1.0 / rate
         self._old_notes = {
-            note.key: note for note in old_notes if note.begin < since_instant < note.end
+            note.key: note for note in old_notes if note.begin < takeover_instant < note.end
         }
         self._note_counts: Counter[tuple[NoteKey, tuple[float, float]]] = Counter()
         self.notes: list[DrawnNote] = []
@@ -63,12 +63,12 @@ class DrawnNotes:
         """Play a note that begins within an interval of instants [s]; or one that the stage before
         has begun, if this interval follows it.
         """
-        number = self._note_counts[note.key, interval]
+        ordinal_at_instant = self._note_counts[note.key, interval]
         self._note_counts[note.key, interval] += 1
-        note = replace(note, number=number)
+        note = replace(note, ordinal_at_instant=ordinal_at_instant)
         is_new, is_continued = (
             interval[0] <= note.begin < interval[1],
-            interval[0] > self._start_instant - _TAKEOVER_MARGIN,
+            interval[0] > self._first_frame_instant - _TAKEOVER_MARGIN,
         )
         old_note = self._old_notes.pop(note.key, None) if is_continued and not is_new else None
         if is_new:
@@ -76,16 +76,18 @@ class DrawnNotes:
         elif old_note is None:
             return
         else:
-            self._push(mat, self._start_instant, note.impulse - old_note.impulse, source)
+            self._push(mat, self._first_frame_instant, note.impulse - old_note.impulse, source)
         self._push(mat, note.end, -note.impulse, source)
         self.notes.append(note)
 
-    def end_others(self, mat_of: Callable[[ModuleKey], int | None], source: int) -> None:
+    def end_discontinued_notes(
+        self, mat_of: Callable[[ModuleKey], int | None], source: int
+    ) -> None:
         """End the notes that do not go on."""
         for drawn_note in self._old_notes.values():
             mat = mat_of(drawn_note.module_key)
             if mat is not None:
-                self._push(mat, self._start_instant, -drawn_note.impulse, source)
+                self._push(mat, self._first_frame_instant, -drawn_note.impulse, source)
         self._old_notes.clear()
 
     def _push(self, mat: int, instant: float, impulse: float, source: int) -> None:

@@ -268,7 +268,7 @@ def _put_events(
                 played_piece, timeline, strikes, mats, source, span_instants, assembly, drawn_notes
             )
             event_ends.append(striking.play(hands.collector))
-    drawn_notes.end_others(
+    drawn_notes.end_discontinued_notes(
         assembly.mats.get, hands.ergon_places.add(partial(_same_place, piece.place))
     )
     for link, (begin, until) in zip(couplings, coupling_spans(piece), strict=True):

@@ -19,7 +19,7 @@ from ergon.api.options import SessionOptions
 from ergon.cli import app, manual, take
 from ergon.cli.colour import linked_code, may_colour
 from ergon.cli.console import Console, json_line
-from ergon.cli.lazy import LazyGroup, row
+from ergon.cli.lazy import LazyGroup, command_entry
 from ergon.cli.outcome import Diverged, Findings, Refused
 from ergon.cli.units import loudness_of
 from ergon.exchange.safe import FileRefusedError
@@ -62,7 +62,7 @@ def test_help_of_each_command_without_engine_imports() -> None:
 def test_command_table_agrees_with_commands(group: LazyGroup) -> None:
     context = click.Context(group)
     for name in group.table:
-        _, _, text = row(group.table, name)
+        text = command_entry(group.table, name).help_line
         command = group.get_command(context, name)
         assert command is not None
         assert command.name == name

@@ -71,6 +71,11 @@ def test_share_out_loads_closed_form():
     single = [WorkPiece(("a",), 4.0), WorkPiece(("b",), 3.0), WorkPiece(("c", "d"), 2.0)]
     result = share_out(single, 10.0, 2)
     assert sorted(result.loads) == [4.0, 5.0]
-    assert (result.home, result.total, result.longest, result.bound) == (1.0, 10.0, 5.0, 2.5)
-    assert result.dearest == single[0]
-    assert share_out([], 2.0, 4).longest == 2.0
+    assert (result.home_load, result.total, result.largest_load, result.speedup_max) == (
+        1.0,
+        10.0,
+        5.0,
+        2.5,
+    )
+    assert result.costliest_piece == single[0]
+    assert share_out([], 2.0, 4).largest_load == 2.0

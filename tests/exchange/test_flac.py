@@ -47,7 +47,7 @@ def test_flac_samples_and_info_equal_wav(tmp_path: Path, bits, n_channels):
     flac, wav = (sound.read_info(tmp_path / f"x{end}") for end in (".flac", ".wav"))
     assert (flac.format, flac.n_frames, flac.title) == (wav.format, wav.n_frames, wav.title)
     assert (flac.score, flac.plan) == ("a" * 64, "b" * 64)
-    assert {sound.survey(tmp_path / f"x{end}")[0] for end in sound_files.SUFFIXES} == hashes
+    assert {sound.digest_samples(tmp_path / f"x{end}")[0] for end in sound_files.SUFFIXES} == hashes
     blocks = [
         np.concatenate(list(sound.read_blocks(tmp_path / f"x{e}"))) for e in sound_files.SUFFIXES
     ]
@@ -138,6 +138,6 @@ def test_damaged_flac_is_refused_or_read(tmp_path: Path):
         path.write_bytes(data)
         try:
             sound.read_info(path)
-            sound.survey(path)
+            sound.digest_samples(path)
         except NotWaveError:
             continue

@@ -61,7 +61,7 @@ def reader(suffix: str) -> Callable[[bytes, Path], Iterator[str]]:
         info = sound.read_info(path)
         yield from (info.title, str(info.score), str(info.plan))
         assert sum(len(block) for block in sound.read_blocks(path)) == info.n_frames
-        sound.survey(path)
+        sound.digest_samples(path)
 
     return read
 

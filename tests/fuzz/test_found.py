@@ -203,7 +203,7 @@ def test_sound_file_shrinking_while_read_is_refused(
     info = sound.read_info(path)
     path.write_bytes(complete[:-40])
     monkeypatch.setattr(wave, "read_info", lambda _: info)
-    for read in (sound.survey, lambda path: list(sound.read_blocks(path))):
+    for read in (sound.digest_samples, lambda path: list(sound.read_blocks(path))):
         with pytest.raises(NotWaveError, match="became shorter"):
             read(path)
 

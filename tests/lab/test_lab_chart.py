@@ -14,7 +14,7 @@ from ergon.workshop.lab.metrics import waveform_db
 from ergon.workshop.lab.names import METHODS, PRECISIONS
 from ergon.workshop.lab.reference import find_doubts, ladder, oversamplings, refine
 from ergon.workshop.lab.runs import Setting
-from ergon.workshop.lab.scene import Bare, Score
+from ergon.workshop.lab.scene import BareNetwork, Score
 
 CA = Setting("ca")
 
@@ -27,7 +27,7 @@ def grid(upto: int) -> list[Setting]:
     return chart.settings(("ca",), ("f64",), upto)
 
 
-def sounds(scene: Bare, upto: int, n_frames: int) -> dict[Setting, np.ndarray]:
+def sounds(scene: BareNetwork, upto: int, n_frames: int) -> dict[Setting, np.ndarray]:
     return {s: runs.start(scene, s).frames(n_frames) for s in grid(upto)}
 
 
@@ -43,7 +43,7 @@ def test_run_frames_at_same_instants_for_oversampling():
             "m", positions=[(network.cel("m", M=1e-3, f=440.0, t60=1.0, X0=1e-3), 1, 1.0)]
         )
 
-    scene = Bare(build)
+    scene = BareNetwork(build)
     complete = runs.start(scene, CA).frames(1500)
     for times in (2, 3, 8):
         assert np.abs(runs.start(scene, Setting("ca", times)).frames(1500) - complete).max() < 1e-15
@@ -59,7 +59,7 @@ def test_derivative_outputs_same_delay_at_all_rates(times: int):
         for name, order in (("x", 0), ("v", 1), ("a", 2)):
             network.listen(name, positions=[(cell, 1, 1.0)], order=order)
 
-    scene = Bare(build)
+    scene = BareNetwork(build)
     once = runs.start(scene, CA).frames(1500)
     run = runs.start(scene, Setting("ca", times))
     often = np.concatenate([run.frames(700), run.frames(800)])
@@ -125,7 +125,7 @@ def test_oversampling_steps_up_to_limit():
     assert oversamplings(6) == (1, 2, 4)
 
 
-def smooth_string() -> Bare:
+def smooth_string() -> BareNetwork:
     """Let go in the form of its two lowest modes: no partial so high that its phase is lost."""
 
     def build(network: _core.Network) -> None:
@@ -138,7 +138,7 @@ def smooth_string() -> Bare:
             )
         network.listen("s", positions=[(first + 7, 1, 1.0)])
 
-    return Bare(build)
+    return BareNetwork(build)
 
 
 def test_ca_order_two_on_linear_string():
@@ -212,7 +212,7 @@ def test_doubts_of_methods_with_different_limits():
 # --- failures -----------------------------------------------------------------------------------
 
 
-def stiff(factor: float) -> Bare:
+def stiff(factor: float) -> BareNetwork:
     """Two masses on a spring that needs more than the rate: λ = factor·4 at 44.1 kHz."""
 
     def build(network: _core.Network) -> None:
@@ -221,7 +221,7 @@ def stiff(factor: float) -> Bare:
         network.ref("r", mass, ground, K=4.0 * factor * 1e-3 * 44100.0**2)
         network.listen("m", positions=[(mass, 1, 1.0)])
 
-    return Bare(build)
+    return BareNetwork(build)
 
 
 def test_chart_point_of_refused_setting():
@@ -324,7 +324,7 @@ def test_score_scene_output_through_mix():
     assert loaded.piece is not None
     scene = Score(loaded.piece)
     frames = runs.start(scene, CA).frames(2000)
-    sound = scene.hear(frames)
+    sound = scene.to_sound(frames)
     assert sound.shape == (2000, 2)
     gain = np.abs(sound[:, 0]).max() / np.abs(frames).max()
     assert gain == pytest.approx(10 ** (6 / 20), rel=0.05)  # the high-pass of files shifts a little

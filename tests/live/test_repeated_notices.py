@@ -5,7 +5,7 @@ import re
 import pytest
 
 from ergon.live.display import event_sentence
-from ergon.live.repeated_notices import REPEATING, RepeatedNotices
+from ergon.live.repeated_notices import REPEATING_EVENT_KINDS, RepeatedNotices
 
 RATE = 48_000.0
 
@@ -36,7 +36,7 @@ def test_notices_of_thousand_thread_stops_summarised() -> None:
     assert sum(map(float, sums)) == pytest.approx(0.01 * 1158)
 
 
-@pytest.mark.parametrize("kind", sorted(REPEATING - {"lost"}))
+@pytest.mark.parametrize("kind", sorted(REPEATING_EVENT_KINDS - {"lost"}))
 def test_notices_of_equal_sentences_counted(kind: str) -> None:
     first, *others = (line for _, line in shown(kind, 300, every=0.1))
     assert others

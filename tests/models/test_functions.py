@@ -11,7 +11,7 @@ from ergon.scores.reading.load import load
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims import functions
 from ergon.workshop.models.mims.reading import parse
-from ergon.workshop.models.mims.score import written
+from ergon.workshop.models.mims.score import score_text
 
 _SINGLE = {
     "abs": abs, "sqrt": math.sqrt, "exp": math.exp, "exp2": lambda x: 2.0**x, "ln": math.log,
@@ -84,7 +84,7 @@ def test_random_expressions_compile_to_values_of_python() -> None:
             "@k param 0.1\n@rate_2 param 2.5\n@g ground 0.\n@m mass 2. 0. 0.\n"
             f"@s springDamper @m @g {written_text} {written_text}\n@out1 posOutput @m\n"
         )
-        loaded = load("model.yaml", text=written(parse(model, dialect)))
+        loaded = load("model.yaml", text=score_text(parse(model, dialect)))
         assert loaded.piece is not None, (text, [item.message for item in loaded.diagnostics])
         spring = loaded.piece.instruments["model"].modules[-1]
         values = [spring.fields["K"], spring.fields["Z"]]
@@ -103,11 +103,11 @@ MODEL = """
 
 
 def test_model_functions_in_mass_parameter() -> None:
-    text = written(parse(MODEL, "v2"))
+    text = score_text(parse(MODEL, "v2"))
     assert "m: {MAS: {M: 2.0}}" in text
     assert f"K: 0.05, Z: {0.001 * math.exp(-2.0)!r}" in text
     assert f"K: {0.001 * math.pi!r}" in text
-    louder = written(parse(MODEL, "v2", "", {"a": "9"}))
+    louder = score_text(parse(MODEL, "v2", "", {"a": "9"}))
     assert "m: {MAS: {M: 3.0}}" in louder
 
 

@@ -12,7 +12,7 @@ from ergon.scores.reading.load import load
 from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.miphysics.reading import LINKS, MASSES, is_model, parse
-from ergon.workshop.models.miphysics.score import written
+from ergon.workshop.models.miphysics.score import score_text
 
 RATE = 44_100
 FRAMES = 2_000
@@ -215,7 +215,7 @@ REFUSED = {
 def test_miphysics_import_refuses_unsupported_values(name: str) -> None:
     text, says = REFUSED[name]
     with pytest.raises(ModelError, match=says):
-        written(parse(text), "", RATE)
+        score_text(parse(text), "", RATE)
 
 
 @pytest.mark.usefixtures("work_folder")
@@ -267,7 +267,7 @@ def test_miphysics_damaged_files_refused_or_read() -> None:
             result[index] = draw.choice(pieces)
         text = "".join(result)
         try:
-            score = written(parse(text), "", RATE)
+            score = score_text(parse(text), "", RATE)
         except ModelError:
             continue
         loaded = load("s.yaml", text=score)

@@ -13,7 +13,7 @@ from oracle import mims, pmpd
 
 from ergon.workshop.models.mims.grammar import Dialect
 from ergon.workshop.models.mims.reading import parse, read_text
-from ergon.workshop.models.mims.score import written
+from ergon.workshop.models.mims.score import score_text
 
 FRAMES = 500
 
@@ -143,7 +143,7 @@ def test_mdl_files_of_other_programs(seed: int, dialect: Dialect, tmp_path: Path
     path.write_bytes(encoded(chance, mims_text(chance, rows, dialect)))
     params = [row for row in rows if row[1] == "param"]
     plain = "\n".join(" ".join(row) for row in [*params, *[r for r in rows if r not in params]])
-    sound = rendered(written(parse(read_text(path), dialect)), FRAMES / RATE)
+    sound = rendered(score_text(parse(read_text(path), dialect)), FRAMES / RATE)
     assert off(sound, mims.played(plain, dialect, FRAMES / RATE)) < 1e-9
 
 

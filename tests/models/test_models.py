@@ -10,7 +10,7 @@ from sweep import few
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.grammar import FORMS
 from ergon.workshop.models.mims.reading import parse
-from ergon.workshop.models.mims.score import written
+from ergon.workshop.models.mims.score import score_text
 
 SECONDS = 0.1
 LINEAR, TOUCHING = 1e-12, 1e-5  # largest error: where rounding does not grow, and where it may
@@ -438,7 +438,7 @@ def test_model_cases_number_at_least_sixty():
 def sounds_alike(dialect: str, text: str, bound: float, seconds: float) -> None:
     listened = mims.played(text, dialect, seconds)
     assert np.abs(listened).max() > 1e-6, "the model is silent"
-    sound = rendered(written(parse(text, dialect)), seconds)
+    sound = rendered(score_text(parse(text, dialect)), seconds)
     sizes = np.abs(listened).max(axis=0)
     off = np.abs(sound - listened).max(axis=0)
     assert np.all(off <= bound * sizes.max()), f"{20 * np.log10(off.max() / sizes.max()):.1f} dB"
@@ -467,7 +467,7 @@ def test_v1_laws_differ_from_v2(name: str):
     now = mims.played(text, "v1", SECONDS)
     if name != "contact":
         assert np.abs(then - now).max() > 1e-6 * np.abs(now).max(), "both laws are the same here"
-    sound = rendered(written(parse(text, "v1"), "2019"), SECONDS)
+    sound = rendered(score_text(parse(text, "v1"), "2019"), SECONDS)
     assert off_db(sound, then) < -100.0
 
 
@@ -482,7 +482,7 @@ def test_model_cases_cover_all_words():
 
 def test_model_parameter_override():
     text = V2["parameters"]
-    sound = rendered(written(parse(text, "v2", overrides={"kScale": "0.03"})), SECONDS)
+    sound = rendered(score_text(parse(text, "v2", overrides={"kScale": "0.03"})), SECONDS)
     listened = mims.played(text, "v2", SECONDS, arguments={"kScale": 0.03})
     assert np.abs(sound - listened).max() < LINEAR
     with pytest.raises(ModelError, match=r"'kscale' is not a parameter.*kScale"):

@@ -14,7 +14,7 @@ from sweep import crossed, few
 from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.reading import parse
-from ergon.workshop.models.mims.score import written
+from ergon.workshop.models.mims.score import score_text
 
 FRAMES = 1500
 pytestmark = pytest.mark.usefixtures("work_folder")
@@ -123,7 +123,7 @@ def test_model_proxy_signal_without_file_is_zero():
 
 def test_model_proxies_at_one_place_share_module():
     lines = "@l contact [@s 0.33] @h 0.1 0\n@n nlBow @h [@s 0.33] 0.05 0.02"
-    text = written(parse(model("string", lines), "v2", "m.mdl"))
+    text = score_text(parse(model("string", lines), "v2", "m.mdl"))
     assert text.count("PROXY") == 1
 
 
@@ -141,13 +141,13 @@ REFUSED = {
 def test_model_proxy_refuses_unsupported_signals(name: str):
     lines, message, line = REFUSED[name]
     with pytest.raises(ModelError, match=message) as raised:
-        written(parse(model("string", lines), "v2", "m.mdl"))
+        score_text(parse(model("string", lines), "v2", "m.mdl"))
     assert raised.value.line == line
 
 
 def test_model_mesh_above_link_point_limit():
     """Its air is several links; the score is read."""
     text = "@s closedMesh 105 103 1 0.2 0.002 0.0001 0 0\n@in1 frcInput [@s 0.5 0.5]\n"
-    score = written(parse(text + "@out1 posOutput [@s 0.31 0.7]\n", "v2", "m.mdl"))
+    score = score_text(parse(text + "@out1 posOutput [@s 0.31 0.7]\n", "v2", "m.mdl"))
     assert score.count("FRO") == 2
     assert check(score).piece is not None

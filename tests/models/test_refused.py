@@ -11,7 +11,7 @@ from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import DialectError, ModelError
 from ergon.workshop.models.mims import places
 from ergon.workshop.models.mims.reading import BYTES_MAX, parse
-from ergon.workshop.models.mims.score import written
+from ergon.workshop.models.mims.score import score_text
 
 M = "@g ground 0\n@m mass 1 0 0\n"
 S = "@s string 5 1 0.1 0 0 0\n"
@@ -100,7 +100,7 @@ def test_writing_models_without_equivalent_reports_the_line(
 ):
     model = parse(text, dialect, "m.mdl")
     with pytest.raises(ModelError, match=message) as raised:
-        written(model)
+        score_text(model)
     assert raised.value.line == line
 
 
@@ -165,5 +165,5 @@ def test_model_expressions_evaluated_once(monkeypatch: pytest.MonkeyPatch):
     lines = ["@k param 0.1"]
     lines += [f"@m{n} mass 1 0 0" for n in range(500)]
     lines += [f"@l{n} spring @m{n} @m{n + 1} [2*k]" for n in range(499)]
-    written(parse("\n".join(lines), "v2"))
+    score_text(parse("\n".join(lines), "v2"))
     assert len(read) == 4  # 0.1, 1, 0 and 2*k

@@ -13,7 +13,7 @@ from sweep import crossed
 from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.reading import parse
-from ergon.workshop.models.mims.score import written
+from ergon.workshop.models.mims.score import score_text
 
 FRAMES = 1500
 pytestmark = pytest.mark.usefixtures("work_folder")
@@ -125,7 +125,7 @@ def test_signal_parameter_string_of_one_mass():
 
 def test_signal_without_file_becomes_constant():
     text = f"{HAND}@l springDamper @m @h [0.02 + x] [0.001 + y]{OUT}"
-    built = written(parse(text, "v2"))
+    built = score_text(parse(text, "v2"))
     assert "follows" not in built
     assert "K: 0.02, Z: 0.001" in built
 

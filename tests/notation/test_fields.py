@@ -35,7 +35,7 @@ POINT = Record(
         Field("to", ListOf(Reference("a name"), 1, 3, single=True), "whom"),
         Field("side", choice("left", "right"), "which"),
     ),
-    refused={"z": "space has two dimensions for now"},
+    refusal_by_name={"z": "space has two dimensions for now"},
 )
 
 

@@ -48,7 +48,7 @@ CHARACTERS = (
 )
 WORDS = [
     *{word for line in LINES for word in line.split()},
-    *verbs.SHORTEST_BY_VERB.values(),
+    *verbs.SHORT_FORM_BY_VERB.values(),
     "at", "in", "over", "do", "1e999", "-1", "1/0", "9" * 5000, "nan",
     "0@0", "(6@1/8", "0@1/4)*4", "|", "K=", "=", "x", "3|9", "A-1bar", ",", "(" * 50, "*",
 ]  # fmt: skip

@@ -122,16 +122,16 @@ def test_parse_of_hash_inside_a_word():
     assert parsed("set gong.f A#1") == Set("gong.f", pytest.approx(58.27, abs=0.01), None, None)
 
 
-@pytest.mark.parametrize("among", [verbs.VERBS, verbs.SUBJECT_VERBS])
+@pytest.mark.parametrize("among", [verbs.LEADING_VERBS, verbs.SUBJECT_VERBS])
 def test_verb_abbreviations_are_unique(among: tuple[str, ...]):
     for verb in among:
-        for length in range(len(verbs.SHORTEST_BY_VERB[verb]), len(verb) + 1):
+        for length in range(len(verbs.SHORT_FORM_BY_VERB[verb]), len(verb) + 1):
             word = verb[:length]  # `pan` is a verb itself, and the beginning of `panic`
             assert verbs.verbs_matching(word, among) == (word if word in among else verb,)
 
 
 def test_verb_abbreviations_with_added_verb(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(verbs.SHORTEST_BY_VERB, "hum", "hum")
-    later = (*verbs.VERBS, "hum")
+    monkeypatch.setitem(verbs.SHORT_FORM_BY_VERB, "hum", "hum")
+    later = (*verbs.LEADING_VERBS, "hum")
     assert verbs.verbs_matching("hu", later) == ("hush",)
     assert verbs.verbs_matching("hum", later) == ("hum",)

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from sessions import EVERY
 
-from ergon.repl.session.line_kinds import LineKind, keep_order
+from ergon.repl.session.line_kinds import LineKind, must_keep_order
 from ergon.scores.reading.load import load
 from tests.repl.test_repl_session import SCORE
 
@@ -186,7 +186,7 @@ class SessionMachine(RuleBasedStateMachine):
                 # A line at a beat follows the piece where that jumps.
                 follows = _is_at_beat(earlier) and any(first < play <= last for play in plays)
                 kinds = (LineKind[line["kind"].upper()] for line in (earlier, later))
-                is_overtaken = first < last and not follows and keep_order(*kinds)
+                is_overtaken = first < last and not follows and must_keep_order(*kinds)
                 if is_overtaken and _is_asked_before(starts[last], first, last):
                     raise AssertionError([self.story, earlier, later])
         restoring = [line["number"] for _, line in fenced if line["restores"] not in (None, -1)]

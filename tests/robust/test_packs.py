@@ -144,7 +144,7 @@ def test_packed_instrument_preferred_to_later_library(
     later.mkdir()
     (later / "bells.yaml").write_text("nonsense: [")
     monkeypatch.setitem(files._LIBRARY, "instruments", later)
-    monkeypatch.setattr(bounds, "INSTRUMENTS", later)
+    monkeypatch.setattr(bounds, "SHIPPED_INSTRUMENTS_FOLDER", later)
     assert load("one/pieces/piece.yaml").piece is None
     assert digest_of(load("piece/pieces/piece.yaml").piece) == digest
 

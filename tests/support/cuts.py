@@ -102,7 +102,7 @@ def _by_text(schedule: Schedule, running: RunningVersion, act: Act, frame: int) 
     edit = _same if act == "stop" else version_edits.end_all_playing
     goes = None if act == "hush" else False
     beat = running.beat(frame)
-    line = WaitingLine(_UNUSED, act, edit, LineKind.ENDS, beat, frame, goes)
+    line = WaitingLine(_UNUSED, act, edit, LineKind.STOPS, beat, frame, goes)
     return _staged(schedule, running, line)
 
 

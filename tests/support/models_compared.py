@@ -11,14 +11,14 @@ from planned_sound import ready
 
 from ergon import _core
 from ergon.workshop.models.miphysics.reading import parse as miphysics_network
-from ergon.workshop.models.miphysics.score import written as miphysics_written
+from ergon.workshop.models.miphysics.score import score_text as miphysics_score_text
 from ergon.workshop.models.page import Input
 from ergon.workshop.models.pmpd.interpreter import network
 from ergon.workshop.models.pmpd.reading import parse as pmpd_messages
-from ergon.workshop.models.pmpd.score import written as pmpd_written
+from ergon.workshop.models.pmpd.score import score_text as pmpd_score_text
 from ergon.workshop.models.pmpd.words import Object
 from ergon.workshop.models.sam.reading import parse as sam_sheet
-from ergon.workshop.models.sam.score import written as sam_written
+from ergon.workshop.models.sam.score import score_text as sam_score_text
 from ergon.workshop.models.sam.words import LINKS
 
 RATE = 44_100
@@ -38,7 +38,7 @@ def off(sound: Floats, exact: Floats) -> float:
 
 def sam_score(text: str, **given: float) -> str:
     """A model as a score, its ports at 0."""
-    return sam_written(sam_sheet(text), {}, given, "a model")
+    return sam_score_text(sam_sheet(text), {}, given, "a model")
 
 
 def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> float:
@@ -55,7 +55,7 @@ def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> floa
         f"\naudioout,z{index},{name};" for index, name in enumerate([*masses, *links])
     )
     inputs = {name: Input(f"{name}.wav", float(x[0])) for name, x in ports.items()}
-    score = sam_written(sam_sheet(text + listened), inputs, {}, "a model")
+    score = sam_score_text(sam_sheet(text + listened), inputs, {}, "a model")
     sound = rendered(score, seconds)
     # A score's file begins at the model's second sample.
     moved = {name: [0.0, *x[:-1]] for name, x in ports.items()}
@@ -74,7 +74,7 @@ def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> floa
 def pmpd_score(text: str, kind: Object | None = None) -> str:
     """A list of messages as a score, its inlets at 0."""
     result, messages = pmpd_messages(text, kind)
-    return pmpd_written(network(result, messages), {}, "a list")
+    return pmpd_score_text(network(result, messages), {}, "a list")
 
 
 def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats] = {}) -> float:
@@ -85,7 +85,7 @@ def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats
     if kind == "pmpd~":
         result, messages = pmpd_messages(text, kind)
         inputs = {name: Input(f"{name}.wav", float(x[0])) for name, x in inlets.items()}
-        score = pmpd_written(network(result, messages), inputs, "a list")
+        score = pmpd_score_text(network(result, messages), inputs, "a list")
         fed = {int(name[2:]): x for name, x in inlets.items()}
         exact = pmpd.audio(text, n_frames, fed)
         assert np.ptp(exact, axis=0).min() > 1e-3, "nothing moves"
@@ -103,7 +103,7 @@ def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats
 def miphysics_motion(text: str, n_frames: int, rate: int = RATE) -> dict[str, Floats]:
     """Places of all masses of a score, (n, 3) in space and (n, 1) on one axis."""
     network = miphysics_network(text)
-    score = miphysics_written(network, "a model", rate)
+    score = miphysics_score_text(network, "a model", rate)
     names = {one.name: one.kind for one in network.masses if not one.kind.startswith("Ground")}
     outs: dict[str, list[str]] = {"space": [], "axis": []}
     for name, kind in names.items():

@@ -42,7 +42,7 @@ from ergon.repl.language.triggers import parse_condition, parse_every
 from ergon.repl.language.versions import (
     Back,
     History,
-    Keep,
+    KeepAsScore,
     Load,
     Redo,
     Reload,
@@ -120,7 +120,7 @@ SESSION = [
         plays("solo", do=(*chain("from 4", 5), *chain("stretch 2", 12))),
     ),
     ("undo                                     # at the next bar", Undo()),
-    ("keep 8bar as verse-2", Keep(Length(bars=8), "verse-2")),
+    ("keep 8bar as verse-2", KeepAsScore(Length(bars=8), "verse-2")),
     ("hush", Hush()),
     ("damp 3s", Damp(3.0)),
     ("save scores/duet-live.yaml               # comments kept", Save("scores/duet-live.yaml")),

@@ -113,7 +113,7 @@ def _entries_without_cut_numbers(
         yield pending_entry
 
 
-def _values(values: Values) -> Any:
+def _identity(values: Values) -> Any:
     return values
 
 
@@ -124,17 +124,21 @@ class Record(Shape):
     noun: str
     doc: str
     fields: tuple[Field, ...]
-    build: Callable[[Values], Any] = _values
+    build: Callable[[Values], Any] = _identity
     kinds: Mapping[str, Shape] = field(default_factory=dict)
     kind_required: bool = False
     free: Shape | None = None
-    refused: Mapping[str, str] = field(default_factory=dict)  # planned fields: name → sentence
-    foreign: Mapping[str, str] = field(default_factory=dict)  # fields of other files: name → help
-    meant: Mapping[str, str] = field(default_factory=dict)  # foreign name → field
-    elsewhere: Mapping[str, str] = field(default_factory=dict)  # what is no field: name → help
+    refusal_by_name: Mapping[str, str] = field(
+        default_factory=dict
+    )  # planned fields: name → sentence
+    help_by_foreign_name: Mapping[str, str] = field(
+        default_factory=dict
+    )  # fields of other files: name → help
+    synonyms: Mapping[str, str] = field(default_factory=dict)  # foreign name → field
+    advice_by_name: Mapping[str, str] = field(default_factory=dict)  # what is no field: name → help
     # Fields that a lone value in place of the group may mean, each by the pattern of its texts.
-    lone: Mapping[str, str] = field(default_factory=dict)
-    otherwise: str = ""  # the help for what is not such a group
+    value_pattern_by_field: Mapping[str, str] = field(default_factory=dict)
+    group_help: str = ""  # the help for what is not such a group
     by_name: dict[str, Field] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -151,7 +155,7 @@ class Record(Shape):
                 line.node.document.let, line.node.document.lets = node.document.let, None
         else:
             names = ", ".join([*self.by_name, *self.kinds][:12])
-            help_text = self.otherwise or f"a group of fields is written: {names}"
+            help_text = self.group_help or f"a group of fields is written: {names}"
             return wrong_shape(self, node, name, context, help_text, self._group_text(node))
         is_nameless = not context.name and self.noun not in ("score", "module")
         if is_nameless or not (context.owner or self.noun == "score"):
@@ -190,7 +194,7 @@ class Record(Shape):
     def _group_text(self, node: Node) -> str | None:
         """The group that a lone value stands for: `{bpm: 96}`; None if that is not known."""
         text = node.text.strip() if isinstance(node, Scalar) else ""
-        for name, pattern in self.lone.items():
+        for name, pattern in self.value_pattern_by_field.items():
             if match := re.fullmatch(pattern, text):
                 return f"{{{name}: {match[1]}}}"
         return None
@@ -221,7 +225,12 @@ class Record(Shape):
             return False
         if entry_word in self.by_name[owner_name].shape.field_names():
             return entry_word not in self.field_names()
-        meant_names = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
+        explained_names = (
+            *self.refusal_by_name,
+            *self.help_by_foreign_name,
+            *self.synonyms,
+            *self.advice_by_name,
+        )
         is_misspelt = (
             len(entry_word) > _SHORT_NAME_LENGTH
             and nearest(entry_word, self.field_names()) is not None
@@ -229,7 +238,7 @@ class Record(Shape):
         return (
             not is_misspelt
             and entry_word not in self.field_names()
-            and entry_word not in meant_names
+            and entry_word not in explained_names
         )
 
     def _read_unknown(
@@ -237,9 +246,9 @@ class Record(Shape):
     ) -> None:
         context = record_values.context
         known_names = (*self.by_name, *self.kinds)
-        if entry_word in self.refused:
+        if entry_word in self.refusal_by_name:
             context.error(
-                "E108", f"{quote(entry_word)}: {self.refused[entry_word]}", key_node.place
+                "E108", f"{quote(entry_word)}: {self.refusal_by_name[entry_word]}", key_node.place
             )
         elif self.free is not None and self._is_free(self.free, entry_word, child_node):
             record_values.nodes[entry_word] = child_node
@@ -251,17 +260,19 @@ class Record(Shape):
             noun = "section" if not context.owner else "field"
             owner_text = f" in {context.owner}" if context.owner else ""
             message = f"unknown {noun} {quote(entry_word)}{owner_text}"
-            if entry_word in self.foreign:
+            if entry_word in self.help_by_foreign_name:
                 if not record_values.is_foreign:  # report a file of the wrong kind once
-                    context.error("E101", message, key_node.place, help=self.foreign[entry_word])
+                    context.error(
+                        "E101", message, key_node.place, help=self.help_by_foreign_name[entry_word]
+                    )
                 record_values.is_foreign = True
                 return
-            if entry_word in self.meant:
-                record_values.misspelt.add(self.meant[entry_word])
-                context.error("E101", message, key_node.place, suggestion=self.meant[entry_word])
+            if entry_word in self.synonyms:
+                record_values.misspelt.add(self.synonyms[entry_word])
+                context.error("E101", message, key_node.place, suggestion=self.synonyms[entry_word])
                 return
-            if entry_word in self.elsewhere:
-                context.error("E101", message, key_node.place, help=self.elsewhere[entry_word])
+            if entry_word in self.advice_by_name:
+                context.error("E101", message, key_node.place, help=self.advice_by_name[entry_word])
                 return
             cut_value = _cut_value(record_values, entry_word, key_node, child_node)
             if cut_value is not None:

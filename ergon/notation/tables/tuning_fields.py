@@ -36,12 +36,12 @@ TUNING = Record(
             shown="C4",
         ),
     ),
-    lone={
+    value_pattern_by_field={
         "edo": r"(\d{1,4})(?: *(?:edo|EDO|tet|TET))?",
         "A4": r"(\d+(?:\.\d+)? *Hz)",
         "scale": r"(.+\.scl)",
     },
-    meant={
+    synonyms={
         "a4": "A4",
         "reference": "A4",
         "scl": "scale",

@@ -16,8 +16,8 @@ from pathlib import Path
 MARKER = "ergon.project"  # an empty file that makes its folder one project with all below it
 
 _PACKAGE = Path(__file__).parents[2]
-INSTRUMENTS = _PACKAGE / "instruments" / "library"
-SHIPPED = _PACKAGE / "scores" / "library"
+SHIPPED_INSTRUMENTS_FOLDER = _PACKAGE / "instruments" / "library"
+SHIPPED_SCORES_FOLDER = _PACKAGE / "scores" / "library"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,13 @@ class FileBounds:
         """The bounds of a score in a folder; with `trust` it may name any file."""
         if trust:
             return cls(None)
-        return cls((_project_folder(_real(folder)), _real(INSTRUMENTS), _real(SHIPPED)))
+        return cls(
+            (
+                _project_folder(_real_path(folder)),
+                _real_path(SHIPPED_INSTRUMENTS_FOLDER),
+                _real_path(SHIPPED_SCORES_FOLDER),
+            )
+        )
 
     @property
     def allows_any_file(self) -> bool:
@@ -45,7 +51,7 @@ class FileBounds:
         if self.folders is None or _is_installed(path):
             return True
         try:
-            real_path = _real(path)
+            real_path = _real_path(path)
         except ValueError:  # a name that no file can have
             return False
         return any(real_path.is_relative_to(folder) for folder in self.folders)
@@ -54,14 +60,14 @@ class FileBounds:
 @lru_cache(maxsize=1024)  # a session asks at each of its lines
 def _is_installed(path: Path) -> bool:
     """Whether a path is that of a file that ships."""
-    folders = (INSTRUMENTS, SHIPPED)
+    folders = (SHIPPED_INSTRUMENTS_FOLDER, SHIPPED_SCORES_FOLDER)
     if ".." in path.parts or not any(map(path.is_relative_to, folders)) or not os.path.isfile(path):
         return False
-    real_path = _real(path)
-    return any(real_path.is_relative_to(_real(folder)) for folder in folders)
+    real_path = _real_path(path)
+    return any(real_path.is_relative_to(_real_path(folder)) for folder in folders)
 
 
-def _real(path: Path) -> Path:
+def _real_path(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
@@ -75,10 +81,12 @@ def _project_folder(folder: Path) -> Path:
         except OSError:
             continue
         # In a folder that everybody can write to, the marker may belong to somebody else.
-        if stat.S_ISREG(marker_stat.st_mode) and marker_stat.st_uid == _user(marker_stat.st_uid):
+        if stat.S_ISREG(marker_stat.st_mode) and marker_stat.st_uid == _effective_uid(
+            marker_stat.st_uid
+        ):
             return parent_folder
     return folder
 
 
-def _user(where_unknown: int) -> int:
-    return os.geteuid() if hasattr(os, "geteuid") else where_unknown
+def _effective_uid(default: int) -> int:
+    return os.geteuid() if hasattr(os, "geteuid") else default

@@ -11,7 +11,7 @@ from itertools import islice
 from pathlib import Path, PurePosixPath
 
 from ergon.common.regular import read_bounded
-from ergon.notation.text.bounds import INSTRUMENTS, SHIPPED, FileBounds
+from ergon.notation.text.bounds import SHIPPED_INSTRUMENTS_FOLDER, SHIPPED_SCORES_FOLDER, FileBounds
 from ergon.notation.text.document import Document, compose
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.memory import Memory
@@ -22,7 +22,7 @@ from ergon.notation.text.values import Place
 
 MAX_FILES = 256  # files that one score may read
 MAX_LISTED = 1_000  # files of a folder among which a similar name is searched for
-_LIBRARY = {"instruments": INSTRUMENTS}
+_LIBRARY = {"instruments": SHIPPED_INSTRUMENTS_FOLDER}
 _MAX_TOLD = 6  # files that a message lists
 _NAMES_MAX = 200  # files of a folder that a misspelt name is compared with
 _HELP = "copy the file into the folder of the score, or use --trust"
@@ -38,7 +38,7 @@ def is_file(path: Path) -> bool:
 
 def shipped(path: Path) -> str | None:
     """The name by which scores use a file that ships; None for any other file."""
-    for prefix, root in (*_LIBRARY.items(), ("", SHIPPED)):
+    for prefix, root in (*_LIBRARY.items(), ("", SHIPPED_SCORES_FOLDER)):
         if path.is_relative_to(root):
             return str(PurePosixPath(prefix, path.relative_to(root).as_posix()))
     return None
@@ -48,13 +48,13 @@ def installed_path(library_name: str) -> Path:
     """Where a file that ships is installed, by the name by which scores use it."""
     first_part, *other_parts = PurePosixPath(library_name).parts
     root = _LIBRARY.get(first_part)
-    return SHIPPED / library_name if root is None else root.joinpath(*other_parts)
+    return SHIPPED_SCORES_FOLDER / library_name if root is None else root.joinpath(*other_parts)
 
 
 def is_shipped(path: Path) -> bool:
     """Whether a file is, or would be, in the installed library, by whatever name and link."""
     real_path = os.path.realpath(path)
-    roots = (os.path.realpath(root) for root in (*_LIBRARY.values(), SHIPPED))
+    roots = (os.path.realpath(root) for root in (*_LIBRARY.values(), SHIPPED_SCORES_FOLDER))
     return any(real_path == root or real_path.startswith(root + os.sep) for root in roots)
 
 
@@ -124,7 +124,7 @@ class Files:
                 paths.append(self.home / file_name)
             if path_parts[0] in _LIBRARY and len(path_parts) > 1:
                 paths.append(_LIBRARY[path_parts[0]].joinpath(*path_parts[1:]))
-            paths.append(SHIPPED / file_name)
+            paths.append(SHIPPED_SCORES_FOLDER / file_name)
         return paths
 
     def _holds(self, path: Path) -> bool:

@@ -89,13 +89,13 @@ def _inputs(
 
     Each is a name, the motion of each mode at the point, and the strikes on it (time, impulse).
     """
-    network, index_by_mass = (
+    network, index_by_name = (
         prepared.network,
         {name: index for index, name in enumerate(part_modes.masses)},
     )
     inputs = []
     for mat in range(network.n_mat):
-        mass_index = index_by_mass.get(network.name_of(mat))
+        mass_index = index_by_name.get(network.name_of(mat))
         if mass_index is not None and (strikes := prepared.timeline.impulses_on(mat)):
             point_strikes = [(strike.at, strike.impulse) for strike in strikes]
             inputs.append(
@@ -147,22 +147,22 @@ def _mode_paths(
 
 
 def shapes_at_contacts(
-    piece: Piece, built: BuiltNetwork, part_modes: PartModes
+    piece: Piece, built_network: BuiltNetwork, part_modes: PartModes
 ) -> Mapping[str, NDArray[np.complex128]]:
     """The motion of each mode at the ends of the part's own contacts and laws, such as its
     hammers'.
     """
-    name_of_mat, index_by_mass = (
-        built.network.name_of,
-        {name: slot for slot, name in enumerate(part_modes.masses)},
+    name_of_mat, index_by_name = (
+        built_network.network.name_of,
+        {name: index for index, name in enumerate(part_modes.masses)},
     )
     shapes_by_point = {}
     for owner, module in piece.modules():
         if owner != part_modes.part or module.kind not in _NONLINEAR_KINDS:
             continue
         for end in module.ends:
-            names = [name_of_mat(mat) for mat in built.assembly.members(end)]
-            indices = [index_by_mass[name] for name in names if name in index_by_mass]
+            names = [name_of_mat(mat) for mat in built_network.assembly.members(end)]
+            indices = [index_by_name[name] for name in names if name in index_by_name]
             if indices:
                 label = names[0] if len(names) == 1 else end.text
                 shapes_by_point[label] = part_modes.shapes[:, indices].sum(axis=1)

@@ -17,20 +17,20 @@ from ergon.workshop.models.mims.grammar import DIALECT_NAMES, FORMS, Dialect
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.model import Model
 from ergon.workshop.models.mims.reading import is_mims, is_table, parse, read_text
-from ergon.workshop.models.mims.score import written
+from ergon.workshop.models.mims.score import score_text
 from ergon.workshop.models.miphysics.reading import is_model as is_miphysics
 from ergon.workshop.models.miphysics.reading import parse as miphysics_network
 from ergon.workshop.models.miphysics.score import RATES
-from ergon.workshop.models.miphysics.score import written as miphysics_written
+from ergon.workshop.models.miphysics.score import score_text as miphysics_score_text
 from ergon.workshop.models.page import OSC, RATE, Input
 from ergon.workshop.models.pmpd.interpreter import network
 from ergon.workshop.models.pmpd.reading import is_list, is_patch, patch_refusal
 from ergon.workshop.models.pmpd.reading import parse as pmpd_messages
-from ergon.workshop.models.pmpd.score import written as pmpd_written
+from ergon.workshop.models.pmpd.score import score_text as pmpd_score_text
 from ergon.workshop.models.pmpd.words import OBJECTS, Object
 from ergon.workshop.models.sam.reading import parse as sam_sheet
 from ergon.workshop.models.sam.reading import ports as sam_ports
-from ergon.workshop.models.sam.score import written as sam_written
+from ergon.workshop.models.sam.score import score_text as sam_score_text
 from ergon.workshop.models.sam.words import is_model as is_sam
 
 Language = Literal["v1", "v2", "pmpd", "pmpd~", "sam", "miphysics"]
@@ -120,7 +120,7 @@ def import_model(
     )
     model = parse(text, dialect, str(path), options.values)
     unfed = _unfed_inputs(inputs, model.inputs)
-    score = written(model, options.laws, inputs, path.name)
+    score = score_text(model, options.laws, inputs, path.name)
     return ImportedModel(score, dialect, len(model.statements), unfed)
 
 
@@ -165,7 +165,7 @@ def _import_pmpd(
     pmpd_network = network(kind, messages)
     input_names = {f"in{port.number}" for port in pmpd_network.ports if port.word.startswith("in")}
     unfed = _unfed_inputs(inputs, sorted(input_names))
-    return ImportedModel(pmpd_written(pmpd_network, inputs, name), kind, len(messages), unfed)
+    return ImportedModel(pmpd_score_text(pmpd_network, inputs, name), kind, len(messages), unfed)
 
 
 def _import_sam(
@@ -187,7 +187,7 @@ def _import_sam(
     sheet = sam_sheet(text)
     unfed = _unfed_inputs(inputs, sam_ports(sheet))
     count = len(sheet.statements) + len(sheet.code)
-    return ImportedModel(sam_written(sheet, inputs, parameters, name), "sam", count, unfed)
+    return ImportedModel(sam_score_text(sheet, inputs, parameters, name), "sam", count, unfed)
 
 
 def _import_miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
@@ -206,7 +206,7 @@ def _import_miphysics(text: str, name: str, options: ModelOptions) -> ImportedMo
         raise OptionError("set", f"rate is a whole number from {least} to {highest:,} [Hz]")
     network = miphysics_network(text)
     count = len(network.masses) + len(network.links)
-    return ImportedModel(miphysics_written(network, name, int(rate)), "miphysics", count)
+    return ImportedModel(miphysics_score_text(network, name, int(rate)), "miphysics", count)
 
 
 def _find_dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
@@ -255,7 +255,7 @@ def _score_without_title(model: Model, laws: Laws) -> str:
     mean the same in both dialects.
     """
     try:
-        return written(model, laws).split("\n", 1)[1]
+        return score_text(model, laws).split("\n", 1)[1]
     except ModelError as error:
         return str(error)
 

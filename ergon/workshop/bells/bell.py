@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], n_modes: int | None
         modes_and_errors.append((modes, mode_uncertainty(modes, residual, stroke.rate)))
     frequencies, decays = _merged_modes(modes_and_errors)
     fits = [_fit(stroke, frequencies, decays) for _, stroke in strokes]
-    energy_shares = np.stack([fit.energy for fit in fits]).max(axis=0)
+    energy_shares = np.stack([fit.energy_shares for fit in fits]).max(axis=0)
     loudest = np.argsort(energy_shares)[::-1][:n_modes]
     audible = np.sort(loudest[energy_shares[loudest] > _ENERGY_SHARE_MIN])
     if audible.size < frequencies.size:
@@ -111,51 +112,66 @@ class _Fit:
 
     modes: Modes
     deviation: Uncertainty
-    energy: Array
+    energy_shares: Array
     explained: float
 
 
 def _fit(stroke: Stroke, frequencies: Array, decays: Array) -> _Fit:
     modes, residual = fit_amplitudes(stroke.sound, stroke.rate, frequencies, decays)
     stroke_energy = float(np.sum(stroke.sound**2)) / stroke.rate
-    energy = modes.energy(stroke.sound.size / stroke.rate) / stroke_energy
+    energy_shares = modes.energy(stroke.sound.size / stroke.rate) / stroke_energy
     explained = 1.0 - float(np.sum(residual**2)) / stroke.rate / stroke_energy
     deviation = mode_uncertainty(modes, residual, stroke.rate)
     modes_at_push = Modes(
         frequencies, decays, modes.amplitudes * np.exp(-modes.poles * stroke.delay)
     )
-    return _Fit(modes_at_push, deviation, energy, explained)
+    return _Fit(modes_at_push, deviation, energy_shares, explained)
+
+
+class _ModeEstimate(NamedTuple):
+    """A mode as one stroke has it; the deviations are standard deviations of the first two."""
+
+    frequency: float
+    decay: float
+    frequency_deviation: float
+    decay_deviation: float
+    stroke_index: int
 
 
 def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
     """f and d of all modes; a mode found in several strokes appears once."""
-    rows = [
-        (float(f), float(d), float(max(f_error, 1e-9)), float(max(d_error, 1e-9)), stroke_index)
+    estimates = [
+        _ModeEstimate(
+            float(f), float(d), float(max(f_error, 1e-9)), float(max(d_error, 1e-9)), stroke_index
+        )
         for stroke_index, (modes, errors) in enumerate(modes_and_errors)
         for f, d, f_error, d_error in zip(
             modes.frequencies, modes.decays, errors.frequencies, errors.decays, strict=True
         )
     ]
-    groups: list[list[tuple[float, float, float, float, int]]] = []
-    for row in sorted(rows):
+    groups: list[list[_ModeEstimate]] = []
+    for estimate in sorted(estimates):
         near_groups = [
             group
             for group in groups[-4:]
             if (
-                row[4] not in {row_in_group[4] for row_in_group in group}
-                or row[0] - group[0][0] < _DUPLICATE_WIDTH_RATIO * row[1]
+                estimate.stroke_index not in {member.stroke_index for member in group}
+                or estimate.frequency - group[0].frequency < _DUPLICATE_WIDTH_RATIO * estimate.decay
             )
-            and abs(row[0] - group[0][0])
+            and abs(estimate.frequency - group[0].frequency)
             <= max(
-                _MATCH_DEVIATIONS * float(np.hypot(row[2], group[0][2])),
+                _MATCH_DEVIATIONS
+                * float(np.hypot(estimate.frequency_deviation, group[0].frequency_deviation)),
                 _MATCH_DISTANCE_MIN,
-                _MATCH_WIDTH_RATIO * row[1],
+                _MATCH_WIDTH_RATIO * estimate.decay,
             )
         ]
         if near_groups:
-            min(near_groups, key=lambda group: abs(row[0] - group[0][0])).append(row)
+            min(near_groups, key=lambda group: abs(estimate.frequency - group[0].frequency)).append(
+                estimate
+            )
         else:
-            groups.append([row])
+            groups.append([estimate])
     frequency_means: list[float] = []
     decay_means: list[float] = []
     for group in groups:
@@ -174,7 +190,7 @@ def _bell_of_fits(
     place_names = tuple(dict.fromkeys(stroke_places))
     products = np.zeros((modes.frequencies.size, len(place_names)))
     push_by_stroke: dict[int, tuple[float, float | None]] = {}
-    hardest_lengths = []
+    hardest_contact_lengths = []
     for column, place_name in enumerate(place_names):
         stroke_indices = [
             stroke_index for stroke_index, place in enumerate(stroke_places) if place == place_name
@@ -188,13 +204,15 @@ def _bell_of_fits(
         level_fit = contact.fit_levels(modes.frequencies, amplitudes, errors)
         hardest_index = stroke_indices[int(np.argmax(level_fit.impulses))]
         products[:, column] = level_fit.levels * _signs(fits[hardest_index].modes)
-        hardest_length = level_fit.lengths[int(np.argmax(level_fit.impulses))]
-        hardest_lengths += [] if hardest_length is None else [hardest_length]
+        hardest_contact_length = level_fit.lengths[int(np.argmax(level_fit.impulses))]
+        hardest_contact_lengths += (
+            [] if hardest_contact_length is None else [hardest_contact_length]
+        )
         for stroke_index, impulse, contact_length in zip(
             stroke_indices, level_fit.impulses, level_fit.lengths, strict=True
         ):
             push_by_stroke[stroke_index] = float(impulse), contact_length
-    contact_length = min(hardest_lengths, default=contact.DEFAULT_CONTACT_DURATION)
+    contact_length = min(hardest_contact_lengths, default=contact.DEFAULT_CONTACT_DURATION)
     reference = float(np.abs(products).max())
     products /= reference
     listening_levels, levels = _split_levels(products)
@@ -216,7 +234,7 @@ def _bell_of_fits(
         place_names,
         levels,
         listening_levels,
-        loudest_fit.energy,
+        loudest_fit.energy_shares,
         Uncertainty(deviations[0], deviations[1], level_deviation),
         reports,
         contact_length,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.workshop.lab.metrics import Floats
-from ergon.workshop.lab.scene import Bare
+from ergon.workshop.lab.scene import BareNetwork
 
 RATE = 44_100.0
 _MASS = 1e-3  # [kg]
@@ -54,7 +54,7 @@ def _n_copies(masses: int, method: str) -> int:
 # --- one mass on a spring and a damper ----------------------------------------------------------
 
 
-def cell(kappa: float, zeta: float, method: str = _DEFAULT_METHOD) -> Bare:
+def cell(kappa: float, zeta: float, method: str = _DEFAULT_METHOD) -> BareNetwork:
     """A mass on a link to a fixed point, with κ = K·T²/M and ζ = Z·T/M at 44.1 kHz, released from 1
     mm.
     """
@@ -72,7 +72,7 @@ def cell(kappa: float, zeta: float, method: str = _DEFAULT_METHOD) -> Bare:
             network.ref(f"j{i}", mass_before, mass_after, K=_WEAK_SPRING_RATIO * stiffness)
         network.listen("m", positions=[(masses[0], 1, 1.0)])
 
-    return Bare(build, RATE)
+    return BareNetwork(build, RATE)
 
 
 def exact_cell_motion(kappa: float, zeta: float, n_frames: int) -> Floats:
@@ -121,13 +121,13 @@ def _stiffness(kappa: float, first_cell: Cell, second_cell: Cell) -> float:
     return kappa * RATE**2 / (1.0 / first_cell.M + 1.0 / second_cell.M)
 
 
-def contact(kappa: float) -> Bare:
+def contact(kappa: float) -> BareNetwork:
     """A hammer on a weak spring that falls on a bar and bounces repeatedly."""
     return _pair(HAMMER, BAR, lambda network, hammer_mat, bar_mat: network.but(
         "b", hammer_mat, bar_mat, K=_stiffness(kappa, HAMMER, BAR), side="above"))  # fmt: skip
 
 
-def coupled(kappa: float, method: str = _DEFAULT_METHOD) -> Bare:
+def coupled(kappa: float, method: str = _DEFAULT_METHOD) -> BareNetwork:
     """Two cells a fifth apart, joined by a spring."""
     stiffness = _stiffness(kappa, LEFT_CELL, RIGHT_CELL)
 
@@ -143,7 +143,7 @@ def _pair(
     join: Callable[[_core.Network, int, int], int],
     n_copies: int = 1,
     copy_stiffness: float = 0.0,
-) -> Bare:
+) -> BareNetwork:
     """Two cells and the link that joins them; `copy_stiffness` [N/m] joins the first cells of the
     copies.
     """
@@ -162,14 +162,14 @@ def _pair(
             network.ref("j", mat_before, mat_after, K=copy_stiffness)
         network.listen("b", positions=[(mass_pairs[0][1], 1, 1.0)])
 
-    return Bare(build, RATE)
+    return BareNetwork(build, RATE)
 
 
 _STOP_GAP = 1e-4  # [m] from where the spring holds the mass to the stop
 _N_SPANS = 10  # spans of a run, each with many turns of the mass
 
 
-def rattle(f: float, ratio: float) -> Bare:
+def rattle(f: float, ratio: float) -> BareNetwork:
     """An undamped mass on a spring of pitch f [Hz], released from 1 mm, that meets a stop `ratio`
     times as stiff as the spring.
     """
@@ -183,7 +183,7 @@ def rattle(f: float, ratio: float) -> Bare:
         network.but("c", stop_mat, mass_mat, K=ratio * stiffness)
         network.listen("m", positions=[(mass_mat, 1, 1.0)])
 
-    return Bare(build, RATE)
+    return BareNetwork(build, RATE)
 
 
 def energy_rise(frames: Floats) -> float:
@@ -228,7 +228,7 @@ _STRING_MASS, _STRING_FREQUENCY = 8e-3, 110.0  # [kg], [Hz]
 _STRING_MASSES, _HARDENING = 40, 1e11  # masses; q [N/m³] of k·d + q·d³
 
 
-def string(n_masses: int, rate: float) -> Bare:
+def string(n_masses: int, rate: float) -> BareNetwork:
     """A string without losses, displaced near its end and released; sampled at `rate`."""
 
     def build(network: _core.Network) -> None:
@@ -242,7 +242,7 @@ def string(n_masses: int, rate: float) -> Bare:
             )
         network.listen("s", positions=[(first_mat + (2 * n_masses) // 3, 1, 1.0)])
 
-    return Bare(build, rate)
+    return BareNetwork(build, rate)
 
 
 def string_load(n_masses: float, rate: float, method: str) -> float:
@@ -264,7 +264,7 @@ def _string_stiffness(n_masses: float) -> float:
     return _STRING_MASS / n_masses * (omega / (2.0 * sin(pi / (2.0 * (n_masses + 1.0))))) ** 2
 
 
-def struck(speed: float) -> Bare:
+def struck(speed: float) -> BareNetwork:
     """A string whose springs harden; one mass is struck and leaves at `speed` [m/s]."""
 
     def build(network: _core.Network) -> None:
@@ -280,7 +280,7 @@ def struck(speed: float) -> Bare:
         network.start(first_mat + 7, 0.0, speed)
         network.listen("s", positions=[(first_mat + 26, 1, 1.0)])
 
-    return Bare(build, RATE)
+    return BareNetwork(build, RATE)
 
 
 def struck_load(speed: float, rate_multiple: float, method: str) -> float:

@@ -140,7 +140,7 @@ class _Runner:
     def sound(self, setting: Setting) -> Floats | None:
         run = self.start(setting)
         frames = None if run is None else self.play(setting, run)
-        return None if frames is None else self.scene.hear(frames)
+        return None if frames is None else self.scene.to_sound(frames)
 
 
 def _sentence(error: Exception) -> str:
@@ -243,7 +243,7 @@ def _play_settings(
         frames = None if run is None else runner.play(setting, run)
         if run is not None and frames is not None:
             runner.finished[setting] = run
-            runner.sounds[setting] = runner.scene.hear(frames)
+            runner.sounds[setting] = runner.scene.to_sound(frames)
     costs = _costs(runner)
     # `refine` may add failures of settings that were not asked for; these are not failures of the
     # chart.
@@ -295,7 +295,7 @@ def play_beside_yardstick(
     point = Point(setting, "ok", run.plan_text, median(run_times) * scene.rate / n_frames)
     if has_energy:
         point = _with_energy(runner, point)
-    return PlayedSetting(point, scene.hear(frames)), median(yardstick_times)
+    return PlayedSetting(point, scene.to_sound(frames)), median(yardstick_times)
 
 
 def yardstick() -> float:

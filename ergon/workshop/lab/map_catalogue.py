@@ -16,7 +16,7 @@ from ergon.workshop.lab.map_point import MapPoint, SteppedPoint
 from ergon.workshop.lab.maps import Map
 from ergon.workshop.lab.names import PLAN, SLOW, MapMetric
 from ergon.workshop.lab.runs import Setting
-from ergon.workshop.lab.scene import Bare, Scene, Score
+from ergon.workshop.lab.scene import BareNetwork, Scene, Score
 from ergon.workshop.lab.stiffness import has_contacts, stiffer
 from ergon.workshop.lab.truth import EXACT_DB, UNKNOWN, Motion, Truth, converged, motion
 
@@ -86,7 +86,7 @@ def _cell(method_name: str) -> Map:
 
 
 def _cases_over_oversampling(
-    method: str, make: Callable[[float], Bare], refinement: int = 16
+    method: str, make: Callable[[float], BareNetwork], refinement: int = 16
 ) -> Callable[[float, float], MapPoint]:
     """Cases of a scene over oversampling. The true motion does not depend on the oversampling, so
     it is cached.

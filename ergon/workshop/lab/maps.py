@@ -180,8 +180,8 @@ def _with_accuracy(surveyed_map: Map, spot: Spot, map_point: MapPoint, frames: F
     if truth.frames is None:
         unknown_reason = "accuracy is not known: no finer run went through"
         return replace(spot, reason=unknown_reason)
-    hear = map_point.scene.hear
-    sound, true_sound = hear(frames), hear(truth.frames)
+    to_sound = map_point.scene.to_sound
+    sound, true_sound = to_sound(frames), to_sound(truth.frames)
     error = early_db(sound, true_sound, map_point.scene.rate, surveyed_map.judged_duration)
     is_certain = truth.change_db < max(error, limit_db) + _CERTAINTY_MARGIN_DB
     accurate = error <= limit_db if is_certain else None

@@ -33,7 +33,7 @@ class Scene(Protocol):
     def build_at(self, rate: float) -> NetworkAndTimeline:
         """The scene at a rate. Raises EngineError or StageError."""
 
-    def hear(self, frames: Floats) -> Floats:
+    def to_sound(self, frames: Floats) -> Floats:
         """Outputs (n_frames, n_out) at the scene's own rate as a sound (n_frames, n_channels)."""
 
 
@@ -55,7 +55,7 @@ class Score:
         prepared = prepare(replace(self.piece, rate=rate))
         return NetworkAndTimeline(prepared.network, prepared.timeline)
 
-    def hear(self, frames: Floats) -> Floats:
+    def to_sound(self, frames: Floats) -> Floats:
         """Mix by the piece's own routes."""
         listening = prepare(self.piece).built_network.listening
         mixed = np.zeros((len(frames), listening.n_channels))
@@ -65,7 +65,7 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True)
-class Undifferentiated:
+class UndifferentiatedScene:
     """A scene whose outputs of speed and acceleration are heard as positions."""
 
     scene: Scene
@@ -80,13 +80,13 @@ class Undifferentiated:
         scene_at_rate = self.scene.build_at(rate)
         return NetworkAndTimeline(scene_at_rate.network.undifferentiated(), scene_at_rate.timeline)
 
-    def hear(self, frames: Floats) -> Floats:
+    def to_sound(self, frames: Floats) -> Floats:
         """As the scene hears them."""
-        return self.scene.hear(frames)
+        return self.scene.to_sound(frames)
 
 
 @dataclass(frozen=True, slots=True)
-class Bare:
+class BareNetwork:
     """A network of the laboratory, started by its X0 and V0; its outputs are heard directly."""
 
     build: Callable[[_core.Network], None]
@@ -98,6 +98,6 @@ class Bare:
         self.build(network)
         return NetworkAndTimeline(network, _core.Timeline(network, rate))
 
-    def hear(self, frames: Floats) -> Floats:
+    def to_sound(self, frames: Floats) -> Floats:
         """Every output is a channel."""
         return frames

@@ -92,7 +92,7 @@ class SlowKeyScene:
             timeline.fade(joint, self.hidden_factor, self.hidden_factor, 0.0, 1.0)
         return NetworkAndTimeline(network, timeline)
 
-    def hear(self, frames: Floats) -> Floats:
+    def to_sound(self, frames: Floats) -> Floats:
         """The string alone."""
         return frames
 

@@ -12,7 +12,7 @@ from ergon.scores.staging.refusals import StageError
 from ergon.workshop.lab import runs
 from ergon.workshop.lab.metrics import Floats, early_db
 from ergon.workshop.lab.runs import Setting
-from ergon.workshop.lab.scene import Scene, Undifferentiated
+from ergon.workshop.lab.scene import Scene, UndifferentiatedScene
 
 _REFINEMENT = 16  # times what is just stable
 _OVERSAMPLING_MAX = 1024  # times the scene's own rate
@@ -95,7 +95,7 @@ def _stable(scene: Scene, oversampling: int) -> bool:
 
 def _positions(scene: Scene, oversampling: int, n_frames: int) -> Floats | None:
     try:
-        run = runs.start(Undifferentiated(scene), Setting("ca", oversampling))
+        run = runs.start(UndifferentiatedScene(scene), Setting("ca", oversampling))
         return run.frames(n_frames)
     except (_core.EngineError, StageError):
         return None

@@ -66,9 +66,9 @@ def _key_completions(cursor: Cursor) -> Iterator[Completion]:
     if cursor.table is None:
         return
     for field in cursor.table.fields:
-        if field.name not in cursor.written:
+        if field.name not in cursor.sibling_names:
             yield Completion(field.name, "field", _field_text(field), ": ")
-    if cursor.written.isdisjoint(cursor.table.kinds):
+    if cursor.sibling_names.isdisjoint(cursor.table.kinds):
         for kind, shape in cursor.table.kinds.items():
             yield Completion(kind, "kind", _shape_text(shape), ": ")
 

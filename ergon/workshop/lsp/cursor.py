@@ -36,14 +36,14 @@ class Cursor:
     table: Record | None  # the innermost table round it
     field: Field | None  # field of that table
     path: tuple[str, ...]  # the names round it, outermost first
-    written: frozenset[str]  # other names in the same mapping
+    sibling_names: frozenset[str]  # other names in the same mapping
 
 
-def cursor_at(score_file: Document, index: int) -> Cursor | None:
+def cursor_at(score_document: Document, index: int) -> Cursor | None:
     """What is under the character at `index`; None between values."""
-    if score_file.root is None:
+    if score_document.root is None:
         return None
-    node: Node = score_file.root
+    node: Node = score_document.root
     shape: Shape | None = SCORE_RECORD
     table: Record | None = None
     field: Field | None = None
@@ -54,7 +54,7 @@ def cursor_at(score_file: Document, index: int) -> Cursor | None:
         if isinstance(node, document.Mapping):
             if isinstance(shape, Record):
                 table = shape
-            entry_before = _last_begun(
+            entry_before = _last_starting_before(
                 ((key.start, (key, child)) for key, child in node.entries.values()),
                 index,
             )
@@ -71,7 +71,7 @@ def cursor_at(score_file: Document, index: int) -> Cursor | None:
             path = (*path, key_node.text)
             node, shape = child, inner_shape
         elif isinstance(node, document.Sequence):
-            item_before = _last_begun(
+            item_before = _last_starting_before(
                 ((item.start, (i, item)) for i, item in enumerate(node.items)), index
             )
             if item_before is None:
@@ -85,7 +85,7 @@ def cursor_at(score_file: Document, index: int) -> Cursor | None:
 
 
 def cursors_at_unwritten(
-    text: str, index: int, score_file: Document
+    text: str, index: int, score_document: Document
 ) -> list[tuple[Cursor, Document]]:
     """What the word that is being written at `index` may be: a value, a name, or both.
 
@@ -104,14 +104,14 @@ def cursors_at_unwritten(
     for placeholder in (_PLACEHOLDER, f"{_PLACEHOLDER}: 0"):
         line = text_before + placeholder + (closing or rest_of_line)
         changed_text = text[:line_begin] + line + ("" if line_end < 0 else text[line_end:])
-        read_document = document.compose(changed_text, score_file.file, Collector())
+        read_document = document.compose(changed_text, score_document.file, Collector())
         cursor = cursor_at(read_document, line_begin + len(text_before))
         if cursor is not None and _PLACEHOLDER in cursor.node.text:
             cursors.append((cursor, read_document))
     return cursors
 
 
-def _last_begun(entries: Iterable[tuple[int, _T]], text_index: int) -> _T | None:
+def _last_starting_before(entries: Iterable[tuple[int, _T]], text_index: int) -> _T | None:
     """The entry that begins last at or before a character. The order of entries does not tell: an
     alias has the position of its definition.
     """

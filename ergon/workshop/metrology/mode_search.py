@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # 20 lies above 18, the highest score of 20 keys without a mode; 50 keys reached 37 at least
 # with a mode of a twentieth of their mass, a second mode 26. What passes is fitted and judged.
 SCORE_MIN = 20.0
-_FREQUENCY_MIN, _HIGHEST_RATE_SHARE = 5.0, 0.479  # Hz; of the rate
+_FREQUENCY_MIN, _FREQUENCY_MAX_RATE_RATIO = 5.0, 0.479  # Hz; of the rate
 _N_FREQUENCIES = 1200
 _DAMPING_RATIOS = np.array([0.003, 0.01, 0.03, 0.1])
 _MASS_SHARE_MAX = 0.3  # largest mass of a mode over that of the key
@@ -37,14 +37,14 @@ class Peak:
     score: float
 
 
-def _background(powers: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
+def _background(powers: NDArray[np.floating], bin_frequencies: NDArray[np.floating]) -> Floats:
     """Median of a periodogram over half an octave, which a narrow peak does not lift, (n,)."""
     n_bins = powers.size
     bins = np.unique(
         np.concatenate([np.arange(min(n_bins, 64)), np.geomspace(64, n_bins - 1, 300).astype(int)])
     )
-    first_bins = np.searchsorted(frequency, frequency[bins] * 2**-0.25)
-    end_bins = np.searchsorted(frequency, frequency[bins] * 2**0.25) + 1
+    first_bins = np.searchsorted(bin_frequencies, bin_frequencies[bins] * 2**-0.25)
+    end_bins = np.searchsorted(bin_frequencies, bin_frequencies[bins] * 2**0.25) + 1
     first_bins, end_bins = (
         np.minimum(first_bins, np.maximum(bins - 8, 0)),
         np.maximum(end_bins, np.minimum(bins + 9, n_bins)),
@@ -65,7 +65,7 @@ def _taper(n: int) -> Floats:
 def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
     """The mode that explains most of the residual of a fit, to first order in its mass."""
     parameters, rate = fit.parameters, gestures[0].rate
-    frequencies = np.geomspace(_FREQUENCY_MIN, _HIGHEST_RATE_SHARE * rate, _N_FREQUENCIES)
+    frequencies = np.geomspace(_FREQUENCY_MIN, _FREQUENCY_MAX_RATE_RATIO * rate, _N_FREQUENCIES)
     omega = 2 * np.pi * frequencies[:, None]
     projection, squared_norm = (
         np.zeros((_N_FREQUENCIES, _DAMPING_RATIOS.size)),
@@ -75,15 +75,17 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
         error = np.zeros(gesture.force.size)
         error[gesture.is_compared] = residuals(parameters, gesture, start)
         window = _taper(error.size)
-        frequency = np.fft.rfftfreq(error.size, 1 / rate)
-        is_in_band = (frequency > _FREQUENCY_MIN) & (frequency < _HIGHEST_RATE_SHARE * rate)
-        s = 2j * np.pi * frequency[is_in_band]
+        bin_frequencies = np.fft.rfftfreq(error.size, 1 / rate)
+        is_in_band = (bin_frequencies > _FREQUENCY_MIN) & (
+            bin_frequencies < _FREQUENCY_MAX_RATE_RATIO * rate
+        )
+        s = 2j * np.pi * bin_frequencies[is_in_band]
         residual_spectrum = np.fft.rfft(error * window)
         force_spectrum = np.fft.rfft(gesture.force * window)[is_in_band]
         # The force is held for a tick, and delayed.
         force_spectrum = (
             force_spectrum
-            * np.sinc(frequency[is_in_band] / rate)
+            * np.sinc(bin_frequencies[is_in_band] / rate)
             * np.exp(-s * (parameters[INDEX["delay"]] + 0.5 / rate))
         )
         key_response = 1 / (
@@ -91,15 +93,17 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
             + parameters[INDEX["damping"]] * s
             + parameters[INDEX["stiffness"]]
         )
-        whitening = 1 / np.sqrt(_background(np.abs(residual_spectrum) ** 2, frequency)[is_in_band])
-        unmodulated_template, residual_spectrum = (
+        whitening = 1 / np.sqrt(
+            _background(np.abs(residual_spectrum) ** 2, bin_frequencies)[is_in_band]
+        )
+        template_without_mode, residual_spectrum = (
             force_spectrum * key_response**2 * s**4 * whitening,
             residual_spectrum[is_in_band] * whitening,
         )
         for ratio_column, ratio in enumerate(_DAMPING_RATIOS):
             for block in np.array_split(np.arange(_N_FREQUENCIES), 12):
                 omega_block = omega[block]
-                template = unmodulated_template / (
+                template = template_without_mode / (
                     s * s + (2 * ratio * omega_block) * s + omega_block * omega_block
                 )
                 projection[block, ratio_column] += np.real(template.conj() @ residual_spectrum)

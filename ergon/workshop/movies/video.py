@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 # For each suffix: container format, video codec, sound codec, options of the video codec. Constant
 # quality, since fine lines on black need it.
-_KINDS: dict[str, tuple[str, str, str, dict[str, str]]] = {
+_CODECS_BY_SUFFIX: dict[str, tuple[str, str, str, dict[str, str]]] = {
     ".webm": (
         "webm",
         "libvpx-vp9",
@@ -26,7 +26,7 @@ _KINDS: dict[str, tuple[str, str, str, dict[str, str]]] = {
     ),
     ".mp4": ("mp4", "libx264", "aac", {"crf": "20", "preset": "medium"}),
 }
-SUFFIXES = tuple(_KINDS)
+SUFFIXES = tuple(_CODECS_BY_SUFFIX)
 _BT709, _LIMITED_RANGE = 1, 1  # ITU-T H.273
 _SOUND_RATE = 48_000  # Hz, which Opus is made for
 _SOUND_BITS_PER_SECOND = 192_000  # a second
@@ -42,7 +42,7 @@ class Sound:
 
     blocks: Iterable[NDArray[np.float64]]
     rate: int
-    n_out: int
+    n_channels: int
 
 
 def check_pyav() -> None:
@@ -68,7 +68,7 @@ class VideoFile:
         import av
 
         self._av = av
-        format, video_codec, sound_codec, codec_options = _KINDS[suffix]
+        format, video_codec, sound_codec, codec_options = _CODECS_BY_SUFFIX[suffix]
         try:
             self._container: Any = av.open(file, "w", format=format)
             stream = self._container.add_stream(video_codec, rate=rate, options=codec_options)
@@ -79,13 +79,15 @@ class VideoFile:
             self._video.codec_context.color_primaries = _BT709
             self._video.codec_context.color_trc = _BT709
             self._video.codec_context.color_range = _LIMITED_RANGE
-            self._sound = None if sound is None else self._sound_stream(sound_codec, sound)
+            self._sound_stream = (
+                None if sound is None else self._add_sound_stream(sound_codec, sound)
+            )
         except av.error.FFmpegError as error:
             raise VideoError(f"this PyAV cannot write {suffix} files: {error}") from None
         self._picture_rate = rate
         self._n_pictures = 0
 
-    def _sound_stream(self, codec: str, sound: Sound) -> _SoundStream:
+    def _add_sound_stream(self, codec: str, sound: Sound) -> _SoundStream:
         return _SoundStream(self._av, self._container, codec, sound)
 
     def add(self, png: bytes) -> None:
@@ -100,14 +102,14 @@ class VideoFile:
             picture.pts, picture.time_base = self._n_pictures, Fraction(1, self._picture_rate)
             self._container.mux(self._video.encode(picture))
         self._n_pictures += 1
-        if self._sound is not None:
-            self._sound.encode_until(self._n_pictures / self._picture_rate)
+        if self._sound_stream is not None:
+            self._sound_stream.encode_until(self._n_pictures / self._picture_rate)
 
     def close(self) -> None:
         """Write what is left."""
         self._container.mux(self._video.encode(None))
-        if self._sound is not None:
-            self._sound.flush()
+        if self._sound_stream is not None:
+            self._sound_stream.flush()
         self._container.close()
 
     def discard(self) -> None:
@@ -120,7 +122,7 @@ class _SoundStream:
 
     def __init__(self, av: Any, container: Any, codec: str, sound: Sound) -> None:
         self._av, self._container, self._sound = av, container, sound
-        layout = "mono" if sound.n_out == 1 else "stereo"
+        layout = "mono" if sound.n_channels == 1 else "stereo"
         self._stream = container.add_stream(codec, rate=_SOUND_RATE, layout=layout)
         self._stream.bit_rate = _SOUND_BITS_PER_SECOND
         self._resampler = av.AudioResampler(

@@ -13,7 +13,7 @@ from ergon.workshop.models.mims.laws import LINKS, Link, followable, law_name
 from ergon.workshop.models.mims.masses import refuse_negative
 from ergon.workshop.models.mims.model import Point, Statement
 from ergon.workshop.models.mims.points import fixed_point, force_shares, targets_of_point
-from ergon.workshop.models.mims.signals import Value, follows_field, value_of
+from ergon.workshop.models.mims.signals import Value, signal_field_text, value_of
 from ergon.workshop.models.mims.writing import ScoreDraft
 from ergon.workshop.models.naming import length_text
 from ergon.workshop.models.refused import REFUSED
@@ -120,7 +120,7 @@ def _value_fields(
     for field_letter, name in law.fields.items():
         field_value = values.get(name, _ZERO_VALUE)
         if field_value.linear:
-            follows.append(f"{field_letter}: {follows_field(draft, field_value)}")
+            follows.append(f"{field_letter}: {signal_field_text(draft, field_value)}")
         else:
             fields.append(
                 f"{field_letter}: {factor_text}({field_value.text})"

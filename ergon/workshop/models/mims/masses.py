@@ -10,7 +10,7 @@ from ergon.workshop.models.mims.kicks import InitialMotion
 from ergon.workshop.models.mims.model import Statement
 from ergon.workshop.models.mims.points import targets_of_point
 from ergon.workshop.models.mims.proxies import signals_in
-from ergon.workshop.models.mims.signals import Value, add_imposed_point, follows_field, value_of
+from ergon.workshop.models.mims.signals import Value, add_imposed_point, signal_field_text, value_of
 from ergon.workshop.models.mims.writing import ScoreDraft
 from ergon.workshop.models.naming import length_text
 from ergon.workshop.models.page import RATE
@@ -69,7 +69,7 @@ def _add_mass(draft: ScoreDraft, statement: Statement) -> None:
         mass_min = mass.value_min
         fields = [
             f"M: {mass_min!r}",
-            f"follows: {{M: {follows_field(draft, mass, is_ahead=True)}}}",
+            f"follows: {{M: {signal_field_text(draft, mass, is_ahead=True)}}}",
         ]
     if not follows_signals:
         fields += [
@@ -104,7 +104,7 @@ def _tie_to_ground(draft: ScoreDraft, mass_name: str, ground_constants: dict[str
         if not value.linear
     ]
     followed_values = {
-        tie_name.lower(): follows_field(draft, value, is_ahead=True)
+        tie_name.lower(): signal_field_text(draft, value, is_ahead=True)
         for tie_name, value in ground_constants.items()
         if value.linear
     }
@@ -223,7 +223,7 @@ def _add_signal_links(draft: ScoreDraft, macro: places.Macro, values: dict[str, 
     fields = [law_by_value[name] for name in values]
     fields.append(
         _follows_field(
-            {name.lower(): follows_field(draft, value) for name, value in values.items()}
+            {name.lower(): signal_field_text(draft, value) for name, value in values.items()}
         )
     )
     for nth, (a, b) in enumerate(macro.neighbours()):

@@ -19,7 +19,7 @@ from ergon.workshop.models.naming import Params, length_text
 from ergon.workshop.models.page import RATE, Input, Line, Page, number_text
 
 
-def written(
+def score_text(
     model: Model,
     laws: Laws = "head",
     inputs: Mapping[str, Input] | None = None,

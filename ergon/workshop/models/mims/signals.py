@@ -59,7 +59,7 @@ def value_of(draft: ScoreDraft, statement: Statement, name: str) -> Value:
     return Value("", values[0], min(values[1:]), max(values[1:]), linear)
 
 
-def follows_field(draft: ScoreDraft, value: Value, *, is_ahead: bool = False) -> str:
+def signal_field_text(draft: ScoreDraft, value: Value, *, is_ahead: bool = False) -> str:
     """How a value follows a signal, as the field of a module; with `is_ahead` it follows the next
     sample.
 
@@ -69,14 +69,14 @@ def follows_field(draft: ScoreDraft, value: Value, *, is_ahead: bool = False) ->
     if linear is None or linear.signal is None:
         raise AssertionError("a constant follows nothing")
     source = draft.inputs[draft.model.signals[linear.signal]]
-    value_at_least, value_at_greatest = (
+    value_at_min, value_at_max = (
         linear.offset + linear.slope * signal_value
         for signal_value in (source.sample_min, source.sample_max)
     )
     guide_name = guide_of_signal(draft, linear.signal, is_ahead=is_ahead)
     span = source.sample_max - source.sample_min
     offset = "" if source.sample_min == 0.0 else f", offset: {-source.sample_min!r}m"
-    value_range = f"from: {value_at_least!r}, to: {value_at_greatest!r}"
+    value_range = f"from: {value_at_min!r}, to: {value_at_max!r}"
     return f"{{of: {guide_name}, {value_range}{offset}, span: {span!r}m}}"
 
 
@@ -108,10 +108,10 @@ def _take_ahead(draft: ScoreDraft, input_name: str) -> str:
     return draft.takes_ahead[input_name]
 
 
-def add_imposed_point(draft: ScoreDraft, name: str, source: str) -> str:
+def add_imposed_point(draft: ScoreDraft, name: str, take_name: str) -> str:
     """Add a point that has the values of an input or a take; returns its name."""
     takes: dict[str, Input] = {**draft.inputs, **draft.takes}
-    take, point_name = takes.get(source), draft.names.new(name)
+    take, point_name = takes.get(take_name), draft.names.new(name)
     if take is None:
         draft.add(point_name, "SOL: {}", "an input that nothing is connected to is 0")
         return point_name
@@ -122,5 +122,5 @@ def add_imposed_point(draft: ScoreDraft, name: str, source: str) -> str:
         "its mass says nothing, for its path is imposed",
     )
     path_name = draft.names.new(f"{point_name}_path")
-    draft.add(path_name, f"ENX: {{to: {point_name}, from: {source}{take.start_field_text}}}")
+    draft.add(path_name, f"ENX: {{to: {point_name}, from: {take_name}{take.start_field_text}}}")
     return point_name

@@ -39,7 +39,7 @@ class _ScoreDraft:
         return self.names.new(word if word[:1].isalpha() else f"m{word}")
 
 
-def written(network: Network, score_title: str, rate: int) -> str:
+def score_text(network: Network, score_title: str, rate: int) -> str:
     """The text of a score that moves as a model does at a rate [Hz]. Raises ModelError with the
     line.
     """

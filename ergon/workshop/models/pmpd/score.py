@@ -21,7 +21,7 @@ _LENGTH_BOUND = 1e6  # bounds of a length beyond which pmpd's own default lies
 _DISTANCE_MAX, _SPEED_MAX = 1e3, 1e6  # [m], [m/s] of a score
 _IMPOSED_MASS = "1e9"  # mass of what is moved whatever pushes it
 _CHANNELS_MAX = 99
-_NO_LETTER = re.compile(r"\W", re.ASCII)
+_NON_WORD = re.compile(r"\W", re.ASCII)
 
 
 @dataclass(slots=True)
@@ -46,7 +46,7 @@ class _ScoreDraft:
         return name
 
 
-def written(network: Network, inputs: Mapping[str, Input], score_title: str) -> str:
+def score_text(network: Network, inputs: Mapping[str, Input], score_title: str) -> str:
     """The text of a score that moves as the object does. Raises ModelError with the line at fault.
 
     `inputs` are files by `in0`, `in1` …, the inlets of pmpd~.
@@ -85,7 +85,7 @@ def _add_masses(draft: _ScoreDraft) -> None:
     )
     for mass_index, mass in enumerate(draft.network.masses):
         index_in_class = last_indices[mass.class_name] = last_indices.get(mass.class_name, -1) + 1
-        module_name = _NO_LETTER.sub("_", mass.class_name)
+        module_name = _NON_WORD.sub("_", mass.class_name)
         module_name = module_name if module_name[:1].isalpha() else f"m{module_name}"
         if mass_index in string_by_first_mass:
             _add_string(
@@ -172,14 +172,16 @@ def _add_imposed_mass(draft: _ScoreDraft, port: Port, mass: Mass, wanted_name: s
     return name
 
 
-def _add_ground_damper(draft: _ScoreDraft, wanted_name: str, mass_name: str, D: float) -> None:
+def _add_ground_damper(
+    draft: _ScoreDraft, wanted_name: str, mass_name: str, viscosity: float
+) -> None:
     """Add a viscosity against the ground."""
     draft.ground = draft.ground or draft.add("ground", "SOL: {}", "what stands still")
     ends = f"between: [{draft.ground}, {mass_name}]"
-    if D >= 0.0:
-        draft.add(wanted_name, f"FRO: {{{ends}, Z: {number_text(D)}}}")
+    if viscosity >= 0.0:
+        draft.add(wanted_name, f"FRO: {{{ends}, Z: {number_text(viscosity)}}}")
     else:
-        draft.add(wanted_name, f'LNL: {{{ends}, damping: "z*v", z: {number_text(D)}}}')
+        draft.add(wanted_name, f'LNL: {{{ends}, damping: "z*v", z: {number_text(viscosity)}}}')
 
 
 # --- links --------------------------------------------------------------------------------------
@@ -187,7 +189,7 @@ def _add_ground_damper(draft: _ScoreDraft, wanted_name: str, mass_name: str, D: 
 
 def _add_link(draft: _ScoreDraft, link_index: int, link: Link) -> None:
     masses = draft.network.masses
-    name = _NO_LETTER.sub("_", link.class_name)
+    name = _NON_WORD.sub("_", link.class_name)
     name = f"{name if name[:1].isalpha() else 'link'}{link_index}"
     are_fixed = [
         mass_index in draft.imposed_by_mass or not masses[mass_index].is_mobile
@@ -289,17 +291,17 @@ def _add_forces(draft: _ScoreDraft) -> None:
         if not draft.network.masses[port.mass].is_mobile:
             continue  # a fixed mass is not moved by forces
         if source.file is None and any(
-            _moves(other_port, port.number) for other_port in draft.network.ports
+            _imposes_position(other_port, port.number) for other_port in draft.network.ports
         ):
             message = f"inlet {port.number} moves one mass and pushes another, which a file can do"
             raise ModelError(f"{message} and osc cannot", port.line)
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
         mass_name = draft.mass_modules[port.mass]
         text = f"ENF: {{to: {mass_name}, from: in{port.number}{source.start_field_text}{scale}}}"
-        draft.add(f"{_NO_LETTER.sub('_', mass_name)}_push", text)
+        draft.add(f"{_NON_WORD.sub('_', mass_name)}_push", text)
 
 
-def _moves(port: Port, number: int) -> bool:
+def _imposes_position(port: Port, number: int) -> bool:
     return port.word == "inPos" and port.number == number
 
 
@@ -403,6 +405,6 @@ def _strikes(draft: _ScoreDraft) -> Iterator[Line]:
         if not draft.network.masses[mass_index].is_mobile:
             continue
         mass_name = draft.mass_modules[mass_index]
-        name = draft.names.new(f"{_NO_LETTER.sub('_', mass_name)}_kick")
+        name = draft.names.new(f"{_NON_WORD.sub('_', mass_name)}_kick")
         text = f"{{to: model.{mass_name}, at: 0s, impulse: {force / RATE!r}Ns}}"
         yield Line(name, text, f"{cause}, one sample")

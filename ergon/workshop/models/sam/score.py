@@ -40,7 +40,7 @@ _IMPOSED_MASS = "1e9"  # mass of what is moved whatever pushes it
 _MODES_MAX = 500
 
 
-def written(
+def score_text(
     sheet: Sheet,
     inputs: Mapping[str, Input],
     overrides: Mapping[str, float],
