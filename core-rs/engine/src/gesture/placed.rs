@@ -13,7 +13,7 @@ use super::profile::{PathError, Profile};
 /// use ergon_engine::gesture::profile::{Curve, Point, Profile};
 ///
 /// let point = |t, x| Point { t, x, curve: Curve::Line };
-/// let path = Arc::new(Profile::through(&[point(0.0, 0.0), point(1.0, 4e-3)])?);
+/// let path = Arc::new(Profile::through_points(&[point(0.0, 0.0), point(1.0, 4e-3)])?);
 /// let placed = PlacedPath::transformed(path, 10.0, 0.5, 2.0, false)?; // at 10 s, half as far, half as fast
 /// assert_eq!((placed.start_time(), placed.end_time()), (10.0, 12.0));
 /// assert!((placed.evaluate(11.0).0 - 1e-3).abs() < 1e-12);
