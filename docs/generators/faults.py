@@ -44,10 +44,10 @@ emulation makes the same faults at random moments under six hands
 def page() -> str:
     """The page, as Markdown."""
     rows = faults.measure_faults()
-    devices = [f"`{cell.device}`" for cell in rows[0].cells]
+    devices = [f"`{cell.device}`" for cell in rows[0].results]
     lines = [f"| fault | bound | {' | '.join(devices)} |", f"|---|---|{'---|' * len(devices)}"]
     for row in rows:
-        cells = [cell.said for cell in row.cells]
+        cells = [cell.said for cell in row.results]
         lines.append(f"| {row.fault} | {faults.bounds_text(row)} | {' | '.join(cells)} |")
     return _HEAD + "\n".join(lines) + "\n" + _TAIL
 

@@ -17,7 +17,7 @@ LONGER = {
     ("core-rs/engine/src/island/fault.rs", "mute"): 97,
     ("core-rs/engine/src/island/fine/build.rs", "new"): 115,
     ("core-rs/engine/src/island/ledger.rs", "end_frame"): 142,
-    ("core-rs/engine/src/kernel/runs.rs", "compute_link_forces"): 89,
+    ("core-rs/engine/src/kernel/runs.rs", "compute_link_forces"): 85,
     ("core-rs/engine/src/key_model/motion/derivatives.rs", "direct_terms"): 82,
     ("core-rs/engine/src/network/bodies.rs", "add_mesh"): 90,
     ("core-rs/engine/src/network/modes.rs", "part_modes"): 82,
