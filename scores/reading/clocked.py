@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes
-from ergon.notation.text.errors import TextError
+from ergon.notation.text.errors import TextError, quote
 from ergon.scores.pattern.order import Group, Leaf
 from ergon.scores.pattern.rhythm import EVEN_SWING
 from ergon.scores.pattern.rhythm_text import WORD
@@ -89,7 +89,11 @@ def _single_strike_text(strikes: Strikes) -> str:
 def _pattern_text(pattern_order: Group, strikes: Strikes) -> tuple[str, int]:
     """A pattern as a rhythm text, and how many steps it takes."""
     if not strikes.voices and any(leaf.name in strikes.notes for leaf in pattern_order.leaves()):
-        raise TextError("notes of a CEL without `notes` cannot be written as a rhythm")
+        part = strikes.to[0].part
+        raise TextError(
+            f"`do` orders the notes of an instrument with `notes`, and {quote(part)} has none; "
+            "give it some, such as `notes: C3..C5` (at the prompt `notes=C3..C5`)"
+        )
     item_words = [_item_text(item, strikes) for item in pattern_order.items]
     if pattern_order.way in _CHOICE_BRACKETS:
         return _CHOICE_BRACKETS[pattern_order.way].format("|".join(item_words)), 1

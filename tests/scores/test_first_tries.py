@@ -415,6 +415,12 @@ def test_masses_of_discrete_networks_are_numbers():
     assert [d.code for d in load("s.yaml", text=in_si).diagnostics] == ["E203"]
 
 
+def test_do_of_an_instrument_without_notes_is_refused():
+    score = read("every: 1, times: 2", "every: 1, notes: C4 E4, do: rev")
+    (mistake,) = (one for one in score.diagnostics if one.code == "E306")
+    assert "and 'bell' has none; give it some, such as `notes: C3..C5`" in mistake.message
+
+
 @pytest.mark.parametrize("rest", ["ply 2", "G4"])
 def test_value_cut_by_a_comma_is_quoted(rest: str):
     cut = read("every: 1, times: 2", f"every: 1, notes: C4 E4, {rest}")
