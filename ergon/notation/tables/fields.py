@@ -128,12 +128,10 @@ class Record(Shape):
     kinds: Mapping[str, Shape] = field(default_factory=dict)
     kind_required: bool = False
     free: Shape | None = None
-    refusal_by_name: Mapping[str, str] = field(
-        default_factory=dict
-    )  # planned fields: name → sentence
-    help_by_foreign_name: Mapping[str, str] = field(
-        default_factory=dict
-    )  # fields of other files: name → help
+    # Planned fields: name → sentence.
+    refusal_by_name: Mapping[str, str] = field(default_factory=dict)
+    # Fields of other files: name → help.
+    help_by_foreign_name: Mapping[str, str] = field(default_factory=dict)
     synonyms: Mapping[str, str] = field(default_factory=dict)  # foreign name → field
     advice_by_name: Mapping[str, str] = field(default_factory=dict)  # what is no field: name → help
     # Fields that a lone value in place of the group may mean, each by the pattern of its texts.
